@@ -39,7 +39,7 @@ from .fitting.item_fitting import (
     detection_from,
     is_clear,
 )
-from .fitting.known_object_fitting import TrackedSighting, known_object, track_objects
+from .fitting.known_object_fitting import TrackedSighting, known_objects, track_objects
 from .fitting.view import Detection, PerceivedView, UnexplainedPatch, bin_height_map
 from .geometry.camera_geometry import PosedCamera, register_hand_camera
 from .geometry.resting_poses import HoleMouths, catalogue_poses
@@ -332,15 +332,14 @@ class _Finding:
         self._settle(blob, hypotheses, floor)
 
     def _is_known(self, blob: Blob, floor: SupportSurface) -> bool:
-        """Whether a known object explains the blob. It is then detected, with at most its believed
+        """Whether known objects explain the blob. They are then detected, with at most their believed
         confidence: other kinds were not compared."""
-        found = known_object(self.picture, self.fitter, blob, floor, self.known)
-        if found is None:
-            return False
-        one, hypothesis = found
-        detection = detection_from(self.picture.sight, blob, [hypothesis], floor)
-        self.detections.append(replace(detection, confidence=min(detection.confidence, one.confidence)))
-        return True
+        found = known_objects(self.picture, self.fitter, blob, floor, self.known)
+        for one in found:
+            detection = detection_from(self.picture.sight, one.blob, [one.fit], floor)
+            confidence = min(detection.confidence, one.object.confidence)
+            self.detections.append(replace(detection, confidence=confidence))
+        return bool(found)
 
     def _seated(self, blob: Blob) -> _Seated | None:
         """Return the item whose protruding part the blob is. None when no hole is near, or no item fits

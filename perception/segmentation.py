@@ -84,8 +84,12 @@ class SegmentationInput:
         top = float(heights[int(TOP_QUANTILE * len(heights))]) if len(heights) else float("nan")
         patch = PixelPatch(len(self.patches) + 1, label, rows, columns, top, len(heights))
         self.patches.append(patch)
-        self.owner[rows, columns] = patch.number
+        self.give_back(patch)
         return patch
+
+    def give_back(self, patch: PixelPatch) -> None:
+        """Let the patch own its pixels, whatever claimed them meanwhile."""
+        self.owner[patch.rows, patch.columns] = patch.number
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ reassigned between fits."""
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -62,25 +62,22 @@ def split_blob(
     picture: SegmentationInput, fitter: ItemFitter, blob: Blob, support: float, misfit: float
 ) -> list[BlobPart] | None:
     """Split the blob into items. None when no split explains it clearly better than `misfit`."""
-    patch = blob.patch
     convex = notches(picture, blob) < MAX_NOTCHES
     limit = MAX_SPLIT_MISFIT_SHARE * misfit
     if convex:
         limit = min(limit, MAX_FLUSH_MISFIT)
+    fitting = _CutFitting(picture, fitter, blob, support)
     best: list[BlobPart] | None = None
     for count in range(2, min(MAX_PARTS, fitter.at_most(blob)) + 1):
         for cut in _cuts(picture, blob, count):
-            parts = _refine_cut(picture, fitter, blob, support, cut, limit)
+            parts = fitting.refined(cut, limit)
             if parts is None or _misfit(parts) > limit or (convex and not _are_flush(parts)):
                 continue
             best, limit = parts, 0.9 * _misfit(parts)
         if best is not None and _misfit(best) < GOOD_SPLIT_MISFIT:
             break
-    if best is None:
-        picture.owner[patch.rows, patch.columns] = patch.number
-        return None
-    for part in best:
-        picture.owner[part.blob.patch.rows, part.blob.patch.columns] = part.blob.patch.number
+    for piece in [blob] if best is None else [part.blob for part in best]:
+        picture.give_back(piece.patch)
     return best
 
 
@@ -120,73 +117,73 @@ def _clusters(values: Array, order: Array, count: int) -> NDArray[np.intp]:
     return part
 
 
-def _refine_cut(
-    picture: SegmentationInput,
-    fitter: ItemFitter,
-    blob: Blob,
-    support: float,
-    cut: NDArray[np.intp],
-    limit: float,
-) -> list[BlobPart] | None:
-    """Fit the parts of a cut and move its borders. None when that cannot come to a misfit of `limit`."""
-    parts = _fit_parts(picture, fitter, blob, support, cut, MAX_REFINEMENT * limit)
-    for _ in range(2):
-        if parts is None:
-            return None
-        shared = _reassigned(fitter, blob, parts, picture)
-        if (shared == cut).all():
-            break
-        cut = shared
-        again = _fit_parts(picture, fitter, blob, support, cut, _misfit(parts))
-        if again is None:
-            break
-        parts = again
-    return parts if parts is not None and _are_distinct(parts) else None
+@dataclass(frozen=True, eq=False)
+class _CutFitting:
+    """Fits of the parts into which one blob is cut. A cut is a part number of every pixel (n,)."""
+
+    picture: SegmentationInput
+    fitter: ItemFitter
+    blob: Blob
+    support: float
+    """Height of the support under the blob, m."""
+
+    def refined(self, cut: NDArray[np.intp], limit: float) -> list[BlobPart] | None:
+        """Fit the parts of a cut and move its borders. None when that cannot come to a misfit of `limit`."""
+        parts = self._fitted(cut, MAX_REFINEMENT * limit)
+        for _ in range(2):
+            if parts is None:
+                return None
+            stands = [part.hypotheses[0].stand for part in parts]
+            shared = cut_by_items(self.picture, self.blob, stands)
+            if (shared == cut).all():
+                break
+            cut = shared
+            again = self._fitted(cut, _misfit(parts))
+            if again is None:
+                break
+            parts = again
+        return parts if parts is not None and _are_distinct(parts) else None
+
+    def _fitted(self, cut: NDArray[np.intp], limit: float) -> list[BlobPart] | None:
+        """Return each part's hypotheses. None when a part is too small or fits nothing, or when the parts
+        together have a misfit above `limit`: the first of them may be enough for that."""
+        pieces = cut_pieces(self.picture, self.blob, cut)
+        left = limit * sum(len(piece.outline.points) + piece.measured for piece in pieces)
+        parts: list[BlobPart] = []
+        for piece in pieces:
+            hypotheses = (
+                self.fitter.explain(piece, self.support, MIN_STACKED_MISFIT) if piece.measured else []
+            )
+            if not hypotheses or hypotheses[0].misfit > MAX_PART_MISFIT:
+                return None
+            left -= hypotheses[0].misfit * hypotheses[0].weight
+            if left < 0.0:
+                return None
+            parts.append(BlobPart(piece, hypotheses))
+        return parts or None
 
 
-def _fit_parts(
-    picture: SegmentationInput,
-    fitter: ItemFitter,
-    blob: Blob,
-    support: float,
-    cut: NDArray[np.intp],
-    limit: float,
-) -> list[BlobPart] | None:
-    """Return each part's hypotheses. None when a part is too small or fits nothing, or when the parts
-    together have a misfit above `limit`: the first of them may be enough for that."""
+def cut_pieces(picture: SegmentationInput, blob: Blob, cut: NDArray[np.intp]) -> list[Blob]:
+    """Return the pieces of a blob by the part number (n,) of its pixels; none when a piece is too small."""
     rows, columns = blob.patch.rows, blob.patch.columns
     members = [cut == k for k in range(int(cut.max()) + 1)]
     if any(int(m.sum()) < MIN_PART_PIXELS for m in members):
-        return None
+        return []
     patches = [picture.claim(rows[m], columns[m], blob.patch.label) for m in members]
-    pieces = [outline_patch(picture, patch) for patch in patches]
-    left = limit * sum(len(piece.outline.points) + piece.measured for piece in pieces)
-    parts: list[BlobPart] = []
-    for piece in pieces:
-        hypotheses = fitter.explain(piece, support, MIN_STACKED_MISFIT) if piece.measured else []
-        if not hypotheses or hypotheses[0].misfit > MAX_PART_MISFIT:
-            return None
-        left -= hypotheses[0].misfit * hypotheses[0].weight
-        if left < 0.0:
-            return None
-        parts.append(BlobPart(piece, hypotheses))
-    return parts
+    return [outline_patch(picture, patch) for patch in patches]
 
 
-def _reassigned(
-    fitter: ItemFitter, blob: Blob, parts: list[BlobPart], picture: SegmentationInput
-) -> NDArray[np.intp]:
-    """Return the part (n,) whose item explains each pixel of the blob best."""
+def cut_by_items(picture: SegmentationInput, blob: Blob, stands: Sequence[StandingPose]) -> NDArray[np.intp]:
+    """Return the number (n,) of the item at those poses that explains each pixel of the blob best."""
     rows, columns = blob.patch.rows, blob.patch.columns
     pixels = np.stack([columns, rows], axis=1).astype(np.float64)
     depths = picture.depth[rows, columns]
-    rays = fitter.sight.directions(pixels)
+    rays = picture.sight.directions(pixels)
     costs: list[Array] = []
-    for part in parts:
-        stand = part.hypotheses[0].stand
-        corners = silhouette(fitter.sight, stand).astype(np.float32)
+    for stand in stands:
+        corners = silhouette(picture.sight, stand).astype(np.float32)
         outside = np.array([-cv2.pointPolygonTest(corners, (float(u), float(v)), True) for u, v in pixels])
-        surface = ray_hits(stand.rest.entry.shape, stand.turned, stand.centre, fitter.sight.origin, rays)
+        surface = ray_hits(stand.rest.entry.shape, stand.turned, stand.centre, picture.sight.origin, rays)
         off = np.where(depths > 0, np.minimum(np.abs(surface - depths) / 0.006, 1.5), 0.0)
         costs.append(np.where(outside <= 0, off, 1.5 + outside))
     return np.stack(costs).argmin(axis=0)

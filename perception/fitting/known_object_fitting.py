@@ -21,6 +21,7 @@ from ..expectation.backdrop import SupportSurface
 from ..geometry.resting_poses import StablePose
 from ..geometry.silhouette_fitting import StandingPose, polygon_area, silhouette
 from ..segmentation import Blob, Pixels, SegmentationInput, connected_patches, label_of, outline_patch
+from .blob_splitting import cut_by_items, cut_pieces
 from .item_fitting import GOOD_MISFIT, POOR_MISFIT, POOR_MISFIT_IN_BIN, Hypothesis, ItemFitter, is_clear
 
 DEPTH_STEP = 0.008
@@ -146,45 +147,98 @@ MIN_KNOWN_CONFIDENCE = 0.6
 """Least believed confidence of a known object of which a good fit is asked."""
 
 
-def known_object(
+@dataclass(frozen=True, slots=True, eq=False)
+class KnownSighting:
+    """Known object that was confirmed, with the blob or the piece of one that shows it."""
+
+    object: BeliefObject
+    blob: Blob
+    fit: Hypothesis
+
+
+def known_objects(
     picture: SegmentationInput,
     fitter: ItemFitter,
     blob: Blob,
     floor: SupportSurface,
     known: Sequence[BeliefObject],
-) -> tuple[BeliefObject, Hypothesis] | None:
-    """Return the one of the `known` objects that explains the blob at its believed pose or near it, and the
-    fit.
+) -> list[KnownSighting]:
+    """Return those of the `known` objects that explain the blob at their believed poses or near them: one, or
+    several that touch.
 
-    None where no other explanation could be excluded: most of the object is hidden, the fit is not good, the
+    None where no other explanation could be excluded: most of an object is hidden, a fit is not good, an
     object moved or turned. An uncertain object stays so, and of one that was set aside nobody asks what it
     is: for these, a fit that explains the blob at all is enough. `floor` is the support under the blob.
     """
+    possible: list[tuple[BeliefObject, StandingPose]] = []
     for one in known:
-        aside = one.place == ASIDE and not floor.in_bin
-        if (
-            label_of(one.colour) != blob.patch.label
-            or one.attached
-            or not (aside or one.place == floor.place)
-        ):
-            continue
+        if label_of(one.colour) == blob.patch.label and not one.attached and _is_believed_on(floor, one):
+            stand = _believed_standing_pose(fitter.rests, one)
+            if stand is not None:
+                possible.append((one, stand))
+    for one, stand in possible:
         x, y = picture.sight.at_height(blob.middle, one.pose.position[2])
         if math.hypot(float(x) - one.pose.position[0], float(y) - one.pose.position[1]) > 2 * KNOWN_DISTANCE:
             continue
-        stand = _believed_standing_pose(fitter.rests, one)
-        if stand is None:
-            continue
-        supported = abs(float(stand.centre[2]) - stand.rest.below - floor.height) < SUPPORTED_TOLERANCE
-        found = fitter.refined(blob, stand, supported)
-        moved = math.dist(found.stand.centre, one.pose.position)
-        turned = abs(found.stand.yaw - stand.yaw) if stand.rest.turn else 0.0
-        clear = found.misfit < GOOD_MISFIT and found.shown > MIN_TRACKING_SHOWN
-        if not clear and (aside or one.confidence < MIN_KNOWN_CONFIDENCE):
-            poor = POOR_MISFIT_IN_BIN if floor.in_bin else POOR_MISFIT
-            clear = is_clear(found, poor) and not _shows_two_objects(picture, blob, found)
-        if clear and moved < KNOWN_DISTANCE and turned < MAX_HEADING_CHANGE:
-            return one, found
+        found = _confirmed(picture, fitter, blob, floor, one, stand)
+        if found is not None:
+            return [found]
+    touching = [(one, stand) for one, stand in possible if _is_shown_in(picture, blob, stand)]
+    return _confirmed_together(picture, fitter, blob, floor, touching) if len(touching) > 1 else []
+
+
+def _confirmed_together(
+    picture: SegmentationInput,
+    fitter: ItemFitter,
+    blob: Blob,
+    floor: SupportSurface,
+    touching: Sequence[tuple[BeliefObject, StandingPose]],
+) -> list[KnownSighting]:
+    """Cut the blob by the believed poses of what lies in it, and confirm each; none unless all are."""
+    cut = cut_by_items(picture, blob, [stand for _, stand in touching])
+    found: list[KnownSighting] = []
+    for piece, (one, stand) in zip(cut_pieces(picture, blob, cut), touching, strict=False):
+        sighting = _confirmed(picture, fitter, piece, floor, one, stand)
+        if sighting is None:
+            break
+        found.append(sighting)
+    if len(found) == len(touching):
+        return found
+    picture.give_back(blob.patch)
+    return []
+
+
+def _confirmed(
+    picture: SegmentationInput,
+    fitter: ItemFitter,
+    blob: Blob,
+    floor: SupportSurface,
+    one: BeliefObject,
+    stand: StandingPose,
+) -> KnownSighting | None:
+    """Fit the object to the blob, starting from its believed pose; None unless it is clearly there."""
+    supported = abs(float(stand.centre[2]) - stand.rest.below - floor.height) < SUPPORTED_TOLERANCE
+    found = fitter.refined(blob, stand, supported)
+    moved = math.dist(found.stand.centre, one.pose.position)
+    turned = abs(found.stand.yaw - stand.yaw) if stand.rest.turn else 0.0
+    clear = found.misfit < GOOD_MISFIT and found.shown > MIN_TRACKING_SHOWN
+    if not clear and (one.place == ASIDE or one.confidence < MIN_KNOWN_CONFIDENCE):
+        poor = POOR_MISFIT_IN_BIN if floor.in_bin else POOR_MISFIT
+        clear = is_clear(found, poor) and not _shows_two_objects(picture, blob, found)
+    if clear and moved < KNOWN_DISTANCE and turned < MAX_HEADING_CHANGE:
+        return KnownSighting(one, blob, found)
     return None
+
+
+def _is_believed_on(floor: SupportSurface, one: BeliefObject) -> bool:
+    return one.place == floor.place or (one.place == ASIDE and not floor.in_bin)
+
+
+def _is_shown_in(picture: SegmentationInput, blob: Blob, stand: StandingPose) -> bool:
+    """Whether the middle of an object at that pose appears in the blob."""
+    column, row = (round(float(c)) for c in picture.sight.pixels(stand.centre[None])[0])
+    rows, columns = picture.owner.shape
+    return 0 <= row < rows and 0 <= column < columns and picture.owner[row, column] == blob.patch.number
 
 
 def _believed_standing_pose(rests: Sequence[StablePose], one: BeliefObject) -> StandingPose | None:

@@ -151,6 +151,44 @@ def test_what_comes_to_touch_an_item_that_was_set_aside_is_seen() -> None:
     assert sorted(d.kind for d in view_of([plate, ball], known=known).detections) == ["ball", "plate"]
 
 
+TOUCHING = [
+    standing(CAN, 0.45, 0.0, 0.0, "blue", True),
+    standing(BRICK, 0.45, 0.052, 0.3, "blue"),
+    standing(BALL, 0.55, -0.2, 0.0, "blue"),
+]
+"""Two items of one colour whose pixels are one patch, and one elsewhere."""
+
+
+@pytest.mark.parametrize(
+    "changes", [{"place": "aside", "confidence": 0.2}, {"confidence": 0.9}], ids=["aside", "certain"]
+)
+def test_items_that_touch_are_confirmed_together(recognised: list[int], changes: dict[str, object]) -> None:
+    """Each picture would search through cuts of their patch for what is believed already."""
+    known = believed(TOUCHING, **changes)
+    assert sorted(b.kind for b in known) == ["ball", "brick", "can"]
+    assert recognised[0] > 3  # one patch, which was cut
+    recognised[0] = 0
+    seen = by_place(view_of(TOUCHING, known=known).detections)
+    assert recognised[0] == 0
+    assert [d.kind for d in seen] == ["can", "brick", "ball"]
+    for one, thing in zip(seen, TOUCHING, strict=True):
+        assert math.dist(one.pose.position, thing.pose.position) < 2e-3
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.02])
+def test_items_that_touch_are_cut_anew_when_one_of_them_is_not_where_it_is_believed(
+    recognised: list[int], shift: float
+) -> None:
+    known = believed(TOUCHING, place="aside")
+    recognised[0] = 0
+    can, brick, ball = TOUCHING
+    moved = [can, replace(brick, pose=brick.pose.shifted((shift, 0.0, 0.0))), ball]
+    seen = by_place(view_of(moved, known=known).detections)
+    assert (recognised[0] > 0) is (shift > 0.0)
+    if shift:
+        assert seen == by_place(view_of(moved).detections)
+
+
 def test_a_cut_is_given_up_when_its_parts_cannot_fit_well_enough(
     recognised: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
