@@ -296,7 +296,7 @@ class ControlLoop:
         self._drive.braking, self._watchdog.attended = False, True
         self._guard.guard = guard
         if self._sampler.rested(LOAD_REST_TIME) and self._drive.servo:
-            weight = -self.wrist.over(LOAD_REST_TIME, self.state.position)[:3]
+            weight = self.wrist.over(LOAD_REST_TIME, self.state.position)[:3]
             self._drive.carried[:3] = weight if float(np.linalg.norm(weight)) < TOUCH_FORCE else 0.0
         self._drive.begin(controller, self.state)
 

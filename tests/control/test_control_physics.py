@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from picktree.control.cartesian.compliant_motion import CartesianStiffness, HoldPose
 from picktree.control.cartesian.impedance import CartesianImpedance
+from picktree.control.joints.joint_controllers import HoldController
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.causes import Failure
 from picktree.world.values import Array, Pose
 
+from ..skills.cell import Cell as SortingCell
+from ..skills.cell import items, mission
 from .control_cell import DOWN, HOME, MODEL, ROBOT, Cell, reach, swing
 
 TIP = ROBOT.gripper.tip
@@ -74,6 +79,26 @@ def test_guarded_move_onto_the_table(speed: float) -> None:
     up = one.run(one.move.guarded((0.0, 0.0, 1.0), 0.03, force=15.0, speed=0.1))
     # What was felt at its start counts as carried: up to 4 N of the contact, at 2000 N/m.
     assert not up.contact and up.travelled == pytest.approx(0.03, abs=2e-3)
+
+
+def test_the_reflex_to_a_contact_carries_what_the_hand_holds() -> None:
+    """The hand sank for as long as the reflex took, onto whatever was below."""
+    scene = items(block=1)
+    heavy = tuple(replace(e, mass=0.3) if e.kind == "block" else e for e in scene.catalogue)
+    one = SortingCell(mission("Observe: {camera: overhead}"), replace(scene, catalogue=heavy), "physics")
+    one.finish()
+    (block,) = (o.id for o in one.world.scene.objects if o.role == "item")
+    one.start(mission(f"Grasp: {{object: {block}, onward: false}}"))
+    one.finish()
+    one.wait()
+    control = one.world.control
+    control.acquire("test").run(HoldController())
+    begin = one.hardware.true_tcp()
+    control._drive.stop_at_once(control.state, pushed=True)  # pyright: ignore[reportPrivateUsage]
+    for _ in range(240):
+        control.step()
+    assert control.controller == "Hold"
+    assert one.hardware.true_tcp().distance(begin) < 2e-3
 
 
 def test_guarded_move_presses() -> None:
