@@ -332,13 +332,16 @@ class _Finding:
         self._settle(blob, hypotheses, floor)
 
     def _is_known(self, blob: Blob, floor: SupportSurface) -> bool:
-        """Whether known objects explain the blob. They are then detected, with at most their believed
-        confidence: other kinds were not compared."""
-        found = known_objects(self.picture, self.fitter, blob, floor, self.known)
+        """Whether known objects are confirmed in the blob. They are then detected, with at most their
+        believed confidence: other kinds were not compared. What they leave of it is recognised by itself."""
+        found, left = known_objects(self.picture, self.fitter, blob, floor, self.known)
         for one in found:
             detection = detection_from(self.picture.sight, one.blob, [one.fit], floor)
             confidence = min(detection.confidence, one.object.confidence)
             self.detections.append(replace(detection, confidence=confidence))
+        for patch in left:
+            if patch.measured >= 4:
+                self._item(patch)
         return bool(found)
 
     def _seated(self, blob: Blob) -> _Seated | None:

@@ -38,6 +38,8 @@ MAX_REFINEMENT = 2.0
 touching and tumbled items that were taken, none began above 1.5."""
 MIN_PART_PIXELS = 8
 """Least number of pixels of a part."""
+OUTSIDE_COST = 1.5
+"""Cost of a pixel at the edge of an item's silhouette, and greatest cost of one inside it."""
 MIN_PART_DISTANCE = 0.010
 """Least distance between the centres of two parts, m."""
 MAX_SHARED_VOLUME = 0.3
@@ -134,7 +136,7 @@ class _CutFitting:
             if parts is None:
                 return None
             stands = [part.hypotheses[0].stand for part in parts]
-            shared = cut_by_items(self.picture, self.blob, stands)
+            shared = item_costs(self.picture, self.blob, stands).argmin(axis=0)
             if (shared == cut).all():
                 break
             cut = shared
@@ -147,7 +149,12 @@ class _CutFitting:
     def _fitted(self, cut: NDArray[np.intp], limit: float) -> list[BlobPart] | None:
         """Return each part's hypotheses. None when a part is too small or fits nothing, or when the parts
         together have a misfit above `limit`: the first of them may be enough for that."""
-        pieces = cut_pieces(self.picture, self.blob, cut)
+        rows, columns = self.blob.patch.rows, self.blob.patch.columns
+        members = [cut == k for k in range(int(cut.max()) + 1)]
+        if any(int(m.sum()) < MIN_PART_PIXELS for m in members):
+            return None
+        patches = [self.picture.claim(rows[m], columns[m], self.blob.patch.label) for m in members]
+        pieces = [outline_patch(self.picture, patch) for patch in patches]
         left = limit * sum(len(piece.outline.points) + piece.measured for piece in pieces)
         parts: list[BlobPart] = []
         for piece in pieces:
@@ -160,21 +167,14 @@ class _CutFitting:
             if left < 0.0:
                 return None
             parts.append(BlobPart(piece, hypotheses))
-        return parts or None
+        return parts
 
 
-def cut_pieces(picture: SegmentationInput, blob: Blob, cut: NDArray[np.intp]) -> list[Blob]:
-    """Return the pieces of a blob by the part number (n,) of its pixels; none when a piece is too small."""
-    rows, columns = blob.patch.rows, blob.patch.columns
-    members = [cut == k for k in range(int(cut.max()) + 1)]
-    if any(int(m.sum()) < MIN_PART_PIXELS for m in members):
-        return []
-    patches = [picture.claim(rows[m], columns[m], blob.patch.label) for m in members]
-    return [outline_patch(picture, patch) for patch in patches]
+def item_costs(picture: SegmentationInput, blob: Blob, stands: Sequence[StandingPose]) -> Array:
+    """Return how badly the item at each of k poses explains each pixel of the blob (k, n).
 
-
-def cut_by_items(picture: SegmentationInput, blob: Blob, stands: Sequence[StandingPose]) -> NDArray[np.intp]:
-    """Return the number (n,) of the item at those poses that explains each pixel of the blob best."""
+    Inside its silhouette the cost is at most `OUTSIDE_COST`; outside, that and the distance from it, pixels.
+    """
     rows, columns = blob.patch.rows, blob.patch.columns
     pixels = np.stack([columns, rows], axis=1).astype(np.float64)
     depths = picture.depth[rows, columns]
@@ -184,9 +184,9 @@ def cut_by_items(picture: SegmentationInput, blob: Blob, stands: Sequence[Standi
         corners = silhouette(picture.sight, stand).astype(np.float32)
         outside = np.array([-cv2.pointPolygonTest(corners, (float(u), float(v)), True) for u, v in pixels])
         surface = ray_hits(stand.rest.entry.shape, stand.turned, stand.centre, picture.sight.origin, rays)
-        off = np.where(depths > 0, np.minimum(np.abs(surface - depths) / 0.006, 1.5), 0.0)
-        costs.append(np.where(outside <= 0, off, 1.5 + outside))
-    return np.stack(costs).argmin(axis=0)
+        off = np.where(depths > 0, np.minimum(np.abs(surface - depths) / 0.006, OUTSIDE_COST), 0.0)
+        costs.append(np.where(outside <= 0, off, OUTSIDE_COST + outside))
+    return np.stack(costs)
 
 
 def _misfit(parts: list[BlobPart]) -> float:

@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,8 +21,16 @@ from ...world.values import Array, ObjectId, Pose
 from ..expectation.backdrop import SupportSurface
 from ..geometry.resting_poses import StablePose
 from ..geometry.silhouette_fitting import StandingPose, polygon_area, silhouette
-from ..segmentation import Blob, Pixels, SegmentationInput, connected_patches, label_of, outline_patch
-from .blob_splitting import cut_by_items, cut_pieces
+from ..segmentation import (
+    Blob,
+    PixelPatch,
+    Pixels,
+    SegmentationInput,
+    connected_patches,
+    label_of,
+    outline_patch,
+)
+from .blob_splitting import OUTSIDE_COST, item_costs
 from .item_fitting import GOOD_MISFIT, POOR_MISFIT, POOR_MISFIT_IN_BIN, Hypothesis, ItemFitter, is_clear
 
 DEPTH_STEP = 0.008
@@ -147,6 +156,13 @@ MIN_KNOWN_CONFIDENCE = 0.6
 """Least believed confidence of a known object of which a good fit is asked."""
 
 
+UNEXPLAINED_DISTANCE = 0.5
+"""Distance from all silhouettes beyond which the middle of a pixel belongs to none of them, pixels."""
+MIN_REAL_OUTLINE = 0.5
+"""Least share of real outline of an object whose piece was cut out of a blob: the cut itself shows
+nothing."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownSighting:
     """Known object that was confirmed, with the blob or the piece of one that shows it."""
@@ -162,50 +178,67 @@ def known_objects(
     blob: Blob,
     floor: SupportSurface,
     known: Sequence[BeliefObject],
-) -> list[KnownSighting]:
-    """Return those of the `known` objects that explain the blob at their believed poses or near them: one, or
-    several that touch.
+) -> tuple[list[KnownSighting], list[PixelPatch]]:
+    """Return the `known` objects that the blob shows near their believed poses, and what they leave of it.
 
-    None where no other explanation could be excluded: most of an object is hidden, a fit is not good, an
-    object moved or turned. An uncertain object stays so, and of one that was set aside nobody asks what it
+    What is left are patches of something that touches them.
+
+    An object is left out where no other explanation could be excluded: most of it is hidden, the fit is not
+    good, it moved or turned. An uncertain object stays so, and of one that was set aside nobody asks what it
     is: for these, a fit that explains the blob at all is enough. `floor` is the support under the blob.
     """
-    possible: list[tuple[BeliefObject, StandingPose]] = []
+    touching: list[tuple[BeliefObject, StandingPose]] = []
     for one in known:
-        if label_of(one.colour) == blob.patch.label and not one.attached and _is_believed_on(floor, one):
-            stand = _believed_standing_pose(fitter.rests, one)
-            if stand is not None:
-                possible.append((one, stand))
-    for one, stand in possible:
-        x, y = picture.sight.at_height(blob.middle, one.pose.position[2])
-        if math.hypot(float(x) - one.pose.position[0], float(y) - one.pose.position[1]) > 2 * KNOWN_DISTANCE:
+        if label_of(one.colour) != blob.patch.label or one.attached or not _is_believed_on(floor, one):
             continue
-        found = _confirmed(picture, fitter, blob, floor, one, stand)
-        if found is not None:
-            return [found]
-    touching = [(one, stand) for one, stand in possible if _is_shown_in(picture, blob, stand)]
-    return _confirmed_together(picture, fitter, blob, floor, touching) if len(touching) > 1 else []
-
-
-def _confirmed_together(
-    picture: SegmentationInput,
-    fitter: ItemFitter,
-    blob: Blob,
-    floor: SupportSurface,
-    touching: Sequence[tuple[BeliefObject, StandingPose]],
-) -> list[KnownSighting]:
-    """Cut the blob by the believed poses of what lies in it, and confirm each; none unless all are."""
-    cut = cut_by_items(picture, blob, [stand for _, stand in touching])
-    found: list[KnownSighting] = []
-    for piece, (one, stand) in zip(cut_pieces(picture, blob, cut), touching, strict=False):
-        sighting = _confirmed(picture, fitter, piece, floor, one, stand)
-        if sighting is None:
-            break
-        found.append(sighting)
-    if len(found) == len(touching):
-        return found
+        stand = _believed_standing_pose(fitter.rests, one)
+        if stand is None:
+            continue
+        x, y = picture.sight.at_height(blob.middle, one.pose.position[2])
+        if math.hypot(float(x) - one.pose.position[0], float(y) - one.pose.position[1]) < 2 * KNOWN_DISTANCE:
+            found = _confirmed(picture, fitter, blob, floor, one, stand)
+            if found is not None:
+                return [found], []
+        if _is_shown_in(picture, blob, stand):
+            touching.append((one, stand))
+    while touching:
+        pieces, left = _taken_apart(picture, blob, [stand for _, stand in touching])
+        tried = [
+            None if piece is None else _confirmed(picture, fitter, piece, floor, one, stand)
+            for piece, (one, stand) in zip(pieces, touching, strict=True)
+        ]
+        if None not in tried:
+            return [each for each in tried if each is not None], left
+        touching = [each for each, found in zip(touching, tried, strict=True) if found is not None]
     picture.give_back(blob.patch)
-    return []
+    return [], []
+
+
+def _taken_apart(
+    picture: SegmentationInput, blob: Blob, stands: Sequence[StandingPose]
+) -> tuple[list[Blob | None], list[PixelPatch]]:
+    """Cut the blob by the poses of items in it, and return the piece of each and what belongs to none.
+
+    None for an item that shows too little of its outline.
+    """
+    rows, columns = blob.patch.rows, blob.patch.columns
+    picture.give_back(blob.patch)
+    costs = item_costs(picture, blob, stands)
+    beyond = np.zeros(picture.owner.shape, dtype=np.uint8)
+    beyond[rows, columns] = costs.min(axis=0) > OUTSIDE_COST + UNEXPLAINED_DISTANCE
+    beyond = cv2.morphologyEx(beyond, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    left = [
+        picture.claim(*part, blob.patch.label)
+        for part in connected_patches(beyond.astype(np.bool_), MIN_BODY_PIXELS)
+    ]
+    owned = picture.owner[rows, columns] != blob.patch.number
+    cut = np.where(owned, len(stands), costs.argmin(axis=0))
+    patches = [
+        picture.claim(rows[cut == k], columns[cut == k], blob.patch.label) if (cut == k).any() else None
+        for k in range(len(stands))
+    ]
+    pieces = [outline_patch(picture, p) if p is not None and p.measured >= 4 else None for p in patches]
+    return [p if p is None or p.outline.real.mean() > MIN_REAL_OUTLINE else None for p in pieces], left
 
 
 def _confirmed(

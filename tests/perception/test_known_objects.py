@@ -175,18 +175,39 @@ def test_items_that_touch_are_confirmed_together(recognised: list[int], changes:
         assert math.dist(one.pose.position, thing.pose.position) < 2e-3
 
 
-@pytest.mark.parametrize("shift", [0.0, 0.02])
-def test_items_that_touch_are_cut_anew_when_one_of_them_is_not_where_it_is_believed(
-    recognised: list[int], shift: float
+@pytest.mark.parametrize("changes", [{"place": "aside"}, {"confidence": 0.9}], ids=["aside", "certain"])
+@pytest.mark.parametrize("new", [0, 1], ids=["the can", "the brick"])
+def test_what_touches_a_known_item_is_recognised_by_itself(
+    recognised: list[int], changes: dict[str, object], new: int
 ) -> None:
+    """The known item is taken out of their patch: what is left of that is one item, and nothing is cut."""
+    known = believed(TOUCHING, **changes)
+    del known[next(n for n, one in enumerate(known) if one.kind == ("can", "brick")[new])]
+    recognised[0] = 0
+    seen = by_place(view_of(TOUCHING, known=known).detections)
+    assert recognised[0] == 1
+    assert [d.kind for d in seen] == ["can", "brick", "ball"]
+    for one, thing in zip(seen, TOUCHING, strict=True):
+        assert math.dist(one.pose.position, thing.pose.position) < 2e-3
+
+
+def test_an_item_that_has_moved_is_recognised_anew_beside_one_that_has_not(recognised: list[int]) -> None:
     known = believed(TOUCHING, place="aside")
     recognised[0] = 0
     can, brick, ball = TOUCHING
-    moved = [can, replace(brick, pose=brick.pose.shifted((shift, 0.0, 0.0))), ball]
+    moved = [can, replace(brick, pose=brick.pose.shifted((0.02, 0.0, 0.0))), ball]
     seen = by_place(view_of(moved, known=known).detections)
-    assert (recognised[0] > 0) is (shift > 0.0)
-    if shift:
-        assert seen == by_place(view_of(moved).detections)
+    assert recognised[0] == 1
+    assert [d.kind for d in seen] == ["can", "brick", "ball"]
+    for one, thing in zip(seen, moved, strict=True):
+        assert math.dist(one.pose.position, thing.pose.position) < 2e-3
+
+
+def test_a_larger_item_at_the_place_of_a_known_one_is_not_cut_up() -> None:
+    known = believed([standing(BLOCK, 0.45, 0.0, 0.0, "blue")], place="aside")
+    for shape in (BRICK, PLATE, Box((0.09, 0.09, 0.04)), Box((0.12, 0.08, 0.04))):
+        thing = standing(shape, 0.48, 0.03, 0.0, "blue")
+        assert view_of([thing], known=known).detections == view_of([thing]).detections
 
 
 def test_a_cut_is_given_up_when_its_parts_cannot_fit_well_enough(
