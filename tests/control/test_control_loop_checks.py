@@ -2,89 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import cast
-
 import numpy as np
 import pytest
 
-from picktree.control.execution.control_loop import ControlLoop
-from picktree.control.joints.external_torque import EffortCheck
 from picktree.control.joints.joint_controllers import HoldController, TrajectoryController
 from picktree.control.safety.motion_lease import ForceGuard, Lease
 from picktree.control.wrist.payload_estimate import Payload
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.protocols import Hardware
-from picktree.world.values import GRAVITY, Array, JointState, Wrench
+from picktree.world.values import Array
 
-from .control_cell import HOME, MODEL, TICK, Backend, Cell, swing
-
-STILL = np.zeros(7)
-ASIDE = HOME + 0.3
-PERIOD = 1 / 240
-
-
-class FeelingHardware(KinematicHardware):
-    """The kinematic backend, whose drives tell their efforts."""
-
-    feels_effort = True  # type: ignore[assignment]
-
-
-class Readings:
-    """Arm and wrist sensor of a cell, which say what the test says, and do not follow their commands."""
-
-    def __init__(self, cell: Cell) -> None:
-        self.position, self.velocity = HOME.copy(), STILL
-        self.force = np.zeros(3)
-        """Beyond the weight of the hand, N in the world."""
-        self.torque = STILL
-        """Beyond the arm's own weight, Nm."""
-        self.told: tuple[Array, Array] | None = None
-        self.torque_told: Array | None = None
-        hardware = cast("Hardware", _Scripted(cell.hardware, self))
-        cell.loop = ControlLoop(hardware, cell.model, cell.monitor)
-
-    def read(self) -> JointState:
-        return JointState(self.position, self.velocity, MODEL.gravity(self.position) + self.torque)
-
-    def follow(self, position: Array, velocity: Array) -> None:
-        self.told = position, velocity
-
-    def apply_torque(self, torque: Array) -> None:
-        self.torque_told = torque
-
-
-class _Scripted:
-    """Hardware with another arm and another wrist sensor."""
-
-    def __init__(self, hardware: Hardware, readings: Readings) -> None:
-        self._hardware = hardware
-        self.arm, self.wrench = readings, _Sensor(readings)
-
-    def __getattr__(self, name: str) -> object:
-        return getattr(self._hardware, name)
-
-
-class _Sensor:
-    def __init__(self, readings: Readings) -> None:
-        self._readings = readings
-
-    def read(self) -> Wrench:
-        weight = np.array([0.0, 0.0, -MODEL.hand_mass * GRAVITY])
-        lever = MODEL.flange(self._readings.position).rotation() @ np.array(MODEL.hand_com)
-        x, y, z = (weight + self._readings.force).tolist()
-        a, b, c = np.cross(lever, weight).tolist()
-        return Wrench((x, y, z), (a, b, c))
-
-
-def scripted(backend: Backend = KinematicHardware) -> tuple[Cell, Readings]:
-    cell = Cell(backend=backend)
-    return cell, Readings(cell)
-
-
-def steps(cell: Cell, count: int) -> None:
-    for _ in range(count):
-        cell.loop.step()
+from .control_cell import HOME, MODEL, TICK, Cell, swing
+from .scripted_cell import ASIDE, PERIOD, FeelingHardware, moving, scripted, steps
 
 
 def guarded(cell: Cell, limit: float = 15.0) -> tuple[Lease, ForceGuard]:
@@ -169,15 +96,6 @@ def test_a_contact_that_is_strong_is_complied_with(force: float, controller: str
     readings.force = np.array([0.0, 0.6 * force, -0.8 * force])
     steps(cell, 1)
     assert cell.loop.controller == controller
-
-
-def moving() -> tuple[Cell, Readings, TrajectoryController, Lease]:
-    cell, readings = scripted()
-    track = TrajectoryController(swing(HOME, ASIDE, 3.0), MODEL, cell.loop.period)
-    lease = cell.loop.acquire("test")
-    lease.run(track)
-    steps(cell, 1)
-    return cell, readings, track, lease
 
 
 def test_on_its_way_the_arm_brakes_along_it() -> None:
@@ -311,125 +229,6 @@ def test_what_is_let_off_for_a_retreat_stops_whoever_else_moves_the_arm() -> Non
         assert cell.monitor.stops == stops
 
 
-@pytest.mark.parametrize(
-    ("speed", "periods", "learnt"),
-    [(0.0, 23, False), (0.0, 24, True), (0.019, 24, True), (0.021, 24, False)],
-)
-def test_the_bias_of_the_wrist_is_learnt_after_a_tenth_of_a_second_at_rest(
-    speed: float, periods: int, learnt: bool
-) -> None:
-    cell, readings = scripted()
-    readings.force = np.array([0.5, 2.0, -1.0])
-    readings.velocity = speed * np.array([0.6, 0.0, -0.8, 0.0, 0.0, 0.0, 0.0])
-    steps(cell, periods)
-    assert cell.loop.wrist.zeroed is learnt
-    assert cell.loop.wrist.force == pytest.approx((0.0, 0.0, 0.0) if learnt else (0.5, 2.0, -1.0))
-
-
-def test_a_moment_of_motion_lets_the_rest_begin_anew() -> None:
-    cell, readings = scripted()
-    steps(cell, 20)
-    readings.velocity = np.full(7, 0.1)
-    steps(cell, 1)
-    readings.velocity = STILL
-    steps(cell, 23)
-    assert not cell.loop.wrist.zeroed
-    steps(cell, 1)
-    assert cell.loop.wrist.zeroed
-
-
-def test_what_is_moved_is_not_at_rest_however_slowly() -> None:
-    cell, *_ = moving()
-    steps(cell, 40)
-    assert not cell.loop.wrist.zeroed
-
-
-def test_a_bias_turns_with_the_hand() -> None:
-    cell, readings = scripted()
-    bias = np.array([2.0, -1.0, 0.5])
-    readings.force = bias
-    steps(cell, 30)
-    assert cell.loop.wrist.force == pytest.approx((0.0, 0.0, 0.0))
-    readings.position = HOME + 1.2 * np.eye(7)[6] + 0.3 * np.eye(7)[5]
-    turn = MODEL.tcp(readings.position).rotation() @ MODEL.tcp(HOME).rotation().T
-    readings.force = turn @ bias
-    steps(cell, 5)
-    assert cell.loop.wrist.force == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
-
-
-def borne(force: Array) -> Array:
-    """Torques of the joints that bear a force (3,) on the hand, at HOME, Nm."""
-    return -flange_jacobian(HOME)[:3].T @ force
-
-
-@pytest.mark.parametrize(
-    ("force", "stops"),
-    [
-        ((0.0, 0.0, -40.0), "safety.payload"),
-        ((0.0, 0.0, -20.0), ""),
-        ((0.0, 0.0, 40.0), ""),
-        ((0.0, -40.0, 0.0), ""),
-    ],
-)
-def test_a_load_is_weighed_at_rest(force: tuple[float, float, float], stops: str) -> None:
-    """The drives tell nothing here: what the wrist says is believed."""
-    cell, readings = scripted()
-    readings.force = np.array(force)
-    steps(cell, 23)
-    assert cell.monitor.stopped is None
-    steps(cell, 5)
-    stop = cell.monitor.stopped
-    assert ("" if stop is None else stop.cause.name) == stops
-    if stop is not None:
-        assert stop.evidence["mass"] == pytest.approx(40.0 / GRAVITY, abs=1e-3)
-
-
-def test_a_load_that_no_joint_bears_is_a_bias() -> None:
-    load = np.array([0.0, 0.0, -40.0])
-    for share, stops in ((0.0, ""), (1.0, "safety.payload")):
-        cell, readings = scripted(FeelingHardware)
-        steps(cell, 30)
-        assert cell.loop.wrist.zeroed
-        readings.force, readings.torque = load, share * borne(load)
-        steps(cell, 60)
-        stop = cell.monitor.stopped
-        assert ("" if stop is None else stop.cause.name) == stops
-        felt = load if share else np.zeros(3)
-        assert cell.loop.wrist.force == pytest.approx(felt.tolist(), abs=0.1)
-
-
-def test_a_load_that_swings_is_not_weighed_yet() -> None:
-    load = np.array([0.0, 0.0, -40.0])
-    cell, readings = scripted(FeelingHardware)
-    steps(cell, 30)
-    for k in range(120):
-        swinging = load + 2.0 * np.sin(2.0 * k) * np.eye(3)[0]
-        readings.force, readings.torque = swinging, borne(swinging)
-        steps(cell, 1)
-    assert cell.monitor.stopped is None
-    readings.force, readings.torque = load, borne(load)
-    steps(cell, 60)
-    assert cell.monitor.stopped is not None
-    assert cell.monitor.stopped.cause.name == "safety.payload"
-
-
-def test_a_push_at_the_arm_stops_and_a_wrist_that_lies_does_not() -> None:
-    """What only the wrist feels is its own fault, and is learnt when the arm comes to rest."""
-    push = np.array([25.0, 15.0, 10.0])
-    for wrist, joints, stops in ((0.0, 1.0, "safety.torque_limit"), (1.0, 0.0, ""), (1.0, 1.0, "")):
-        cell, readings = scripted(FeelingHardware)
-        steps(cell, 30)
-        readings.velocity = np.full(7, 0.03)  # not at rest
-        readings.force, readings.torque = wrist * push, 1.3 * joints * borne(push) / max(1.0, 1.3 * wrist)
-        steps(cell, 120)
-        stop = cell.monitor.stopped
-        assert ("" if stop is None else stop.cause.name) == stops, (wrist, joints)
-        readings.velocity = STILL
-        steps(cell, 40)
-        kept = wrist * joints * push
-        assert cell.loop.wrist.force == pytest.approx(kept.tolist(), abs=0.5), (wrist, joints)
-
-
 def test_commands_go_to_the_arm() -> None:
     cell, readings, track, _ = moving()
     steps(cell, 20)
@@ -457,86 +256,3 @@ def test_who_moves_the_arm_must_look_after_it() -> None:
     cell.loop.step_tick(0.25)
     assert cell.monitor.stopped is not None
     assert cell.monitor.stopped.evidence["seconds"] == 0.25
-
-
-def test_what_the_hand_carries_is_known_after_a_twentieth_of_a_second_at_rest() -> None:
-    weight = np.array([1.0, -2.0, -5.0])
-    for periods, felt, known in (
-        (11, weight, STILL[:3]),
-        (12, weight, weight),
-        (12, np.array([0.0, -11.9, -15.9]), np.array([0.0, -11.9, -15.9])),
-        (12, np.array([0.0, -12.1, -16.1]), STILL[:3]),  # that is touched, not carried
-    ):
-        cell, readings = scripted()
-        readings.force = felt
-        steps(cell, periods)
-        cell.loop.acquire("test").run(HoldController())
-        assert cell.loop.save().carried[:3] == pytest.approx(known.tolist()), (periods, felt)
-        assert cell.loop.save().carried[3:] == (0.0, 0.0, 0.0)
-
-
-def test_efforts_are_looked_at_every_twentieth_of_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
-    cell, _ = scripted(FeelingHardware)
-    elapsed: list[float] = []
-
-    def explained(unexplained: Array, since: float) -> bool:
-        elapsed.append(since)
-        return True
-
-    monkeypatch.setattr(cell.monitor, "explained", explained)
-    steps(cell, 240)
-    assert elapsed == pytest.approx([0.0625, *[0.05] * 18])  # a check of the tool apart
-
-
-def test_where_the_drives_tell_no_efforts_none_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    cell, readings = scripted()
-    readings.torque = 0.5 * MODEL.torque_limit
-    steps(cell, 60)
-    assert cell.monitor.stopped is None
-    cell, readings = scripted(FeelingHardware)
-    readings.torque = 0.5 * MODEL.torque_limit
-    steps(cell, 60)
-    assert cell.monitor.stopped is not None
-    assert cell.monitor.stopped.cause.name == "safety.torque_limit"
-
-
-@pytest.mark.parametrize(("share", "believed"), [(0.49, False), (0.51, True)])
-def test_the_joints_believe_what_they_bear_half_of(share: float, believed: bool) -> None:
-    """In each direction, whatever hand and load weigh besides."""
-    judge = EffortCheck(MODEL)
-    load = np.array([0.5, -0.3, -12.0, 0.4, 0.2, 0.1])
-    for axis in range(3):
-        push = 8.0 * np.eye(6)[axis]
-        jacobian = flange_jacobian(ASIDE)
-        # Gravity of the whole arm holds the hand, too; what hangs on it and pushes comes on top.
-        held = MODEL.gravity(ASIDE) - jacobian.T @ (load + share * push)
-        assert judge.believes(JointState(ASIDE, STILL, held), push, load) is believed, axis
-    moving_ = JointState(ASIDE, np.full(7, 0.5), MODEL.gravity(ASIDE) - flange_jacobian(ASIDE).T @ load)
-    assert judge.believes(moving_, np.zeros(6), load)  # nothing is claimed
-
-
-def flange_jacobian(q: Array) -> Array:
-    """(6, n) about the sensor, world axes, by finite differences."""
-    rows = np.zeros((6, 7))
-    for k in range(7):
-        step = 1e-6 * np.eye(7)[k]
-        ahead, behind = MODEL.flange(q + step), MODEL.flange(q - step)
-        rows[:3, k] = np.subtract(ahead.position, behind.position) / 2e-6
-        turn = (ahead.rotation() @ behind.rotation().T) / 2e-6
-        rows[3:, k] = (
-            (turn[2, 1] - turn[1, 2]) / 2,
-            (turn[0, 2] - turn[2, 0]) / 2,
-            (turn[1, 0] - turn[0, 1]) / 2,
-        )
-    return rows
-
-
-def test_without_the_wrist_the_hand_and_its_load_are_explained_by_what_they_weigh() -> None:
-    """The hand's centre of mass is beside the sensor's axis in this posture, and no twist is made up."""
-    judge = EffortCheck(MODEL)
-    load = np.array([0.5, -0.3, -12.0, 0.4, 0.2, 0.1])
-    q = HOME + np.array([0.3, 0.2, -0.4, 0.5, 0.7, -0.6, 0.8])
-    state = JointState(q, STILL, MODEL.gravity(q) - flange_jacobian(q).T @ load)
-    assert judge.without_wrist(state, STILL, load) == pytest.approx(STILL, abs=1e-4)
-    pushed = replace(state, effort=state.effort + 3.0 * np.eye(7)[2])
-    assert judge.without_wrist(pushed, STILL, load) == pytest.approx(3.0 * np.eye(7)[2], abs=1e-4)
