@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 from typing import Any
@@ -128,6 +129,44 @@ def test_a_fixture_is_dragged_in_the_scene_and_only_its_line_changes(
     served: Served, page: tuple[Any, Told]
 ) -> None:
     browser, told = page
+    scene, (x, y, z) = open_scene(served, browser)
+    drag_bin(browser, (x, y, z))
+    assert browser.get_by_label("Fixture or bin").input_value() == "red_bin"
+    found = place_in(saved_line(served, browser, scene))
+    # The hand takes the bin where the ray meets it first, which may be its rim.
+    assert found == pytest.approx([x - 0.1, y + 0.05, z], abs=0.03)
+
+    # By keys: a number, taken over with Enter.
+    value = browser.get_by_label("x, m")
+    assert float(value.input_value()) == pytest.approx(found[0], abs=1e-3)
+    value.fill("0.4")
+    value.press("Enter")
+    assert place_in(saved_line(served, browser, scene)) == pytest.approx([0.4, *found[1:]], abs=1e-4)
+    assert told.problems == []
+
+
+def test_a_number_that_is_being_typed_outlives_the_answer_to_a_drag(
+    served: Served, page: tuple[Any, Told]
+) -> None:
+    browser, told = page
+    shows = HeldAnswers(browser, "scene.show")
+    scene, at = open_scene(served, browser)
+    shows.hold()
+    drag_bin(browser, at)
+    wait_until(browser, f"!{disabled('Save cell.yaml')}")
+    value = browser.get_by_label("x, m")
+    value.fill("0.4")
+    shows.release()
+    browser.wait_for_timeout(300)
+    assert value.input_value() == "0.4"
+    value.press("Enter")
+    found = place_in(saved_line(served, browser, scene))
+    assert found == pytest.approx([0.4, at[1] + 0.05, at[2]], abs=0.03)
+    assert told.problems == []
+
+
+def open_scene(served: Served, browser: Any) -> tuple[str, tuple[float, float, float]]:
+    """Open a mission's own scene; return its text and the place of its red bin, m."""
     scene = re.sub(r"  nut: .*\n|, nut: 1", "", (SHIPPED / "three_bins.yaml").read_text(encoding="utf-8"))
     (served.folder / "cell.yaml").write_text(scene, encoding="utf-8")
     mission = (ROOT / "examples" / NAME).read_text(encoding="utf-8")
@@ -136,33 +175,65 @@ def test_a_fixture_is_dragged_in_the_scene_and_only_its_line_changes(
     browser.get_by_role("button", name="Save cell.yaml").wait_for()
     browser.locator(".scene-view canvas").scroll_into_view_if_needed()
     browser.wait_for_timeout(500)
-    (at,) = re.findall(r"red_bin:.*?at: (\[[^\]]*\])", scene, re.DOTALL)[:1]
-    x, y, z = (float(word) for word in at.strip("[]").split(","))
+    x, y, z = place_in(re.findall(r"red_bin:.*?(at: \[[^\]]*\])", scene, re.DOTALL)[0])
+    return scene, (x, y, z)
 
-    height = z + 0.005  # near the floor of the bin
+
+def drag_bin(browser: Any, at: tuple[float, float, float]) -> None:
+    """Drag the bin by -0.1 and 0.05 m, gripped near its floor."""
+    x, y, height = at[0], at[1], at[2] + 0.005
     drag(browser, on_screen(browser, (x, y, height)), on_screen(browser, (x - 0.1, y + 0.05, height)))
-    assert browser.get_by_label("Fixture or bin").input_value() == "red_bin"
-    save = browser.get_by_role("button", name="Save cell.yaml")
-    wait_until(browser, f"!{disabled('Save cell.yaml')}")
-    save.click()
-    wait_until(browser, disabled("Save cell.yaml"))
-    moved = changed_line(scene, (served.folder / "cell.yaml").read_text(encoding="utf-8"))
-    found = [float(word) for word in re.findall(r"at: \[([^\]]*)\]", moved)[0].split(",")]
-    # The hand takes the bin where the ray meets it first, which may be its rim.
-    assert found == pytest.approx([x - 0.1, y + 0.05, z], abs=0.03)
 
-    # By keys: a number, taken over with Enter, once the field shows where the bin is now.
-    value = browser.get_by_label("x, m")
-    shown = "document.querySelector(`.scene input[step='0.01']`).value"
-    wait_until(browser, f"Math.abs({shown} - {found[0]}) < 1e-3")
-    value.fill("0.4")
-    value.press("Enter")
+
+def saved_line(served: Served, browser: Any, scene: str) -> str:
+    """Save the scene, and return its only line that changed."""
     wait_until(browser, f"!{disabled('Save cell.yaml')}")
-    save.click()
+    browser.get_by_role("button", name="Save cell.yaml").click()
     wait_until(browser, disabled("Save cell.yaml"))
-    typed = changed_line(scene, (served.folder / "cell.yaml").read_text(encoding="utf-8"))
-    assert "at: [0.4, " in typed
-    assert told.problems == []
+    return changed_line(scene, (served.folder / "cell.yaml").read_text(encoding="utf-8"))
+
+
+def place_in(line: str) -> list[float]:
+    return [float(word) for word in re.findall(r"at: \[([^\]]*)\]", line)[0].split(",")]
+
+
+class HeldAnswers:
+    """Answers to one call, which reach the page only when they are released."""
+
+    def __init__(self, browser: Any, name: str) -> None:
+        self._name, self._holds = name, False
+        self._asked: set[int] = set()
+        self._held: list[str] = []
+        browser.route_web_socket("**/ws", self._connect)
+        browser.reload()
+
+    def hold(self) -> None:
+        self._holds = True
+
+    def release(self) -> None:
+        self._holds = False
+        for answer in self._held:
+            self._page.send(answer)
+
+    def _connect(self, page: Any) -> None:
+        server = page.connect_to_server()
+        self._page = page
+
+        def ask(text: str) -> None:
+            message = json.loads(text)
+            if message.get("call") == self._name:
+                self._asked.add(message["id"])
+            server.send(text)
+
+        def answer(text: str) -> None:
+            waits = self._holds and json.loads(text).get("id") in self._asked
+            if waits:
+                self._held.append(text)
+            else:
+                page.send(text)
+
+        page.on_message(ask)
+        server.on_message(answer)
 
 
 def disabled(name: str) -> str:

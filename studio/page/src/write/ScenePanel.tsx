@@ -31,14 +31,29 @@ export function ScenePanel({ path, scene }: { path: string; scene: string }) {
   const text = file && file.text !== file.saved ? file.text : null;
   const now = useRef({ file, content });
   now.current = { file, content };
+  const moves = useRef({ last: Promise.resolve(), open: 0 });
 
+  // The page shows the new place at once; the text follows, one move after the other, and what was asked before is old.
   const move = useCallback((name: string, x: number, y: number) => {
-    const before = now.current.file;
-    if (!before) return;
-    call<{ text: string }>("scene.move", { text: before.text, fixture: name, x, y }).then((found) => setFile({ ...before, text: found.text }), (failed: CallError) => {
+    const before = now.current.content;
+    if (!before || !now.current.file) return;
+    const content = moved(before, name, x, y);
+    now.current.content = content;
+    setContent(content);
+    stage.current?.show(content);
+    moves.current.open++;
+    moves.current.last = moves.current.last.then(async () => {
+      const file = now.current.file;
+      if (!file) return;
+      const { text } = await call<{ text: string }>("scene.move", { text: file.text, fixture: name, x, y });
+      now.current.file = { ...now.current.file!, text };
+      setFile(now.current.file);
+    }).catch((failed: CallError) => {
       toastError(failed);
-      if (now.current.content) stage.current?.show(now.current.content);
-    });
+      now.current.content = before;
+      setContent(before);
+      stage.current?.show(before);
+    }).finally(() => { moves.current.open--; });
   }, []);
   useEffect(() => {
     let made: Stage;
@@ -62,7 +77,7 @@ export function ScenePanel({ path, scene }: { path: string; scene: string }) {
   useEffect(() => {
     let wanted = true;
     call<SceneContent>("scene.show", { mission: path, scene, seed, text }).then((found) => {
-      if (!wanted) return;
+      if (!wanted || moves.current.open) return;
       setContent(found);
       setError("");
       stage.current?.show(found);
@@ -78,7 +93,7 @@ export function ScenePanel({ path, scene }: { path: string; scene: string }) {
   const save = () => {
     if (!file) return;
     call<{ version: string }>("files.write", { path: own, text: file.text, version: file.version }).then((written) => {
-      setFile({ text: file.text, saved: file.text, version: written.version });
+      setFile((since) => since && { ...since, saved: file.text, version: written.version });
       toast(`${own} saved`, "success");
     }, toastError);
   };
@@ -112,12 +127,7 @@ export function ScenePanel({ path, scene }: { path: string; scene: string }) {
       {body && file && (
         <div className="seed">
           {(["x", "y"] as const).map((axis, number) => (
-            <label key={axis}>{axis}, m <input type="number" step={0.01} key={`${body.name} ${body.position[number]}`} defaultValue={Number(body.position[number]!.toFixed(4))}
-              onKeyDown={(event) => { if (event.key === "Enter") event.currentTarget.blur(); }}
-              onBlur={(event) => {
-                const value = Number(event.target.value);
-                if (Math.abs(value - body.position[number]!) > 1e-5) move(body.name, number ? body.position[0] : value, number ? value : body.position[1]);
-              }} /></label>
+            <Coordinate key={`${body.name} ${axis}`} axis={axis} value={body.position[number]!} onEnter={(value) => move(body.name, number ? body.position[0] : value, number ? value : body.position[1])} />
           ))}
         </div>
       )}
@@ -131,5 +141,26 @@ export function ScenePanel({ path, scene }: { path: string; scene: string }) {
         </figure>
       ) : <p className="loading"><span className="spinner" /> The scene settles in physics…</p>)}
     </div>
+  );
+}
+
+function moved(content: SceneContent, name: string, x: number, y: number): SceneContent {
+  const place = content.bodies.filter((body) => body.name === name).at(-1)?.position;
+  if (!place) return content;
+  const by = [x - place[0], y - place[1]] as const;
+  return { ...content, bodies: content.bodies.map((body) => (body.name === name ? { ...body, position: [body.position[0] + by[0], body.position[1] + by[1], body.position[2]] } : body)) };
+}
+
+// One number of a place. What is being typed stays, whatever answers arrive meanwhile.
+function Coordinate({ axis, value, onEnter }: { axis: string; value: number; onEnter: (value: number) => void }) {
+  const [typed, setTyped] = useState<string | null>(null);
+  const enter = () => {
+    const wanted = Number(typed);
+    if (typed && Math.abs(wanted - value) > 1e-5) onEnter(wanted);
+    setTyped(null);
+  };
+  return (
+    <label>{axis}, m <input type="number" step={0.01} value={typed ?? Number(value.toFixed(4))} onChange={(event) => setTyped(event.target.value)} onBlur={enter}
+      onKeyDown={(event) => { if (event.key === "Enter") event.currentTarget.blur(); }} /></label>
   );
 }
