@@ -125,6 +125,7 @@ def opened() -> Generator[set[str]]:
     if not _hears:
         sys.addaudithook(_hear)
         _hears = True
+    contents()  # opens all files, most of which no run needs
     found: set[str] = set()
     _listeners.append(found)
     try:

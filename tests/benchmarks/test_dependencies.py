@@ -37,6 +37,13 @@ def test_files_that_are_read_count_and_written_or_foreign_ones_do_not(
     assert not any("written" in file for file in files)
 
 
+def test_files_that_are_read_for_their_digests_do_not_count(dependencies: ModuleType) -> None:
+    dependencies.contents.cache_clear()
+    with dependencies.opened() as files:
+        dependencies.used((), loaded("skills/push.py"))
+    assert dependencies.used(files, {}) == []
+
+
 def test_what_workers_load_for_others_counts_only_where_the_benchmark_imports_it(
     dependencies: ModuleType,
 ) -> None:
