@@ -216,10 +216,8 @@ def _section(one: Campaign, record: Record) -> str:
         if target:
             target += ": met" if met(target, rate) else ": **missed**"
         low, high = rate.interval
-        lines.append(
-            f"| {name} | {rate.hits:,} of {rate.n:,} | {100 * rate.share:.1f} % "
-            f"| {100 * low:.1f} … {100 * high:.1f} % | {target} |"
-        )
+        share = f"{100 * rate.share:.1f} % | {100 * low:.1f} … {100 * high:.1f} %" if rate.n else "– | –"
+        lines.append(f"| {name} | {rate.hits:,} of {rate.n:,} | {share} | {target} |")
     lines += [
         f"| {name} | not measured | | | {target} |"
         for name, target in one.targets.items()

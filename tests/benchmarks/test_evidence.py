@@ -127,6 +127,7 @@ def test_the_page_marks_what_is_old_and_what_is_missed(program: Program, tmp_pat
         "| with pushes, items sorted | 299 of 300 | 99.7 % | 98.1 … 99.9 % | at least 99 %: met |" in pushes
     )
     assert "`python benchmarks/singulating.py --runs 50`, commit c0ffee" in pushes
+    assert "| runs above the limit | 0 of 0 | – | – |  |" in pushes
     assert "Old" not in pushes
     assert "Cut off" not in pushes
     assert "UTC. Cut off: 3 of 40 runs have a result. **Old" in kits
