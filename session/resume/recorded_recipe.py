@@ -51,9 +51,7 @@ class RecordedRun:
         self.run = run
         self._folder = tempfile.TemporaryDirectory(prefix="picktree-")
         self._unpacking = Unpacking(run.log, Path(self._folder.name))
-        self._edits = [
-            (at.time, at.record.files) for at in run.events if isinstance(at.record, MissionEditedEvent)
-        ]
+        self._edits = list(_edits(run))
 
     def close(self) -> None:
         self._folder.cleanup()
@@ -100,10 +98,8 @@ class RecordedRun:
         s."""
         answers: list[tuple[str, str]] = []
         changes: list[tuple[float, EntryChange]] = []
-        for at in self.run.events:
+        for at in self.run.log.events(since + _TIME_TOLERANCE if since >= 0.0 else None):
             event = at.record
-            if at.time <= since + _TIME_TOLERANCE:
-                continue
             if isinstance(event, OperatorAnswerEvent):
                 answers.append((event.node, event.answer))
             elif isinstance(event, BlackboardSetEvent):
@@ -147,6 +143,18 @@ class RecordedRun:
             return self.run.info.limit
         result = self.run.result
         return result.sim_seconds if result is not None and result.status == "timeout" else DEFAULT_TIME_LIMIT
+
+
+def _edits(run: RunRecord) -> Iterator[tuple[float, str]]:
+    """Yield time (simulated s) and folder in the log of each version of the mission that took over.
+
+    Each has its tree in the log. What was before the first is not read: a log of hours, once read, keeps
+    gigabytes for as long as it is open.
+    """
+    for tree in run.trees[1:2]:
+        for at in run.log.events(tree.time):
+            if isinstance(at.record, MissionEditedEvent):
+                yield at.time, at.record.files
 
 
 class RecordedEdits(Interrupter):

@@ -150,10 +150,10 @@ def _tally(run: RunRecord, known: RunState, since: float, until: float) -> RunCo
     tally = RunCounters.resumed(before)
     tally.follow(run.tree_at(since).nodes)
     events: dict[float, list[JournalEvent]] = {}
-    for at in run.events:
-        if since < at.time <= until + 1e-9:
-            events.setdefault(at.time, []).append(at.record)
-    for at in run.log.ticks(since + 1e-6 if since >= 0.0 else None, until):
+    begin = since + 1e-6 if since >= 0.0 else None
+    for at in run.log.events(begin, until + 1e-9):
+        events.setdefault(at.time, []).append(at.record)
+    for at in run.log.ticks(begin, until):
         leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
         tick = at.record
         tally.take(at.time, events.get(at.time, ()), tick.nodes, leaves, tick.transitions)

@@ -14,7 +14,7 @@ import pytest
 
 from picktree.analysis.run import Run
 from picktree.errors import PicktreeError
-from picktree.logs.run_log import RunLog
+from picktree.logs.run_log import RunLog, Stamped
 from picktree.logs.run_result import RunResult
 from picktree.session.assembly import TICK_LENGTH
 from picktree.session.execution import Execution
@@ -24,6 +24,7 @@ from picktree.session.resume.resumption import ResumeRequest, Resumption
 from picktree.session.session import Recording, RunRequest, Session
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.running.runner import TickReport
+from picktree.world.journal import JournalEvent
 
 CHUNK = 0x06
 """Opcode of a chunk in MCAP."""
@@ -130,6 +131,28 @@ def test_a_killed_run_goes_on_byte_for_byte(killed: Path, alone: RunResult, tmp_
         result = resumption.session().run()
     assert (result.status, result.digest) == ("success", alone.digest)
     assert (result.items, result.picks) == (alone.items, alone.picks)
+
+
+@pytest.mark.parametrize("as_it_stands", [False, True])
+def test_events_before_the_checkpoint_are_not_read(
+    killed: Path, monkeypatch: pytest.MonkeyPatch, *, as_it_stands: bool
+) -> None:
+    read: list[float] = []
+    events = RunLog.events
+
+    def heard(
+        log: RunLog, start: float | None = None, end: float | None = None
+    ) -> Iterator[Stamped[JournalEvent]]:
+        for at in events(log, start, end):
+            read.append(at.time)
+            yield at
+
+    monkeypatch.setattr(RunLog, "events", heard)
+    with Resumption(ResumeRequest(killed, as_it_stands=as_it_stands)) as resumption:
+        resumption.session()
+        checkpoint = resumption.recorded.last_checkpoint(resumption.run.end)
+    assert checkpoint is not None
+    assert read and min(read) > checkpoint[1].time > 0.0
 
 
 def test_it_goes_on_as_things_stood_and_looks_first(killed: Path, alone: RunResult, tmp_path: Path) -> None:
