@@ -49,12 +49,13 @@ class RecordedRun:
 
     def __init__(self, run: RunRecord) -> None:
         self.run = run
-        self._folder = tempfile.TemporaryDirectory(prefix="picktree-")
-        self._unpacking = Unpacking(run.log, Path(self._folder.name))
+        self.folder = tempfile.TemporaryDirectory(prefix="picktree-")
+        """Folder of the unpacked files."""
+        self._unpacking = Unpacking(run.log, Path(self.folder.name))
         self._edits = list(_edits(run))
 
     def close(self) -> None:
-        self._folder.cleanup()
+        self.folder.cleanup()
 
     def __enter__(self) -> RecordedRun:
         return self
@@ -91,7 +92,7 @@ class RecordedRun:
     def edits(self, since: float = -1.0) -> RecordedEdits:
         """Return the edits that were taken over during the run later than `since`, simulated s."""
         later = [(time, files) for time, files in self._edits if time > since + _TIME_TOLERANCE]
-        return RecordedEdits(self._unpacking, later)
+        return RecordedEdits(self.run.path, Path(self.folder.name), later)
 
     def operator(self, since: float = -1.0) -> RecordedOperator:
         """Return an operator with the answers and the changes of the blackboard later than `since`, simulated
@@ -158,16 +159,21 @@ def _edits(run: RunRecord) -> Iterator[tuple[float, str]]:
 
 
 class RecordedEdits(Interrupter):
-    """Versions of a mission that were taken over during a run, each at its time."""
+    """Versions of a mission that were taken over during a run, each at its time.
 
-    def __init__(self, unpacking: Unpacking, edits: list[tuple[float, str]]) -> None:
-        self._unpacking = unpacking
+    They are unpacked into `folder`, from a log that need not stay open until then.
+    """
+
+    def __init__(self, log: Path, folder: Path, edits: list[tuple[float, str]]) -> None:
+        self._log = log
+        self._folder = folder
         self._edits = edits
 
     def look(self, current: Mission, now: float) -> tuple[ReloadMessage, ...]:
         # One version at a time, at its time: loading a plug-in of a later version replaces the one that runs.
         if self._edits and now >= self._edits[0][0] - _TIME_TOLERANCE:
-            self.pending = self._unpacking.mission(self._edits.pop(0)[1])
+            with RunLog(self._log) as log:
+                self.pending = Unpacking(log, self._folder).mission(self._edits.pop(0)[1])
         return ()
 
 

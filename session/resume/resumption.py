@@ -3,6 +3,7 @@ simulation."""
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -207,11 +208,9 @@ class Resumption:
     def __init__(self, request: ResumeRequest) -> None:
         self.request = request
         with ExitStack() as stack:
-            self.run = stack.enter_context(RunRecord(request.log))
-            _refuse_finished(self.run, request.limit)
-            self.recorded = stack.enter_context(RecordedRun(self.run))
-            self.recipe, self.told, self._knows = self._recipe()
+            self.recipe, self.told, self._recorded = self._read(stack)
             self._open = stack.pop_all()
+        gc.collect()  # Readers of logs refer to themselves, and a session never frees what exists before it.
 
     def __enter__(self) -> Resumption:
         return self
@@ -222,47 +221,59 @@ class Resumption:
         self._open.close()
 
     def session(self, observers: Sequence[Observer] = ()) -> Session:
-        """Return the session that resumes the run.
+        """Return the session that resumes the run. To be called once.
 
         The interrupters among the observers answer the questions that have no recorded answer.
         """
-        recorded = (self.recorded.edits(self._knows), self.recorded.operator(self.since))
         return Session(
             self.recipe,
             record=Recording(self.request.out, self.request.rotation),
-            observers=(*recorded, PresetAnswers(self.request.answers), *observers),
+            observers=(*self._recorded, PresetAnswers(self.request.answers), *observers),
             planning_worker=has_second_core(),
         )
 
     @property
     def since(self) -> float:
         """Time at which the run resumes, simulated s; -1 when it starts from the beginning."""
-        return self.recipe.start.state.time if self.recipe.start else -1.0
+        return _since(self.recipe)
 
-    def _recipe(self) -> tuple[Recipe, str, float]:
-        """Return the recipe, a sentence about its start, and the end of its knowledge, simulated s."""
-        limit = self.request.limit
-        found = recipe_from_truth(self.recorded) if self.request.as_it_stands else self._from_checkpoint()
-        recipe, told, knows = found
-        return (recipe if limit is None else replace(recipe, limit=limit)), told, knows
+    def _read(self, stack: ExitStack) -> tuple[Recipe, str, tuple[Observer, ...]]:
+        """Return the recipe, a sentence about its start, and who repeats the interventions of after it.
 
-    def _from_checkpoint(self) -> tuple[Recipe, str, float]:
-        """Return the recipe from the last checkpoint, else from the beginning."""
-        run, recorded = self.run, self.recorded
-        found = recorded.last_checkpoint(run.end)
-        if found is None:
-            recipe, told, _ = _from_start(recorded, "has no checkpoint")
-        else:
-            name, state = found
-            recipe = recorded.from_checkpoint(name, state)
-            told = (
-                f"going on with {run.path} from {name.removesuffix('.json')}: {state.time:.2f} s, "
-                f"{_done(state.items_done)}"
-            )
-        departed = arithmetic_difference(run.info.arithmetic, arithmetic())
-        if departed:
-            told = f"{told}\n{departed}"
-        return recipe, told, recipe.start.state.time if recipe.start else -1.0
+        The log is closed then: that of hours takes much memory. `stack` keeps the unpacked files.
+        """
+        as_it_stands, limit = self.request.as_it_stands, self.request.limit
+        with RunRecord(self.request.log) as run:
+            _refuse_finished(run, limit)
+            recorded = RecordedRun(run)
+            stack.enter_context(recorded.folder)
+            recipe, told, knows = (recipe_from_truth if as_it_stands else _from_checkpoint)(recorded)
+            if limit is not None:
+                recipe = replace(recipe, limit=limit)
+            return recipe, told, (recorded.edits(knows), recorded.operator(_since(recipe)))
+
+
+def _from_checkpoint(recorded: RecordedRun) -> tuple[Recipe, str, float]:
+    """Return the recipe from the last checkpoint, else from the beginning, as `recipe_from_truth` does."""
+    run = recorded.run
+    found = recorded.last_checkpoint(run.end)
+    if found is None:
+        recipe, told, _ = _from_start(recorded, "has no checkpoint")
+    else:
+        name, state = found
+        recipe = recorded.from_checkpoint(name, state)
+        told = (
+            f"going on with {run.path} from {name.removesuffix('.json')}: {state.time:.2f} s, "
+            f"{_done(state.items_done)}"
+        )
+    departed = arithmetic_difference(run.info.arithmetic, arithmetic())
+    if departed:
+        told = f"{told}\n{departed}"
+    return recipe, told, _since(recipe)
+
+
+def _since(recipe: Recipe) -> float:
+    return recipe.start.state.time if recipe.start else -1.0
 
 
 def _from_start(recorded: RecordedRun, why: str) -> tuple[Recipe, str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -14,6 +15,7 @@ import pytest
 
 from picktree.analysis.run import Run
 from picktree.errors import PicktreeError
+from picktree.logs.mcap.reader import McapReader
 from picktree.logs.run_log import RunLog, Stamped
 from picktree.logs.run_result import RunResult
 from picktree.session.assembly import TICK_LENGTH
@@ -126,7 +128,7 @@ def killed(folder: Path) -> Iterator[Path]:
 
 def test_a_killed_run_goes_on_byte_for_byte(killed: Path, alone: RunResult, tmp_path: Path) -> None:
     with Resumption(ResumeRequest(killed, out=tmp_path)) as resumption:
-        assert f"{resumption.run.path} from checkpoint-0001: " in resumption.told
+        assert f"{killed / 'log.mcap'} from checkpoint-0001: " in resumption.told
         assert resumption.told.endswith(" s, 1 item done")
         result = resumption.session().run()
     assert (result.status, result.digest) == ("success", alone.digest)
@@ -134,7 +136,7 @@ def test_a_killed_run_goes_on_byte_for_byte(killed: Path, alone: RunResult, tmp_
 
 
 @pytest.mark.parametrize("as_it_stands", [False, True])
-def test_events_before_the_checkpoint_are_not_read(
+def test_of_the_log_only_what_follows_the_checkpoint_is_read_and_nothing_kept(
     killed: Path, monkeypatch: pytest.MonkeyPatch, *, as_it_stands: bool
 ) -> None:
     read: list[float] = []
@@ -150,7 +152,10 @@ def test_events_before_the_checkpoint_are_not_read(
     monkeypatch.setattr(RunLog, "events", heard)
     with Resumption(ResumeRequest(killed, as_it_stands=as_it_stands)) as resumption:
         resumption.session()
-        checkpoint = resumption.recorded.last_checkpoint(resumption.run.end)
+        logs = [each.path for each in gc.get_objects() if isinstance(each, McapReader)]
+        assert killed / "log.mcap" not in logs  # it is of no use any longer, and as large as it is long
+    with Run(killed) as run, RecordedRun(run) as recorded:
+        checkpoint = recorded.last_checkpoint(run.end)
     assert checkpoint is not None
     assert read and min(read) > checkpoint[1].time > 0.0
 
