@@ -204,7 +204,7 @@ def _run(
     """Run the jobs; return False when stopped before the end."""
     began = time.monotonic()
     until = began + 60 * given.minutes if given.minutes is not None else math.inf
-    recipe = _written_jobs(given.out, jobs, one)
+    recipe, needed, code = _written_jobs(given.out, jobs, one)
     waiting, under_way = deque(enumerate(jobs)), dict[str, Any]()
     whole = True
     workers = executor(given)
@@ -212,7 +212,11 @@ def _run(
         while waiting or under_way:
             while waiting and len(under_way) < workers.slots:
                 number, job = waiting[0]
-                if time.monotonic() + forecast.of(job) > until:
+                late = time.monotonic() + forecast.of(job) > until
+                edited = bytes_digest(needed) != code
+                if edited:
+                    print("the checkout is being edited: no further run begins", file=sys.stderr)
+                if late or edited:
                     waiting.clear()
                     whole = False
                     break
@@ -257,8 +261,13 @@ def _outcome(event: object, job: Any) -> tuple[Row, float, list[str]]:
             return {"seed": job.seed, "crash": "it was stopped"}, 0.0, []
 
 
-def _written_jobs(folder: Path, jobs: Sequence[Any], one: Callable[[Any, Path], Row]) -> Path:
-    """Write the jobs for the workers. They import the program, which is the main module here, by its name."""
+def _written_jobs(
+    folder: Path, jobs: Sequence[Any], one: Callable[[Any, Path], Row]
+) -> tuple[Path, list[str], str]:
+    """Write the jobs for the workers, which import the program, the main module here, by its name.
+
+    Return their file, and the files that workers must have as they are now, with their digest.
+    """
     main = sys.modules["__main__"]
     file = Path(sys.modules[one.__module__].__file__ or "").resolve()
     if one.__module__ == "__main__":
@@ -269,9 +278,10 @@ def _written_jobs(folder: Path, jobs: Sequence[Any], one: Callable[[Any, Path], 
     place = file.parent.relative_to(ROOT) if file.is_relative_to(ROOT) else file.parent
     path = folder / f"jobs-{os.getpid()}.pickle"
     needed = of_program(file)  # a worker elsewhere must have the same
+    code = bytes_digest(needed)
     content = pickle.dumps((one, list(jobs)))
-    path.write_bytes(pickle.dumps((str(place), needed, bytes_digest(needed), os.getcwd(), content)))
-    return path
+    path.write_bytes(pickle.dumps((str(place), needed, code, os.getcwd(), content)))
+    return path, needed, code
 
 
 def _plan(

@@ -150,6 +150,23 @@ def test_a_worker_with_another_checkout_refuses_to_run(
     assert squares.runs() == 0
 
 
+def test_a_checkout_that_is_edited_stops_the_campaign_and_loses_no_run(
+    squares: Squares, program: Callable[[str], ModuleType], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    campaign = program("_campaign")
+
+    def edited(order: JobOrder) -> bytes:
+        content: bytes = campaign.attempt(order)
+        squares.change()
+        return content
+
+    monkeypatch.setattr(campaign, "executor", lambda given: InThisProcess(edited))
+    out, err = squares.run("--runs", "3")
+    assert out.endswith("[0]\n") and "1 of 3 runs have a result" in out
+    assert "the checkout is being edited: no further run begins\nit was stopped" in err
+    assert [line["row"] for line in squares.lines()] == [{"seed": 0, "square": 0}]
+
+
 def test_finished_runs_are_not_run_again_and_more_may_be_asked_for(squares: Squares) -> None:
     out, err = squares.run("--runs", "2")
     assert out == "[0, 1]\n"
