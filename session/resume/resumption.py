@@ -238,7 +238,7 @@ class Resumption:
         return _since(self.recipe)
 
     def _read(self, stack: ExitStack) -> tuple[Recipe, str, tuple[Observer, ...]]:
-        """Return the recipe, a sentence about its start, and who repeats the interventions of after it.
+        """Return the recipe, a sentence about its start, and the observers that repeat later interventions.
 
         The log is closed then: that of hours takes much memory. `stack` keeps the unpacked files.
         """
