@@ -8,7 +8,7 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ....logs.recording.true_state import fold_states, read_state
 from ....logs.run_log import Stamped
@@ -18,6 +18,8 @@ from ....world.values import Pose, Vector3, rotated
 
 if TYPE_CHECKING:
     from ....logs.run_log import RunLog
+
+R = TypeVar("R")
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +70,7 @@ class BodyTracks:
 
     def __init__(self, scenes: Sequence[Stamped[Scene]], role: str | None = None) -> None:
         self.times = tuple(at.time for at in scenes)
+        self._scenes = scenes
         collected: dict[str, list[tuple[float, BodyRecord]]] = defaultdict(list)
         for at in scenes:
             for body in at.record.bodies:
@@ -77,6 +80,8 @@ class BodyTracks:
             id_: BodyTrack(id_, tuple(t for t, _ in found), tuple(b for _, b in found))
             for id_, found in collected.items()
         }
+        self._order = {id_: number for number, id_ in enumerate(self.tracks)}
+        """Number of each body in the order in which they first came."""
 
     @property
     def spacing(self) -> float:
@@ -96,15 +101,21 @@ class BodyTracks:
 
     def there(self, time: float) -> list[tuple[str, BodyRecord]]:
         """Return all bodies as of the last message at `time` or before."""
-        found = ((id_, self.at(id_, time)) for id_ in self.tracks)
+        number = bisect.bisect_right(self.times, time + 1e-6)
+        if number == 0:
+            return []
+        first = bisect.bisect_left(self.times, self.times[number - 1] - 1e-6)
+        ids = {body.id for at in self._scenes[first:number] for body in at.record.bodies}
+        known = sorted(ids & self._order.keys(), key=self._order.__getitem__)
+        found = ((id_, self.at(id_, time)) for id_ in known)
         return [(id_, body) for id_, body in found if body is not None]
 
     def about(self, time: float) -> list[tuple[str, BodyRecord]]:
         """Return all bodies as of `there`, and those that came between that message and the next one."""
         number = bisect.bisect_right(self.times, time + 1e-6)
-        following = self.times[number] if number < len(self.times) else time
-        came = [t for t in self.tracks.values() if time + 1e-6 < t.times[0] <= following + 1e-6]
-        return [*self.there(time), *((track.id, track.first) for track in came)]
+        following = self.there(self.times[number]) if number < len(self.times) else []
+        came = (self.tracks[id_] for id_, _ in following)
+        return [*self.there(time), *((t.id, t.first) for t in came if t.times[0] > time + 1e-6)]
 
     def gone(self, id_: str) -> tuple[float, float] | None:
         """Return the times between which a body vanished for good, s; None when it is there at the end."""
@@ -112,6 +123,16 @@ class BodyTracks:
         if track is None or not self.times or track.times[-1] >= self.times[-1] - 1e-6:
             return None
         return track.times[-1], next(t for t in self.times if t > track.times[-1] + 1e-6)
+
+
+def between(found: Sequence[Stamped[R]], start: float, end: float) -> list[Stamped[R]]:
+    """Return the records of `found`, in order of time, between two times, both inclusive, s."""
+    first = bisect.bisect_left(found, start - 1e-6, key=_time)
+    return list(found[first : bisect.bisect_right(found, end + 1e-6, key=_time)])
+
+
+def _time(at: Stamped[Any]) -> float:
+    return at.time
 
 
 def horizontal_distance(a: BodyRecord, b: BodyRecord) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -26,7 +27,7 @@ from ....world.scene.description import Bin, CatalogueEntry, Fixture, SceneDescr
 from ....world.scene.destinations import ItemTraits, destination_rule
 from ....world.shapes import extents, greatest_length
 from ....world.values import Array, ObjectId, Pose, Vector3
-from .body_tracks import BodyTracks, DeviceState, device_state, true_scenes, true_states
+from .body_tracks import BodyTracks, DeviceState, between, device_state, true_scenes, true_states
 from .explanation import FailureStory
 from .identities import Identities
 
@@ -89,6 +90,7 @@ class Investigation:
         self.family = family
         self.failures = tuple(failures)
         self._answers: dict[object, object] = {}
+        self._by_kind: dict[type[JournalEvent], Sequence[Stamped[JournalEvent]]] = {}
 
     @cached_property
     def scene(self) -> SceneDescription | None:
@@ -243,15 +245,21 @@ class Investigation:
 
     def events(self, kind: type[E], start: float = 0.0, end: float = math.inf) -> list[Stamped[E]]:
         """Events of a kind between two times, both inclusive, s."""
-        return [
-            Stamped(at.time, at.record)
-            for at in self.run.events
-            if isinstance(at.record, kind) and start - 1e-6 <= at.time <= end + 1e-6
-        ]
+        found = self._by_kind.get(kind)
+        if found is None:
+            found = self._by_kind[kind] = [at for at in self.run.events if isinstance(at.record, kind)]
+        return cast("list[Stamped[E]]", between(found, start, end))
 
     def changes(self, item: str, start: float = 0.0, end: float = math.inf) -> list[Stamped[BeliefEvent]]:
         """Changes of the belief of an item."""
-        return [at for at in self.events(BeliefEvent, start=start, end=end) if at.record.object == item]
+        return between(self._changes.get(item, ()), start, end)
+
+    @cached_property
+    def _changes(self) -> Mapping[str, Sequence[Stamped[BeliefEvent]]]:
+        found: dict[str, list[Stamped[BeliefEvent]]] = defaultdict(list)
+        for at in self.events(BeliefEvent):
+            found[at.record.object].append(at)
+        return found
 
     def hand(self, time: float) -> Vector3 | None:
         """Where the hand's fingers were, m; None when the log does not tell."""
@@ -358,8 +366,7 @@ class Investigation:
 
     def believed_at(self, time: float) -> list[BodyRecord]:
         """All bodies of the belief at that time."""
-        found = (self.belief.at(id_, time) for id_ in self.belief.tracks)
-        return [body for body in found if body is not None]
+        return [body for _, body in self.belief.there(time)]
 
     def ports(self, path: str) -> Mapping[str, str]:
         """As the mission gives them to a node, the last version of it."""
