@@ -202,7 +202,7 @@ def _truths(log: RunLog, span: tuple[float, float]) -> Iterator[Stamped[Scene]]:
     from ..explain.investigation.body_tracks import true_scenes, true_states  # slow to import
 
     start, end = span
-    for at in true_scenes(list(log.truths(end=end)), list(true_states(log))):
+    for at in true_scenes(list(log.truths(end=end)), true_states(log)):
         if start <= at.time <= end:
             yield at
 

@@ -6,7 +6,7 @@ import bisect
 import itertools
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -177,7 +177,7 @@ def true_states(log: RunLog) -> Iterator[tuple[float, Mapping[str, Any]]]:
 
 
 def true_scenes(
-    scenes: Sequence[Stamped[Scene]], states: Sequence[tuple[float, Mapping[str, Any]]]
+    scenes: Sequence[Stamped[Scene]], states: Iterable[tuple[float, Mapping[str, Any]]]
 ) -> list[Stamped[Scene]]:
     """Return the truth as often as the log has it: looks once a second, places with each state."""
     found = list(scenes)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import tempfile
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
@@ -102,9 +102,14 @@ class Investigation:
 
     @cached_property
     def _true_scenes(self) -> tuple[list[Stamped[Scene]], tuple[DeviceState, ...]]:
-        states = list(true_states(self.run.log))
-        scenes = true_scenes(list(self.run.log.truths()), states)
-        return scenes, tuple(device_state(time, state) for time, state in states)
+        devices: list[DeviceState] = []
+
+        def states() -> Iterator[tuple[float, Mapping[str, Any]]]:  # a long log has too many to keep
+            for time, state in true_states(self.run.log):
+                devices.append(device_state(time, state))
+                yield time, state
+
+        return true_scenes(list(self.run.log.truths()), states()), tuple(devices)
 
     @cached_property
     def truth(self) -> BodyTracks:

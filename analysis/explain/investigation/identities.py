@@ -169,13 +169,13 @@ def _unlike(seen: BodyRecord, true: BodyRecord, common: tuple[float, float]) -> 
 
 
 def _touching(seen: BodyRecord, true: Sequence[tuple[str, BodyRecord]], common: tuple[float, float]) -> str:
-    """Return the true item whose horizontal circle holds the believed centre; empty for none."""
-    found: list[tuple[float, str]] = []
+    """Return the nearest true item whose horizontal circle holds the believed centre; empty for none."""
+    away: list[tuple[float, str, BodyRecord]] = []
     for name, body in true:
         x, y, _ = offset(seen, body)
+        away.append((math.hypot(x - common[0], y - common[1]), name, body))
+    for distance, name, body in sorted(away, key=lambda each: each[:2]):
         low, high = extents(body.shape, body.pose.rotation())
-        reach = float(np.linalg.norm((high - low)[:2])) / 2 + 0.01
-        away = math.hypot(x - common[0], y - common[1])
-        if away < reach:
-            found.append((away, name))
-    return min(found, default=(0.0, ""))[1]
+        if distance < float(np.linalg.norm((high - low)[:2])) / 2 + 0.01:
+            return name
+    return ""
