@@ -39,7 +39,7 @@ from .fitting.item_fitting import (
     detection_from,
     is_clear,
 )
-from .fitting.known_object_fitting import TrackedSighting, known_objects, track_objects
+from .fitting.known_object_fitting import TrackedSighting, known_objects, most_parts, track_objects
 from .fitting.view import Detection, PerceivedView, UnexplainedPatch, bin_height_map
 from .geometry.camera_geometry import PosedCamera, register_hand_camera
 from .geometry.resting_poses import HoleMouths, catalogue_poses
@@ -322,7 +322,8 @@ class _Finding:
                 self._settle(blob, hypotheses, floor)
             return
         if misfit > GOOD_MISFIT and not floor.in_bin:
-            parts = split_blob(self.picture, self.fitter, blob, floor.height, misfit)
+            most = most_parts(self.picture, self.fitter, blob, self.known)
+            parts = split_blob(self.picture, self.fitter, blob, floor.height, misfit, most)
             if parts is not None and (
                 misfit >= POOR_MISFIT or all(is_clear(part.hypotheses[0]) for part in parts)
             ):

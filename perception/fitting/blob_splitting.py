@@ -61,16 +61,17 @@ class BlobPart:
 
 
 def split_blob(
-    picture: SegmentationInput, fitter: ItemFitter, blob: Blob, support: float, misfit: float
+    picture: SegmentationInput, fitter: ItemFitter, blob: Blob, support: float, misfit: float, most: int
 ) -> list[BlobPart] | None:
-    """Split the blob into items. None when no split explains it clearly better than `misfit`."""
+    """Split the blob into at most `most` items. None when no split explains it clearly better than
+    `misfit`."""
     convex = notches(picture, blob) < MAX_NOTCHES
     limit = MAX_SPLIT_MISFIT_SHARE * misfit
     if convex:
         limit = min(limit, MAX_FLUSH_MISFIT)
     fitting = _CutFitting(picture, fitter, blob, support)
     best: list[BlobPart] | None = None
-    for count in range(2, min(MAX_PARTS, fitter.at_most(blob)) + 1):
+    for count in range(2, min(most, fitter.at_most(blob)) + 1):
         for cut in _cuts(picture, blob, count):
             parts = fitting.refined(cut, limit)
             if parts is None or _misfit(parts) > limit or (convex and not _are_flush(parts)):

@@ -4,12 +4,10 @@ depth."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...world.scene.description import CatalogueEntry
 from ...world.shapes import ray_hits
 from ...world.values import Array, Pose
 from ..expectation.backdrop import SupportSurface
@@ -102,16 +100,18 @@ class ItemFitter:
         if all(f.misfit > content for f in found):
             found += self._fits(blob, support, False, hover)
         if blob.whole and all(f.misfit > LEANING_MISFIT for f in found):
-            leaning = [rest for entry in self._entries() for rest in leaning_poses(entry)]
-            found += replace(self, rests=tuple(leaning))._fits(blob, support, False, hover, MAX_LEANING_DROP)
+            found += replace(self, rests=self.leaning)._fits(blob, support, False, hover, MAX_LEANING_DROP)
         found.sort(key=_rank)
         best: dict[tuple[str, bool], Hypothesis] = {}
         for one in found:
             best.setdefault((one.stand.rest.entry.kind, one.supported), one)
         return list(best.values())
 
-    def _entries(self) -> Iterable[CatalogueEntry]:
-        return {rest.entry.kind: rest.entry for rest in self.rests}.values()
+    @property
+    def leaning(self) -> tuple[StablePose, ...]:
+        """Poses of the entries that lean on something else."""
+        entries = {rest.entry.kind: rest.entry for rest in self.rests}.values()
+        return tuple(rest for entry in entries for rest in leaning_poses(entry))
 
     def judged(self, blob: Blob, start: StandingPose, rounds: int) -> Hypothesis:
         """Fit one body to the blob from a start near its pose. The height changes only where the depth

@@ -30,7 +30,7 @@ from ..segmentation import (
     label_of,
     outline_patch,
 )
-from .blob_splitting import OUTSIDE_COST, item_costs
+from .blob_splitting import MAX_PARTS, OUTSIDE_COST, item_costs
 from .item_fitting import GOOD_MISFIT, POOR_MISFIT, POOR_MISFIT_IN_BIN, Hypothesis, ItemFitter, is_clear
 
 DEPTH_STEP = 0.008
@@ -188,10 +188,11 @@ def known_objects(
     is: for these, a fit that explains the blob at all is enough. `floor` is the support under the blob.
     """
     touching: list[tuple[BeliefObject, StandingPose]] = []
+    rests = (*fitter.rests, *fitter.leaning)
     for one in known:
         if label_of(one.colour) != blob.patch.label or one.attached or not _is_believed_on(floor, one):
             continue
-        stand = _believed_standing_pose(fitter.rests, one)
+        stand = _believed_standing_pose(rests, one)
         if stand is None:
             continue
         x, y = picture.sight.at_height(blob.middle, one.pose.position[2])
@@ -202,43 +203,92 @@ def known_objects(
         if _is_shown_in(picture, blob, stand):
             touching.append((one, stand))
     while touching:
-        pieces, left = _taken_apart(picture, blob, [stand for _, stand in touching])
+        cut = _taken_apart(picture, blob, [stand for _, stand in touching])
         tried = [
             None if piece is None else _confirmed(picture, fitter, piece, floor, one, stand)
-            for piece, (one, stand) in zip(pieces, touching, strict=True)
+            for piece, (one, stand) in zip(cut.pieces, touching, strict=True)
         ]
-        if None not in tried:
-            return [each for each in tried if each is not None], left
-        touching = [each for each, found in zip(touching, tried, strict=True) if found is not None]
+        found = [each for each in tried if each is not None]
+        left = cut.left([each is None for each in tried])
+        if len(found) == len(tried) or (found and _have_real_outlines(picture, left)):
+            return found, left
+        touching = [each for each, one in zip(touching, tried, strict=True) if one is not None]
     picture.give_back(blob.patch)
     return [], []
 
 
-def _taken_apart(
-    picture: SegmentationInput, blob: Blob, stands: Sequence[StandingPose]
-) -> tuple[list[Blob | None], list[PixelPatch]]:
-    """Cut the blob by the poses of items in it, and return the piece of each and what belongs to none.
+@dataclass(frozen=True, eq=False)
+class _Cut:
+    """Blob that was cut by the poses of k items in it."""
 
-    None for an item that shows too little of its outline.
-    """
+    picture: SegmentationInput
+    blob: Blob
+    owners: NDArray[np.intp]
+    """Number of the item (n,) that each pixel belongs to; k for a pixel of none."""
+    pieces: list[Blob | None]
+    """Piece of each item; None for one that shows too little of its outline."""
+
+    def left(self, missing: Sequence[bool]) -> list[PixelPatch]:
+        """Claim the patches of what belongs to no item, or to one that is `missing` (k,)."""
+        rows, columns = self.blob.patch.rows, self.blob.patch.columns
+        free = np.zeros(self.picture.owner.shape, dtype=np.bool_)
+        free[rows, columns] = np.array([*missing, True])[self.owners]
+        label = self.blob.patch.label
+        return [self.picture.claim(*part, label) for part in connected_patches(free, MIN_BODY_PIXELS)]
+
+
+def _taken_apart(picture: SegmentationInput, blob: Blob, stands: Sequence[StandingPose]) -> _Cut:
+    """Cut the blob by the poses of items in it."""
     rows, columns = blob.patch.rows, blob.patch.columns
     picture.give_back(blob.patch)
     costs = item_costs(picture, blob, stands)
-    beyond = np.zeros(picture.owner.shape, dtype=np.uint8)
-    beyond[rows, columns] = costs.min(axis=0) > OUTSIDE_COST + UNEXPLAINED_DISTANCE
-    beyond = cv2.morphologyEx(beyond, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    left = [
+    for part in _patches_beyond(picture, blob, costs):
         picture.claim(*part, blob.patch.label)
-        for part in connected_patches(beyond.astype(np.bool_), MIN_BODY_PIXELS)
-    ]
     owned = picture.owner[rows, columns] != blob.patch.number
-    cut = np.where(owned, len(stands), costs.argmin(axis=0))
+    owners = np.where(owned, len(stands), costs.argmin(axis=0))
     patches = [
-        picture.claim(rows[cut == k], columns[cut == k], blob.patch.label) if (cut == k).any() else None
+        picture.claim(rows[owners == k], columns[owners == k], blob.patch.label)
+        if (owners == k).any()
+        else None
         for k in range(len(stands))
     ]
     pieces = [outline_patch(picture, p) if p is not None and p.measured >= 4 else None for p in patches]
-    return [p if p is None or p.outline.real.mean() > MIN_REAL_OUTLINE else None for p in pieces], left
+    shown = [p if p is None or p.outline.real.mean() > MIN_REAL_OUTLINE else None for p in pieces]
+    return _Cut(picture, blob, owners, shown)
+
+
+def _patches_beyond(picture: SegmentationInput, blob: Blob, costs: Array) -> list[tuple[Pixels, Pixels]]:
+    """Return rows and columns of the patches of the blob beside all items, by the items' `costs` (k, n)."""
+    beyond = np.zeros(picture.owner.shape, dtype=np.uint8)
+    beyond[blob.patch.rows, blob.patch.columns] = costs.min(axis=0) > OUTSIDE_COST + UNEXPLAINED_DISTANCE
+    beyond = cv2.morphologyEx(beyond, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    return connected_patches(beyond.astype(np.bool_), MIN_BODY_PIXELS)
+
+
+def most_parts(
+    picture: SegmentationInput, fitter: ItemFitter, blob: Blob, known: Sequence[BeliefObject]
+) -> int:
+    """Return the greatest number of items that a blob may be split into.
+
+    These are the items that were set aside there, and one more where it shows something beside them: the
+    search for more is the dearest of a picture, and would go on in each as long as they lie there.
+    """
+    rests = (*fitter.rests, *fitter.leaning)
+    stands = [
+        stand
+        for one in known
+        if one.place == ASIDE and label_of(one.colour) == blob.patch.label and not one.attached
+        if (stand := _believed_standing_pose(rests, one)) is not None and _is_shown_in(picture, blob, stand)
+    ]
+    if not stands:
+        return MAX_PARTS
+    more = _patches_beyond(picture, blob, item_costs(picture, blob, stands))
+    return min(MAX_PARTS, len(stands) + bool(more))
+
+
+def _have_real_outlines(picture: SegmentationInput, patches: Sequence[PixelPatch]) -> bool:
+    """Whether each of these shows enough of its own outline, beside that of the cut, to be recognised."""
+    return all(outline_patch(picture, p).outline.real.mean() > MIN_REAL_OUTLINE for p in patches)
 
 
 def _confirmed(
