@@ -93,7 +93,7 @@ def as_it_is(o: BeliefObject) -> BeliefObject:
 
 
 def as_blocks(o: BeliefObject) -> BeliefObject:
-    return replace(o, shape=Box((1.0, 1.0, 1.0)))
+    return replace(o, role="heap")
 
 
 def as_columns(o: BeliefObject) -> BeliefObject:
@@ -104,7 +104,7 @@ def as_columns(o: BeliefObject) -> BeliefObject:
         z = cells[(cells[:, 0] == x) & (cells[:, 1] == y), 2]
         spans.append((np.array([x, y, z.min()]), np.array([x + 1, y + 1, z.max() + 1])))
     _, pose, blocks = obstacle_from_cells(spans)
-    return replace(o, shape=Box((1.0, 1.0, 1.0)), pose=pose, blocks=blocks)
+    return replace(o, role="heap", pose=pose, blocks=blocks)
 
 
 def as_one_box(o: BeliefObject) -> BeliefObject:
@@ -118,7 +118,7 @@ def _corners(o: BeliefObject) -> tuple[Array, Array]:
 
 
 KINDS: dict[str, Callable[[BeliefObject], BeliefObject]] = {
-    "hull where tight": as_it_is,
+    "hulls": as_it_is,
     "one box": as_one_box,
     "blocks": as_blocks,
     "columns": as_columns,

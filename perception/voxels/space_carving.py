@@ -17,8 +17,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...world.belief.obstacle_hulls import hulls_of
 from ...world.belief.planning_scene import BeliefObject, ObstacleBlock
-from ...world.shapes import OBSTACLE_VOLUME, Box, ConvexMesh, Shape, convex_hull, extents, inside
+from ...world.shapes import Box, Shape, extents, inside
 from ...world.values import Array, Pose
 from .. import segmentation
 from ..fitting.view import PerceivedView, UnexplainedPatch
@@ -26,8 +27,6 @@ from ..segmentation import Pixels, SegmentationInput, connected_patches
 
 CELL_SIZE: Array = np.array([0.01, 0.01, 0.02])
 """Edge lengths of a cell, m; the world's origin is a corner of one."""
-MAX_HULL_VOLUME_RATIO = 1.25
-"""Greatest volume of a hull that stands for the cells, as a multiple of theirs."""
 HALF_DIAGONAL = float(np.linalg.norm(CELL_SIZE)) / 2
 
 Keys: TypeAlias = NDArray[np.int64]
@@ -104,8 +103,7 @@ def obstacle_from_cells(
     """Build an obstacle: the enclosing shape, its pose in the world, and each box as a block in it.
 
     In the `supposed` boxes nothing was seen. A box is its first cell and the one after its last, (3,) each.
-    The enclosing shape is the convex hull where that wastes little: a collision check then meets one body
-    instead of many boxes. Otherwise it is the bounding box.
+    The enclosing shape is the convex hull where that wastes little, otherwise the bounding box.
     """
     boxes = [*seen, *supposed]
     first = np.min([low for low, _ in boxes], axis=0)
@@ -121,18 +119,12 @@ def obstacle_from_cells(
 
 
 def _enclosing_shape(blocks: Sequence[ObstacleBlock]) -> Shape:
-    signs = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-    corners = np.concatenate([np.array(block.at) + signs * np.array(block.size) for block in blocks])
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    if len(blocks) == 1:
-        return Box(_vector(high - low))
-    spans = [_cells(block, -low) for block in blocks]
-    volume = len(cell_keys(np.concatenate(spans))) * float(np.prod(CELL_SIZE))
-    hull = convex_hull(corners)
-    if float(hull.volume) > MAX_HULL_VOLUME_RATIO * volume:
-        return Box(_vector(high - low))
-    vertices = np.unique(corners[hull.vertices], axis=0)
-    return ConvexMesh(tuple(_vector(vertex) for vertex in vertices), OBSTACLE_VOLUME)
+    """Return the hull where one stands for all blocks, else their bounding box."""
+    hulls = hulls_of(tuple(blocks))
+    if len(hulls) == 1:
+        return hulls[0][0]
+    middles, halves = np.array([block.at for block in blocks]), np.array([block.size for block in blocks]) / 2
+    return Box(_vector((middles + halves).max(axis=0) - (middles - halves).min(axis=0)))
 
 
 def _span(first: Indices, last: Indices) -> Indices:

@@ -16,6 +16,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from ...world.belief.obstacle_hulls import hulls_of
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, extents
 from ...world.values import Array, Pose
@@ -138,7 +139,7 @@ def _coal_geometry(shape: Shape) -> coal.CollisionGeometry:
 
 @dataclass(frozen=True, slots=True)
 class CollisionBody:
-    """Convex part of a named body: a bin has five, an obstacle one, or one for each of its blocks."""
+    """Convex part of a named body: a bin has five, an obstacle as many as its form takes."""
 
     name: str
     """Id of the fixture, bin or object; the name that `PlanningScene.allow` takes."""
@@ -176,7 +177,12 @@ def movable_bodies(objects: Iterable[BeliefObject]) -> tuple[CollisionBody, ...]
 
 
 def bodies_of(o: BeliefObject) -> tuple[CollisionBody, ...]:
-    """Return the convex parts of one object, all under its name: a hull stands for its blocks."""
-    if not o.blocks or isinstance(o.shape, ConvexMesh):
+    """Return the convex parts of one object, all under its name: hulls stand for an obstacle's blocks.
+
+    The columns of a heap stay as they are: fingers reach down beside higher ones.
+    """
+    if not o.blocks:
         return (CollisionBody(o.id, o.shape, o.pose),)
-    return tuple(CollisionBody(o.id, Box(block.size), o.pose @ Pose(block.at)) for block in o.blocks)
+    if o.role == "heap":
+        return tuple(CollisionBody(o.id, Box(block.size), o.pose @ Pose(block.at)) for block in o.blocks)
+    return tuple(CollisionBody(o.id, shape, o.pose @ Pose(at)) for shape, at in hulls_of(o.blocks))

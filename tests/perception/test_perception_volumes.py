@@ -323,6 +323,25 @@ def test_a_hull_stands_for_many_blocks_where_it_is_tight() -> None:
     assert len(blocks) == 2
 
 
+def test_few_hulls_stand_for_the_blocks_of_a_bent_body() -> None:
+    """Two slanting walls at a right angle: one hull would fill the corner between them."""
+    walls = [
+        cells_in_body(Box((0.3, 0.04, 0.2)), Pose.from_rpy((0.5 + x, y, 0.1), (0.0, 0.0, yaw)))
+        for x, y, yaw in ((0.0, 0.0, 0.5), (-0.19, 0.06, 0.5 + math.pi / 2))
+    ]
+    cells = np.unique(np.concatenate(walls))
+    shape, pose, blocks = obstacle_from_cells(merge_cells(cells))
+    bent = BeliefObject(
+        ObjectId("o"), "obstacle", "unknown", "unknown", shape, "grey", pose, 0, 0, 1, 0, blocks=blocks
+    )
+    bodies = movable_bodies([bent])
+    assert 2 <= len(bodies) < len(blocks) / 3
+    covered = [inside(body.shape, body.pose, cell_centres(cells)) for body in bodies]
+    assert np.any(covered, axis=0).all()
+    taken = np.unique(np.concatenate([cells_in_body(body.shape, body.pose) for body in bodies]))
+    assert len(taken) < 1.25 * len(cells)
+
+
 LONG = [
     standing(Cylinder(0.018, 0.26), 0.46, -0.03, 2.3, "red", lying=True),
     standing(Cylinder(0.025, 0.36), 0.55, -0.15, 0.4, "blue", lying=True),

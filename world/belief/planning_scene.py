@@ -58,9 +58,9 @@ class BeliefObject:
     place: str = "table"
     """Where it is believed to lie: `table`, a bin's id, `hand`, or `aside`."""
     blocks: tuple[ObstacleBlock, ...] = ()
-    """Known parts of an obstacle. If their convex hull wastes little, it is the `shape`, and collisions
-    are checked with it alone. Else `shape` is their bounding box, and each part is checked. Empty for
-    items, and for obstacles of older logs."""
+    """Known parts of an obstacle. If their convex hull wastes little, it is the `shape`, else that is their
+    bounding box; collisions are checked with `obstacle_hulls`. Empty for items, and for obstacles of older
+    logs."""
     mass: float | None = None
     """Mass as it was weighed in the hand, kg; None: not weighed."""
     seen_size: float | None = None
