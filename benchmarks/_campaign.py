@@ -106,6 +106,8 @@ def campaign(
 ) -> list[Row]:
     """Run the jobs that have no result in the folder yet, and return a row for each job that has one.
 
+    They are run in an order without order: those of a campaign that is cut off are a sample of all.
+
     A row has the `seed` and the values of the `job`.
 
     one: carries a job out, with a folder for its logs. What it raises makes a row with `crash`; that job is
@@ -114,8 +116,8 @@ def campaign(
     """
     try:
         with _locked(given.out) as folder:
-            kept = Results(folder / "results.jsonl", reference(), mixed=given.mixed)
-            missing = [job for job in jobs if kept.to_do(job)]
+            kept = Results(folder, reference(), mixed=given.mixed)
+            missing = sorted(filter(kept.to_do, jobs), key=lambda job: _digest(plain(job)))
             forecast = Forecast(kept, cost)
             print(_plan(given, missing, jobs, kept, forecast), file=sys.stderr, flush=True)
             if missing:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -17,6 +17,10 @@ from picktree.session.environment import revision
 
 REFERENCE_COST = 0.26
 """CPU seconds of the reference on the machine to which the costs in the programs refer."""
+FILE = "results.jsonl"
+MEASURED = frozenset({"cpu", "cpu_seconds", "wall_seconds", "ms", "folder", "log"})
+"""Values of a row that two runs of one job do not share: times of the computer, and places."""
+ROOT = f"{Path(__file__).resolve().parent.parent}/"
 Row = dict[str, Any]
 
 
@@ -36,27 +40,24 @@ class Result:
 
 
 class Results:
-    """File of the finished runs. A line that a kill has cut off is left out."""
+    """File of the finished runs."""
 
-    def __init__(self, path: Path, reference: float, *, mixed: bool) -> None:
+    def __init__(self, folder: Path, reference: float, *, mixed: bool) -> None:
         """`reference`: its CPU time on this machine, s. `mixed`: count results whose files have changed."""
-        self._path, self._dependencies = path, Dependencies(path.parent)
+        self._path, self._dependencies = folder / FILE, Dependencies(folder)
         self.reference = reference
         self.others: dict[str, int] = {}
         """Number of results whose files have changed since, by commit."""
         self.costs: defaultdict[str, list[float]] = defaultdict(list)
         """CPU times as multiples of the reference, by kind: the job without its seed."""
         self._found: dict[str, Result] = {}
-        text = path.read_bytes().decode(errors="replace") if path.exists() else ""
-        self._cut = bool(text) and not text.endswith("\n")
-        for line in text.splitlines():
-            with suppress(ValueError, TypeError):
-                result = Result(**json.loads(line))
-                self._learn(result)
-                if mixed or self._dependencies.hold(result.code):
-                    self._found[key(result.job)] = result
-                else:
-                    self.others[result.commit] = self.others.get(result.commit, 0) + 1
+        self._cut = self._path.exists() and self._path.read_bytes()[-1:] not in (b"", b"\n")
+        for result in _read(folder):
+            self._learn(result)
+            if mixed or self._dependencies.hold(result.code):
+                self._found[key(result.job)] = result
+            else:
+                self.others[result.commit] = self.others.get(result.commit, 0) + 1
 
     def row(self, job: Any) -> Row | None:
         found = self._found.get(key(plain(job)))
@@ -85,14 +86,35 @@ class Results:
 
 def commits(folder: Path) -> list[str]:
     """Return the commits of the results in a campaign's folder whose files have not changed, oldest first."""
-    path, dependencies = folder / "results.jsonl", Dependencies(folder)
-    found: dict[str, None] = {}
+    dependencies = Dependencies(folder)
+    return list(dict.fromkeys(each.commit for each in _read(folder) if dependencies.hold(each.code)))
+
+
+def repeated(folder: Path) -> tuple[int, int]:
+    """Return how many of the jobs in a campaign's folder that were run again since their files changed came
+    out the same, and their number."""
+    dependencies = Dependencies(folder)
+    now: dict[str, object] = {}
+    before: dict[str, object] = {}
+    for each in _read(folder):
+        (now if dependencies.hold(each.code) else before)[key(each.job)] = _told(each.row)
+    both = now.keys() & before.keys()
+    return sum(now[job] == before[job] for job in both), len(both)
+
+
+def _read(folder: Path) -> Generator[Result]:
+    """Yield the results of a campaign's folder. A line that a kill has cut off is left out."""
+    path = folder / FILE
     for line in path.read_bytes().decode(errors="replace").splitlines() if path.exists() else ():
         with suppress(ValueError, TypeError):
-            result = Result(**json.loads(line))
-            if dependencies.hold(result.code):
-                found[result.commit] = None
-    return list(found)
+            yield Result(**json.loads(line))
+
+
+def _told(value: Any) -> object:
+    """Return a row, or a part of one, without what was measured of the computer."""
+    if isinstance(value, dict):
+        return {name: _told(each) for name, each in value.items() if name not in MEASURED}
+    return [_told(each) for each in value] if isinstance(value, list) else value
 
 
 class Forecast:
@@ -113,8 +135,8 @@ class Forecast:
 
 
 def plain(job: Any) -> Row:
-    """Return the values of a job as JSON has them."""
-    return json.loads(json.dumps(asdict(job), default=str))
+    """Return the values of a job as JSON has them; files of the checkout by their paths in it."""
+    return json.loads(json.dumps(asdict(job), default=str).replace(ROOT, ""))
 
 
 def key(job: Mapping[str, Any], *, seed: bool = True) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from _campaign import CUT_OFF, ROOT, Figure, figures
+from _campaign_results import repeated
 from _dependencies import content
 
 import yaml
@@ -53,6 +54,11 @@ class Campaign:
     @property
     def program(self) -> Path:
         return ROOT / "benchmarks" / self.command.split()[0]
+
+    @property
+    def folder(self) -> Path:
+        """Folder of its results."""
+        return ROOT / "benchmarks" / "results" / "evidence" / self.name
 
 
 @dataclass(frozen=True)
@@ -162,7 +168,8 @@ def in_order(table: Sequence[Campaign], records: Mapping[str, Record]) -> list[C
         if record is None:
             return (0,)
         if record.changed:
-            return (1, record.date)
+            alike, again = repeated(one.folder)
+            return (1, 0 < again == alike, record.date)
         return (2, -max((rate.width for rate in record.rates.values()), default=0.0))
 
     return sorted(table, key=urgency)
@@ -197,6 +204,12 @@ def _targets(measured: Sequence[Campaign], records: Mapping[str, Record]) -> str
     return "\n".join([*lines, ""])
 
 
+def _repeats(one: Campaign) -> str:
+    """Return how many of its runs are the same with what has changed; empty when none was repeated."""
+    alike, again = repeated(one.folder)
+    return f"; of {again:,} runs repeated since, {alike:,} came out the same" if again else ""
+
+
 def _anchor(title: str) -> str:
     """Return the anchor of a heading, as Markdown renderers make it."""
     return re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-")
@@ -206,7 +219,7 @@ def _section(one: Campaign, record: Record) -> str:
     changed = record.changed
     more = f" and {len(changed) - NAMED} more" if len(changed) > NAMED else ""
     names = ", ".join(f"`{file}`" for file in changed[:NAMED])
-    old = f"**Old: {names}{more} changed since.**" if changed else ""
+    old = f"**Old: {names}{more} changed since{_repeats(one)}.**" if changed else ""
     said = [f"{one.words} `{one.line}`, commit {record.commit}, {record.date} UTC.", record.cut_off, old]
     lines = [f"## {one.title}\n", " ".join(filter(None, said)) + "\n"]
     if record.rates or one.targets:

@@ -6,11 +6,12 @@
     python benchmarks/evidence.py --page              # run nothing, write the page
 
 Campaigns without a figure come first, then those of which a file that their runs depended on has changed
-since, oldest first, then those with the widest interval. Each gets an equal share of the time that is left
-and goes on where it stopped. The rows of its runs are part of the checkout, but for the fault campaign and
-the soak, which need their logs. What it printed is kept in evidence.json with commit and date; the page has
-nothing else. A result that still holds is not replaced by one of fewer runs, and an old one not by one that
-counts less than a quarter of it.
+since, oldest first, then those with the widest interval. Old ones of which some runs were repeated with what
+has changed, and all came out the same, come after the other old ones; the page says how many. Each gets an
+equal share of the time that is left and goes on where it stopped. The rows of its runs are part of the
+checkout, but for the fault campaign and the soak, which need their logs. What it printed is kept in
+evidence.json with commit and date. A result that still holds is not replaced by one of fewer runs, and an old
+one not by one that counts less than a quarter of it.
 """
 
 from __future__ import annotations
@@ -22,7 +23,6 @@ import sys
 import time
 from collections.abc import Generator, Sequence
 from datetime import UTC, datetime
-from pathlib import Path
 
 from _campaign import ROOT
 from _campaign_results import commits
@@ -41,13 +41,13 @@ def run(one: Campaign, minutes: float) -> Record | None:
     """Run a campaign for so long; return its result, or None when it has none yet."""
     program, *words = shlex.split(one.line)[1:]
     print(f"\n== {one.name}: {one.line}, {minutes:.0f} min", file=sys.stderr, flush=True)
-    given = [sys.executable, program, *words, "--out", str(_folder(one)), "--minutes", f"{minutes:.2f}"]
+    given = [sys.executable, program, *words, "--out", str(one.folder), "--minutes", f"{minutes:.2f}"]
     done = subprocess.run(given, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode not in (0, 1) or not done.stdout.strip():  # 1: a target of its own is missed
         print(f"   no result (exit code {done.returncode})", file=sys.stderr, flush=True)
         return None
-    files = Dependencies(_folder(one)).files or of_program(one.program)
-    commit = ", ".join(commits(_folder(one))) or revision()
+    files = Dependencies(one.folder).files or of_program(one.program)
+    commit = ", ".join(commits(one.folder)) or revision()
     date, text = f"{datetime.now(UTC):%Y-%m-%d %H:%M}", done.stdout.strip("\n")
     return Record(commit, date, text, with_contents(files))
 
@@ -67,10 +67,6 @@ def _shares(waiting: Sequence[Campaign], hours: float) -> Generator[tuple[Campai
             print(f"no time is left for {', '.join(each.name for each in waiting[number:])}", file=sys.stderr)
             return
         yield one, min(left, max(LEAST_MINUTES, left / (len(waiting) - number)))
-
-
-def _folder(one: Campaign) -> Path:
-    return ROOT / "benchmarks" / "results" / "evidence" / one.name
 
 
 def main() -> int:

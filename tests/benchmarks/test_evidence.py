@@ -75,16 +75,20 @@ def test_targets(program: Program, target: str, hits: int, n: int, met: bool | N
 
 
 def test_time_goes_to_what_has_no_figure_then_to_old_then_to_uncertain(
-    program: Program,
+    program: Program, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     evidence = program("_evidence")
-    names = ("certain", "uncertain", "older", "old", "new")
+    names = ("certain", "alike", "uncertain", "older", "old", "new")
+    monkeypatch.setattr(
+        evidence, "repeated", lambda folder: {"alike": (3, 3), "older": (2, 3)}.get(folder.name, (0, 0))
+    )
     table = [evidence.Campaign(name, name, "", "sorting.py", 10) for name in names]
     now, before = evidence.with_contents(["benchmarks/sorting.py"]), "benchmarks/sorting.py:another"
     line = program("_campaign").rate
     records = {
         "certain": evidence.Record("c", "2026-01-03", line("x", 99, 100), now),
         "uncertain": evidence.Record("c", "2026-01-03", line("x", 5, 10), now),
+        "alike": evidence.Record("c", "2026-01-01", line("x", 99, 100), before),
         "older": evidence.Record("c", "2026-01-01", line("x", 99, 100), before),
         "old": evidence.Record("c", "2026-01-02", line("x", 5, 10), before),
     }
@@ -93,12 +97,15 @@ def test_time_goes_to_what_has_no_figure_then_to_old_then_to_uncertain(
         "new",
         "older",
         "old",
+        "alike",
         "uncertain",
         "certain",
     ]
 
 
-def test_the_page_marks_what_is_old_and_what_is_missed(program: Program, tmp_path: Path) -> None:
+def test_the_page_marks_what_is_old_and_what_is_missed(
+    program: Program, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     evidence, rate = program("_evidence"), program("_campaign").rate
     table = [
         evidence.Campaign(
@@ -115,6 +122,7 @@ def test_the_page_marks_what_is_old_and_what_is_missed(program: Program, tmp_pat
     }
     evidence.write(records, tmp_path / "kept.json")
     assert evidence.read(tmp_path / "kept.json") == records
+    monkeypatch.setattr(evidence, "repeated", lambda folder: (11, 12))
     targets, pushes, kits, missing = evidence.to_page(table, records).split("\n## ")[1:]
     name = "with pushes, items sorted"
     row = f"| [Pushes](#pushes) | {name} | 299 of 300, 99.7 % | 98.1 … 99.9 % | at least 99 % | met |"
@@ -132,7 +140,8 @@ def test_the_page_marks_what_is_old_and_what_is_missed(program: Program, tmp_pat
     assert "Cut off" not in pushes
     assert "UTC. Cut off: 3 of 40 runs have a result. **Old" in kits
     assert "at least 99 %: **missed**" in kits
-    assert "**Old: `benchmarks/pushing.py`, `gone/a.py`, `gone/b.py` and 1 more changed since.**" in kits
+    assert "**Old: `benchmarks/pushing.py`, `gone/a.py`, `gone/b.py` and 1 more changed since; " in kits
+    assert "since; of 12 runs repeated since, 11 came out the same.**" in kits
     assert missing == "Not yet\n\nWords. `python benchmarks/sorting.py --runs 40`: not measured yet.\n"
 
 
