@@ -28,8 +28,8 @@ KEPT = "dependencies.json"
 MACHINERY = frozenset(
     f"benchmarks/{name}"
     for name in (
-        *("_campaign.py", "_campaign_results.py", "_dependencies.py", "_evidence.py", "_soaking.py"),
-        *("evidence.json", "evidence.py"),
+        *("_campaign.py", "_campaign_results.py", "_dependencies.py", "_evidence.py"),
+        *("_soaking.py", "_soak_report.py", "evidence.json", "evidence.py"),
     )
 )
 """Files that deal runs out, and count or watch them: no run depends on them."""

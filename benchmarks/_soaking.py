@@ -6,6 +6,8 @@ import ctypes
 import json
 import math
 import resource
+import subprocess
+import sys
 import time
 from array import array
 from collections.abc import Callable, Iterable
@@ -89,9 +91,11 @@ class Diary(Interrupter):
         self._began, self._last = time.perf_counter(), 0.0
         self._minute = self._quarter = 0.0
         self._ticks = array("d")
+        self.folder: Path | None = None
 
     def started(self, run: Execution, folder: Path) -> None:
-        self._write({"folder": str(folder), "part": self._part})
+        self.folder = folder
+        self._write({"folder": folder.name, "part": self._part})
         self._last = time.process_time()
 
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
@@ -134,6 +138,11 @@ class Diary(Interrupter):
         if result.status == "interrupted":
             return  # the next part goes on
         self._write({"result": result.to_json_text(), "part": self._part})
+
+    def opened(self, wanted: int) -> None:
+        """Open so many files of the log, each by itself."""
+        if self.folder is not None:
+            self._write({"opened": asdict(Opened.of(self.folder, wanted)), "part": self._part})
 
     def died(self, error: BaseException) -> None:
         self._write({"crash": f"{type(error).__name__}: {error}", "part": self._part})
@@ -186,13 +195,51 @@ def in_use() -> float:
 
 
 @dataclass(frozen=True, slots=True)
+class Opened:
+    """Log of one process: what was found when its files were opened each by itself."""
+
+    files: int
+    size: float
+    """MB"""
+    drawn: int
+    """Number of files that were opened, drawn at random."""
+    whole: int
+    """Of them those that both the stock reader and `picktree explain` read."""
+    faults: tuple[str, ...]
+
+    @classmethod
+    def of(cls, folder: Path, wanted: int) -> Opened:
+        """Open so many files of a run's folder; all of them for 0."""
+        from mcap.reader import make_reader
+
+        files = sorted(folder.glob("*.mcap"))
+        size = sum(file.stat().st_size for file in files) / 1e6
+        numbers: list[int] = np.random.default_rng(len(files)).permutation(len(files)).tolist()
+        drawn = [files[n] for n in sorted(numbers[: wanted or None])]
+        faults: list[str] = []
+        for file in drawn:
+            try:
+                with file.open("rb") as stream:
+                    messages = sum(1 for _ in make_reader(stream).iter_messages())
+            except Exception as error:  # noqa: BLE001  whatever the stock reader says is the answer
+                faults.append(f"{file.name}: the stock reader: {error}")
+                continue
+            command = [sys.executable, "-m", "picktree", "explain", str(file)]
+            said = subprocess.run(command, capture_output=True, text=True)
+            if said.returncode not in (0, 1) or not messages:
+                faults.append(f"{file.name}: picktree explain: {said.stderr.strip().splitlines()[-1:]}")
+        return cls(len(files), round(size, 1), len(drawn), len(drawn) - len(faults), tuple(faults))
+
+
+@dataclass(frozen=True, slots=True)
 class Soak:
     """Content of a diary."""
 
     minutes: tuple[Minute, ...]
     quarters: tuple[Quarter, ...]
-    folders: tuple[str, ...]
+    folders: tuple[Path, ...]
     """Folders of the runs, one for each process that went on with it."""
+    opened: tuple[Opened, ...]
     result: RunResult | None
     """Result of the last process; None when it was cut off."""
     crash: str
@@ -207,7 +254,8 @@ class Soak:
         return cls(
             tuple(Minute(**row["minute"]) for row in rows if "minute" in row),
             tuple(Quarter(**row["quarter"]) for row in rows if "quarter" in row),
-            tuple(row["folder"] for row in rows if "folder" in row),
+            tuple(path.parent / row["folder"] for row in rows if "folder" in row),
+            tuple(Opened(**row["opened"]) for row in rows if "opened" in row),
             RunResult.from_json_text(results[-1], path) if results else None,
             crashes[-1] if crashes else "",
         )
@@ -292,33 +340,6 @@ def steadiness(soak: Soak) -> Steadiness | None:
         (sum(minute.memory <= 1.03 * memory for minute in later), len(later)),
         (sum(each.p999 <= 1.1 * early for each in after), len(after)),
     )
-
-
-def draw(soak: Soak, path: Path) -> None:
-    """Draw memory and CPU time of a tick over the simulated hours, as SVG."""
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import NullLocator, ScalarFormatter
-
-    figure = Figure(figsize=(8, 5), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True)
-    hours = [minute.time / HOUR for minute in soak.minutes]
-    above.plot(hours, [minute.memory for minute in soak.minutes], label="resident")
-    above.plot(hours, [minute.heap for minute in soak.minutes], label="heap in use")
-    above.set(ylabel="memory, MB", ylim=(0, None))
-    hours = [each.time / HOUR for each in soak.quarters]
-    for name, label in (("p999", "99.9 %"), ("p95", "95 %"), ("mean", "mean"), ("median", "median")):
-        below.plot(hours, [getattr(each, name) for each in soak.quarters], marker=".", label=label)
-    below.set(xlabel="simulated hours", ylabel="CPU of a tick, ms", yscale="log")
-    below.yaxis.set_major_formatter(ScalarFormatter())
-    below.yaxis.set_minor_locator(NullLocator())
-    for axes in (above, below):
-        axes.grid(alpha=0.3)
-        axes.legend(loc="best", ncols=4, fontsize="small")
-    for part in {minute.part for minute in soak.minutes} - {1}:
-        begin = min(minute.time for minute in soak.minutes if minute.part == part) / HOUR
-        above.axvline(begin, color="grey", linewidth=0.8)
-        below.axvline(begin, color="grey", linewidth=0.8)
-    figure.savefig(str(path), format="svg", metadata={"Date": None})  # pyright: ignore[reportUnknownMemberType]
 
 
 def _longest(minutes: Iterable[Minute]) -> list[Minute]:

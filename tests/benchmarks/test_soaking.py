@@ -34,11 +34,11 @@ def test_a_diary_that_was_cut_off_tells_what_it_knew(program: Program, tmp_path:
     soaking = program("_soaking")
     minute = soaking.Minute(60.0, 50.0, 40.0, 300.0, 80.0, 12, 20, 1)
     ticks = soaking.quarter(900.0, [0.001] * 95 + [0.1] * 5, 1)
-    rows = [{"folder": "runs/a", "part": 1}, {"minute": asdict(minute)}, {"quarter": asdict(ticks)}]
+    rows = [{"folder": "a", "part": 1}, {"minute": asdict(minute)}, {"quarter": asdict(ticks)}]
     path = tmp_path / "diary.jsonl"
     path.write_text("".join(json.dumps(row) + "\n" for row in rows))
     told = soaking.Soak.read(path)
-    assert (told.minutes, told.quarters, told.folders) == ((minute,), (ticks,), ("runs/a",))
+    assert (told.minutes, told.quarters, told.folders) == ((minute,), (ticks,), (tmp_path / "a",))
     assert (told.result, told.crash) == (None, "")
     assert (ticks.median, ticks.mean, ticks.ticks) == (1.0, pytest.approx(5.95), 100)
 
@@ -52,12 +52,12 @@ def test_the_first_hour_is_held_against_the_last(program: Program, tmp_path: Pat
     quarters = tuple(
         soaking.Quarter(900.0 * n, 18000, 1.0, 2.0, 100.0 if n < 12 else 120.0, 1.5, 1) for n in range(1, 13)
     )
-    soak = soaking.Soak(minutes, quarters, (), None, "")
+    soak = soaking.Soak(minutes, quarters, (), (), None, "")
     steady = soaking.steadiness(soak)
     assert steady.memory == (300.0, 312.0)
     assert steady.p999 == (100.0, 105.0)
     assert steady.minutes == (60, 120)
     assert steady.quarters == (7, 8)
-    assert soaking.steadiness(soaking.Soak(minutes[:90], quarters[:6], (), None, "")) is None
-    soaking.draw(soak, tmp_path / "soak.svg")
+    assert soaking.steadiness(soaking.Soak(minutes[:90], quarters[:6], (), (), None, "")) is None
+    program("_soak_report").draw(soak, tmp_path / "soak.svg")
     assert "<svg" in (tmp_path / "soak.svg").read_text()
