@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Any, cast
 
 from _dependencies import Dependencies
 from picktree.session.environment import revision
@@ -112,9 +112,14 @@ def _read(folder: Path) -> Generator[Result]:
 
 def _told(value: Any) -> object:
     """Return a row, or a part of one, without what was measured of the computer."""
-    if isinstance(value, dict):
-        return {name: _told(each) for name, each in value.items() if name not in MEASURED}
-    return [_told(each) for each in value] if isinstance(value, list) else value
+    match value:
+        case dict():
+            row = cast("Row", value)
+            return {name: _told(each) for name, each in row.items() if name not in MEASURED}
+        case list():
+            return [_told(each) for each in cast("list[Any]", value)]
+        case _:
+            return value
 
 
 class Forecast:

@@ -60,6 +60,12 @@ class Campaign:
         """Folder of its results."""
         return ROOT / "benchmarks" / "results" / "evidence" / self.name
 
+    @property
+    def alike(self) -> bool:
+        """Whether some runs were repeated since a file changed, and all came out the same."""
+        same, again = repeated(self.folder)
+        return 0 < again == same
+
 
 @dataclass(frozen=True)
 class Record:
@@ -88,10 +94,13 @@ class Record:
         """Sum of what its rates count."""
         return sum(rate.n for rate in self.rates.values())
 
-    def replaces(self, kept: Record | None) -> bool:
+    def replaces(self, kept: Record | None, *, alike: bool) -> bool:
         """Return whether the page takes it: a kept result that still holds may count more, and an old one so
-        much more that it says more in spite of its age."""
-        return kept is None or self.n >= kept.n * (LEAST_SHARE if kept.changed else 1.0)
+        much more that it says more in spite of its age.
+
+        alike: runs of the old one that were repeated came out the same, so that it holds for all one knows.
+        """
+        return kept is None or self.n >= kept.n * (LEAST_SHARE if kept.changed and not alike else 1.0)
 
     @property
     def rates(self) -> Mapping[str, Figure]:
@@ -168,8 +177,7 @@ def in_order(table: Sequence[Campaign], records: Mapping[str, Record]) -> list[C
         if record is None:
             return (0,)
         if record.changed:
-            alike, again = repeated(one.folder)
-            return (1, 0 < again == alike, record.date)
+            return (1, one.alike, record.date)
         return (2, -max((rate.width for rate in record.rates.values()), default=0.0))
 
     return sorted(table, key=urgency)
@@ -206,8 +214,8 @@ def _targets(measured: Sequence[Campaign], records: Mapping[str, Record]) -> str
 
 def _repeats(one: Campaign) -> str:
     """Return how many of its runs are the same with what has changed; empty when none was repeated."""
-    alike, again = repeated(one.folder)
-    return f"; of {again:,} runs repeated since, {alike:,} came out the same" if again else ""
+    same, again = repeated(one.folder)
+    return f"; of {again:,} runs repeated since, {same:,} came out the same" if again else ""
 
 
 def _anchor(title: str) -> str:

@@ -10,8 +10,8 @@ since, oldest first, then those with the widest interval. Old ones of which some
 has changed, and all came out the same, come after the other old ones; the page says how many. Each gets an
 equal share of the time that is left and goes on where it stopped. The rows of its runs are part of the
 checkout, but for the fault campaign and the soak, which need their logs. What it printed is kept in
-evidence.json with commit and date. A result that still holds is not replaced by one of fewer runs, and an old
-one not by one that counts less than a quarter of it.
+evidence.json with commit and date. A result that still holds, or of which repeated runs came out the same, is
+not replaced by one of fewer runs, and another old one not by one that counts less than a quarter of it.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def main() -> int:
     if not given.page:
         for one, minutes in _shares(waiting, given.hours):
             record = run(one, minutes)
-            if record is not None and record.replaces(records.get(one.name)):
+            if record is not None and record.replaces(records.get(one.name), alike=one.alike):
                 records[one.name] = record
                 write(records)
                 PAGE.write_text(to_page(table, records), encoding="utf-8")

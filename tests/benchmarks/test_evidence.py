@@ -146,18 +146,24 @@ def test_the_page_marks_what_is_old_and_what_is_missed(
 
 
 @pytest.mark.parametrize(
-    ("n", "file", "replaced"),
-    [(99, "", False), (100, "", True), (25, ":another", True), (24, ":another", False)],
+    ("n", "file", "alike", "replaced"),
+    [
+        (99, "", False, False),
+        (100, "", False, True),
+        (25, ":another", False, True),
+        (24, ":another", False, False),
+        (99, ":another", True, False),
+        (100, ":another", True, True),
+    ],
 )
 def test_a_result_that_holds_is_not_replaced_by_one_of_fewer_runs(
-    program: Program, n: int, file: str, replaced: bool
+    program: Program, n: int, file: str, alike: bool, replaced: bool
 ) -> None:
     evidence, rate = program("_evidence"), program("_campaign").rate
     files = evidence.with_contents(["benchmarks/sorting.py"])
     kept = evidence.Record("a", "2026-01-01 10:00", rate("items sorted", 90, 100), files + file)
-    assert (
-        evidence.Record("b", "2026-01-02 10:00", rate("items sorted", n, n), files).replaces(kept) is replaced
-    )
+    new = evidence.Record("b", "2026-01-02 10:00", rate("items sorted", n, n), files)
+    assert new.replaces(kept, alike=alike) is replaced
 
 
 def test_the_page_in_docs_is_made_of_what_is_kept(program: Program) -> None:
