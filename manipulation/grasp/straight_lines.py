@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...planning.requests import OffsetGoal, Scaling
+from ...planning.requests import OffsetGoal, Request, Scaling
 from ...world.belief.planning_scene import BeliefObject
+from ...world.causes import Failure, planning
 from ...world.scene.description import Bin
 from ...world.shapes import bottom
 from ...world.values import ObjectId
@@ -19,6 +20,8 @@ NEIGHBOUR_DISTANCE = 0.02
 """Clearance below which neighbours may be grazed during the lift, m. The open hand has cleared them
 before."""
 DOWNWARDS, UPWARDS = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)
+MIN_LOWERING_SHARE = 0.2
+"""Share of the way down below which it is not begun beside an obstacle."""
 LIFT_GUARD_FORCE = 10.0
 """Force that lifting an object may add to the guard of a motion, N."""
 
@@ -66,15 +69,38 @@ def lift_off(world: World, node: str) -> Doing[None]:
 
 
 def lower(world: World, held: BeliefObject, bin_: Bin | None, node: str) -> Doing[None]:
-    """Lower the object until contact, or into a bin as far as the finger tips stay above its rim."""
+    """Lower the object until contact, or into a bin as far as the finger tips stay above its rim.
+
+    Beside an obstacle it is lowered as far as the whole arm has room: the wrist does not feel contacts of the
+    arm itself, and something may have been seen there since its way was planned.
+    """
     if bin_ is None:
         way = world.handling.approach + world.handling.felt_way
     else:
         way = lowering(world, bin_, world.control.tcp.position[2], bottom(held.shape, held.pose))
+    if way > world.handling.felt_way and any(o.role == "obstacle" for o in world.scene.objects):
+        way = yield from _room_beside_obstacles(world, held, way, node)
     if way > world.handling.felt_way:
         yield from world.move.guarded(
             DOWNWARDS, way, force=world.handling.touch, speed=world.handling.lower_speed, node=node
         )
+
+
+def _room_beside_obstacles(world: World, held: BeliefObject, way: float, node: str) -> Doing[float]:
+    """Return how much of the way down is free of obstacles, m. What hand and object feel may be touched."""
+    others = [str(o.id) for o in world.scene.objects if o.role != "obstacle" and o.id != held.id]
+    felt = (*map(str, world.scene.fixtures), *map(str, world.scene.bins), *others)
+    pairs = tuple((part, name) for name in felt for part in ("gripper", str(held.id)))
+    down = OffsetGoal((0.0, 0.0, -way), least_fraction=MIN_LOWERING_SHARE)
+    try:
+        plan = yield from world.plan.solve(
+            Request(down, allowed=pairs, scaling=world.handling.slowly), node=node
+        )
+    except Failure as failure:
+        if failure.cause not in (planning.NO_PATH, planning.START_IN_COLLISION):
+            raise
+        return 0.0
+    return world.control.tcp.position[2] - world.robot.tcp(plan.trajectory.end).position[2]
 
 
 def lowering(world: World, bin_: Bin, tcp: float, low: float) -> float:

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from picktree.manipulation.grasp.straight_lines import lower
+from picktree.manipulation.pick import object_placement
 from picktree.manipulation.place.release_poses import bin_target, levels, opens_freely, place_candidates
 from picktree.perception.fitting.view import BinView
 from picktree.planning.requests import LegFailure, MotionPlan, Request
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.skill_world.world import PlaceCandidate
+from picktree.skill_world.world import PlaceCandidate, World
 from picktree.trees.skill import Doing, Steps
 from picktree.world.causes import Cause, Failure, planning
 from picktree.world.events.skill_events import ItemDoneEvent
@@ -23,6 +25,8 @@ from picktree.world.values import ObjectId, Pose
 
 from .cell import Cell, items, mission
 
+HAND_ABOVE_TCP = 0.0375
+"""Height of the lower side of the hand over the TCP, m."""
 LOOK = 'Observe: {camera: overhead, objects: "{items}"}'
 
 
@@ -130,6 +134,45 @@ def test_where_the_way_down_is_not_free_it_is_let_go_from_above(
         assert failure is not None
         assert (str(failure.cause), failure.message) == ("planning.no_path", "no way")
         assert len(asked) > 1  # higher up it was tried, too
+
+
+@pytest.mark.parametrize("gap", [0.004, 0.022, None])
+def test_the_hand_is_not_lowered_into_what_has_come_below_it(
+    gap: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Something is seen below the hand when it is over its bin already. The wrist would not feel it."""
+    cell, _, block = holding()
+    world, started = cell.world, list[float]()
+    heights, through = list[float](), world.plan.through
+
+    def not_free(legs: Sequence[Request], **how: Any) -> Doing[MotionPlan]:
+        told = LegFailure(planning.NO_PATH, "no way", 1, {})
+        raise told
+        yield from through(legs, **how)
+
+    def lower_beside(world: World, *how: Any) -> Doing[None]:
+        tcp = world.control.tcp
+        started.append(tcp.position[2])
+        if gap is not None:
+            x, y, _ = np.array(tcp.position) + 0.08 * tcp.rotation()[:, 1]
+            top = tcp.position[2] + HAND_ABOVE_TCP - gap
+            shape, pose = Box((0.03, 0.03, 0.03)), Pose((float(x), float(y), top - 0.015))
+            held = world.scene.get(block)
+            put = replace(held, id=ObjectId("obstacle_1"), role="obstacle", object_in_tcp=None)
+            world.scene.put(replace(put, kind="unknown", shape=shape, pose=pose, place="table"), "test")
+        yield from lower(world, *how)
+        heights.append(world.control.tcp.position[2])
+
+    monkeypatch.setattr(world.plan, "through", not_free)
+    monkeypatch.setattr(object_placement, "lower", lower_beside)
+    cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
+    cell.finish()
+    lowered = started[0] - heights[0]
+    if gap is None:
+        assert lowered > 0.02
+    else:
+        assert -0.001 < lowered <= gap
+        assert (lowered > 0.01) == (gap > 0.02)
 
 
 def test_what_is_carried_adds_to_the_force_that_stops_the_arm(monkeypatch: pytest.MonkeyPatch) -> None:
