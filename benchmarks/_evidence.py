@@ -199,7 +199,7 @@ def _targets(measured: Sequence[Campaign], records: Mapping[str, Record]) -> str
     lines = ["## Targets\n", "| campaign | figure | measured | 95 % interval | target | |", "|" + "---|" * 6]
     for one in measured:
         record = records[one.name]
-        old = ", old" * bool(record.changed)
+        old = _age(one) if record.changed else ""
         for name, target in one.targets.items():
             rate = record.rates.get(name)
             cells = ["", "", target, "not measured" + old]
@@ -210,6 +210,12 @@ def _targets(measured: Sequence[Campaign], records: Mapping[str, Record]) -> str
                 cells = [measured_of, f"{100 * low:.1f} … {100 * high:.1f} %", target, result]
             lines.append(f"| [{one.title}](#{_anchor(one.title)}) | {name} | {' | '.join(cells)} |")
     return "\n".join([*lines, ""])
+
+
+def _age(one: Campaign) -> str:
+    """Return that a result is old, and how many of its runs are the same with what has changed."""
+    same, again = repeated(one.folder)
+    return f", old ({same:,} of {again:,} repeated are the same)" if again else ", old"
 
 
 def _repeats(one: Campaign) -> str:
