@@ -105,7 +105,7 @@ def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Room]:
 def end_runs(folder: Path) -> None:
     """Interrupt the runs of a folder that a test has left, which would wait for answers."""
     for left in folder.glob(f"runs/*/{SOCKET_NAME}"):
-        with suppress(PicktreeError), connect_to_run(left.parent) as connection:
+        with suppress(PicktreeError, ConnectionError), connect_to_run(left.parent) as connection:
             connection.sendall(b'{"steer": true}\n{"line": "quit"}\n')
             while connection.recv(1 << 16):
                 pass
