@@ -8,7 +8,7 @@ are, and does each file of the log open by itself?
 
 It goes on from its last checkpoint, in a process of its own each time, until the hours are full. When a file
 that it depended on has changed, it begins anew. Each process ends with a log of a moment, `handover`, that
-begins with the checkpoint: with it and the diary, which are part of the checkout, a soak goes on elsewhere.
+begins with the checkpoint: with it, the diary and the dependencies a soak goes on in another checkout.
 
 A feed that never ends brings items, full bins are exchanged, and faults come as benchmarks/soak/faults.yaml
 draws them. Each simulated minute is a line in the soak's diary: resident memory, items; each quarter of an
