@@ -71,33 +71,40 @@ def lift_off(world: World, node: str) -> Doing[None]:
 def lower(world: World, held: BeliefObject, bin_: Bin | None, node: str) -> Doing[None]:
     """Lower the object until contact, or into a bin as far as the finger tips stay above its rim.
 
-    Beside an obstacle it is lowered as far as the whole arm has room: the wrist does not feel contacts of the
-    arm itself, and something may have been seen there since its way was planned.
+    Beside an obstacle the whole arm must have room: the wrist does not feel contacts of the arm itself, and
+    something may have been seen there since its way was planned. Into a bin the object is lowered so far and
+    falls from there. Raises planning.no_path or .start_in_collision for a point that is not reached.
     """
     if bin_ is None:
         way = world.handling.approach + world.handling.felt_way
     else:
         way = lowering(world, bin_, world.control.tcp.position[2], bottom(held.shape, held.pose))
     if way > world.handling.felt_way and any(o.role == "obstacle" for o in world.scene.objects):
-        way = yield from _room_beside_obstacles(world, held, way, node)
+        least = 1.0 if bin_ is None else MIN_LOWERING_SHARE
+        way = yield from _room_beside_obstacles(world, held, way, least, node)
     if way > world.handling.felt_way:
         yield from world.move.guarded(
             DOWNWARDS, way, force=world.handling.touch, speed=world.handling.lower_speed, node=node
         )
 
 
-def _room_beside_obstacles(world: World, held: BeliefObject, way: float, node: str) -> Doing[float]:
-    """Return how much of the way down is free of obstacles, m. What hand and object feel may be touched."""
+def _room_beside_obstacles(
+    world: World, held: BeliefObject, way: float, least: float, node: str
+) -> Doing[float]:
+    """Return how much of the way down is free of obstacles, m. What hand and object feel may be touched.
+
+    Less than the share `least` of it is none; where all of it is needed, that is the planner's failure.
+    """
     others = [str(o.id) for o in world.scene.objects if o.role != "obstacle" and o.id != held.id]
     felt = (*map(str, world.scene.fixtures), *map(str, world.scene.bins), *others)
     pairs = tuple((part, name) for name in felt for part in ("gripper", str(held.id)))
-    down = OffsetGoal((0.0, 0.0, -way), least_fraction=MIN_LOWERING_SHARE)
+    down = OffsetGoal((0.0, 0.0, -way), least_fraction=least)
     try:
         plan = yield from world.plan.solve(
             Request(down, allowed=pairs, scaling=world.handling.slowly), node=node
         )
     except Failure as failure:
-        if failure.cause not in (planning.NO_PATH, planning.START_IN_COLLISION):
+        if least == 1.0 or failure.cause not in (planning.NO_PATH, planning.START_IN_COLLISION):
             raise
         return 0.0
     return world.control.tcp.position[2] - world.robot.tcp(plan.trajectory.end).position[2]

@@ -136,9 +136,12 @@ def test_where_the_way_down_is_not_free_it_is_let_go_from_above(
         assert len(asked) > 1  # higher up it was tried, too
 
 
-@pytest.mark.parametrize("gap", [0.004, 0.022, None])
+@pytest.mark.parametrize(
+    ("where", "gap"),
+    [*(("into: red_bin", gap) for gap in (0.004, 0.022, None)), ("at: [0.5, 0.2, 0]", 0.004)],
+)
 def test_the_hand_is_not_lowered_into_what_has_come_below_it(
-    gap: float | None, monkeypatch: pytest.MonkeyPatch
+    where: str, gap: float | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Something is seen below the hand when it is over its bin already. The wrist would not feel it."""
     cell, _, block = holding()
@@ -165,8 +168,13 @@ def test_the_hand_is_not_lowered_into_what_has_come_below_it(
 
     monkeypatch.setattr(world.plan, "through", not_free)
     monkeypatch.setattr(object_placement, "lower", lower_beside)
-    cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
+    cell.start(mission(f"Place: {{object: {block}, {where}}}"))
     cell.finish()
+    if "at:" in where:  # at a point nothing is let fall
+        failure, held = cell.tree.failure, world.scene.held
+        assert failure is not None and held is not None and held.id == block
+        assert (str(failure.cause), heights) == ("planning.no_path", [])
+        return
     lowered = started[0] - heights[0]
     if gap is None:
         assert lowered > 0.02
