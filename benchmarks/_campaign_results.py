@@ -90,16 +90,32 @@ def commits(folder: Path) -> list[str]:
     return list(dict.fromkeys(each.commit for each in _read(folder) if dependencies.hold(each.code)))
 
 
-def repeated(folder: Path) -> tuple[int, int]:
-    """Return how many of the jobs in a campaign's folder that were run again since their files changed came
-    out the same, and their number."""
-    dependencies = Dependencies(folder)
-    now: dict[str, object] = {}
-    before: dict[str, object] = {}
+@dataclass(frozen=True, slots=True)
+class Repeats:
+    """Runs of an old result that were run again later."""
+
+    same: int
+    """Number of those that came out the same."""
+    again: int
+    commits: str
+    """Commits with which they were run again."""
+    hold: bool
+    """Whether no file of theirs has changed since."""
+
+
+def repeated(folder: Path, commit: str) -> Repeats:
+    """Compare the results in a campaign's folder that were made with `commit`, which may be several, with
+    later ones of the same jobs."""
+    dependencies, before, later = Dependencies(folder), dict[str, Result](), dict[str, Result]()
     for each in _read(folder):
-        (now if dependencies.hold(each.code) else before)[key(each.job)] = _told(each.row)
-    both = now.keys() & before.keys()
-    return sum(now[job] == before[job] for job in both), len(both)
+        job = key(each.job)
+        if each.commit in commit.split(", "):
+            before[job] = each
+        elif job in before and each.code != before[job].code:
+            later[job] = each
+    same = sum(_told(before[job].row) == _told(each.row) for job, each in later.items())
+    commits = ", ".join(dict.fromkeys(each.commit for each in later.values()))
+    return Repeats(same, len(later), commits, all(dependencies.hold(each.code) for each in later.values()))
 
 
 def _read(folder: Path) -> Generator[Result]:

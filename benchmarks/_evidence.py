@@ -60,11 +60,12 @@ class Campaign:
         """Folder of its results."""
         return ROOT / "benchmarks" / "results" / "evidence" / self.name
 
-    @property
-    def alike(self) -> bool:
-        """Whether some runs were repeated since a file changed, and all came out the same."""
-        same, again = repeated(self.folder)
-        return 0 < again == same
+    def alike(self, record: Record | None) -> bool:
+        """Whether some of a result's runs were repeated with the files as they are, all with the same end."""
+        if record is None:
+            return False
+        found = repeated(self.folder, record.commit)
+        return 0 < found.again == found.same and found.hold
 
 
 @dataclass(frozen=True)
@@ -177,7 +178,7 @@ def in_order(table: Sequence[Campaign], records: Mapping[str, Record]) -> list[C
         if record is None:
             return (0,)
         if record.changed:
-            return (1, one.alike, record.date)
+            return (1, one.alike(record), record.date)
         return (2, -max((rate.width for rate in record.rates.values()), default=0.0))
 
     return sorted(table, key=urgency)
@@ -199,7 +200,7 @@ def _targets(measured: Sequence[Campaign], records: Mapping[str, Record]) -> str
     lines = ["## Targets\n", "| campaign | figure | measured | 95 % interval | target | |", "|" + "---|" * 6]
     for one in measured:
         record = records[one.name]
-        old = _age(one) if record.changed else ""
+        old = ", old" + _repeats(one, record, " ({} of {} same at {})") if record.changed else ""
         for name, target in one.targets.items():
             rate = record.rates.get(name)
             cells = ["", "", target, "not measured" + old]
@@ -212,16 +213,11 @@ def _targets(measured: Sequence[Campaign], records: Mapping[str, Record]) -> str
     return "\n".join([*lines, ""])
 
 
-def _age(one: Campaign) -> str:
-    """Return that a result is old, and how many of its runs are the same with what has changed."""
-    same, again = repeated(one.folder)
-    return f", old ({same:,} of {again:,} repeated are the same)" if again else ", old"
-
-
-def _repeats(one: Campaign) -> str:
-    """Return how many of its runs are the same with what has changed; empty when none was repeated."""
-    same, again = repeated(one.folder)
-    return f"; of {again:,} runs repeated since, {same:,} came out the same" if again else ""
+def _repeats(one: Campaign, record: Record, words: str) -> str:
+    """Return in these words how many of a result's runs were repeated, with which commit, and came out the
+    same; empty when none was."""
+    found = repeated(one.folder, record.commit)
+    return words.format(f"{found.same:,}", f"{found.again:,}", found.commits) if found.again else ""
 
 
 def _anchor(title: str) -> str:
@@ -233,7 +229,8 @@ def _section(one: Campaign, record: Record) -> str:
     changed = record.changed
     more = f" and {len(changed) - NAMED} more" if len(changed) > NAMED else ""
     names = ", ".join(f"`{file}`" for file in changed[:NAMED])
-    old = f"**Old: {names}{more} changed since{_repeats(one)}.**" if changed else ""
+    repeats = _repeats(one, record, "; {} of {} runs came out the same when they were repeated at {}")
+    old = f"**Old: {names}{more} changed since{repeats}.**" if changed else ""
     said = [f"{one.words} `{one.line}`, commit {record.commit}, {record.date} UTC.", record.cut_off, old]
     lines = [f"## {one.title}\n", " ".join(filter(None, said)) + "\n"]
     if record.rates or one.targets:

@@ -7,7 +7,8 @@
 
 Campaigns without a figure come first, then those of which a file that their runs depended on has changed
 since, oldest first, then those with the widest interval. Old ones of which some runs were repeated with what
-has changed, and all came out the same, come after the other old ones; the page says how many. Each gets an
+has changed, and all came out the same, come after the other old ones. Of each the page says how many were
+repeated, with which commit, and how many came out the same. Each gets an
 equal share of the time that is left and goes on where it stopped. The rows of its runs are part of the
 checkout, but for the fault campaign and the soak, which need their logs. What it printed is kept in
 evidence.json with commit and date. A result that still holds, or of which repeated runs came out the same, is
@@ -92,7 +93,8 @@ def main() -> int:
     if not given.page:
         for one, minutes in _shares(waiting, given.hours):
             record = run(one, minutes)
-            if record is not None and record.replaces(records.get(one.name), alike=one.alike):
+            known = records.get(one.name)
+            if record is not None and record.replaces(known, alike=one.alike(known)):
                 records[one.name] = record
                 write(records)
                 PAGE.write_text(to_page(table, records), encoding="utf-8")

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -224,14 +225,20 @@ def test_runs_that_were_repeated_with_changed_files_are_compared_with_those_befo
     squares: Squares, program: Callable[[str], ModuleType], before: dict[str, Any], alike: int
 ) -> None:
     squares.run("--runs", "2")
+    commit = squares.lines()[0]["commit"]
     squares.change()
-    repeated = program("_campaign_results").repeated
-    assert repeated(squares.out) == (0, 0)
     lines = squares.lines()
     next(line for line in lines if line["job"]["seed"] == 0)["row"].update(before)
+    for line in lines:
+        line["commit"] = "before"
     (squares.out / "results.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    repeated = program("_campaign_results").repeated
+    assert repeated(squares.out, "earlier, before").again == 0
     squares.run("--runs", "1")
-    assert repeated(squares.out) == (alike, 1)
+    found = repeated(squares.out, "earlier, before")
+    assert (found.same, found.again, found.commits, found.hold) == (alike, 1, commit, True)
+    squares.change()
+    assert repeated(squares.out, "earlier, before") == replace(found, hold=False)
 
 
 def test_a_run_that_raises_is_a_result_and_is_tried_again(squares: Squares) -> None:

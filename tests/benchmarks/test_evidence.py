@@ -78,10 +78,10 @@ def test_time_goes_to_what_has_no_figure_then_to_old_then_to_uncertain(
     program: Program, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     evidence = program("_evidence")
+    repeats = program("_campaign_results").Repeats
     names = ("certain", "alike", "uncertain", "older", "old", "new")
-    monkeypatch.setattr(
-        evidence, "repeated", lambda folder: {"alike": (3, 3), "older": (2, 3)}.get(folder.name, (0, 0))
-    )
+    counts = {"alike": (3, 3, "c", True), "older": (2, 3, "c", True), "old": (3, 3, "c", False)}
+    monkeypatch.setattr(evidence, "repeated", lambda folder, commit: repeats(*counts[folder.name]))
     table = [evidence.Campaign(name, name, "", "sorting.py", 10) for name in names]
     now, before = evidence.with_contents(["benchmarks/sorting.py"]), "benchmarks/sorting.py:another"
     line = program("_campaign").rate
@@ -122,7 +122,8 @@ def test_the_page_marks_what_is_old_and_what_is_missed(
     }
     evidence.write(records, tmp_path / "kept.json")
     assert evidence.read(tmp_path / "kept.json") == records
-    monkeypatch.setattr(evidence, "repeated", lambda folder: (11, 12))
+    repeats = program("_campaign_results").Repeats(11, 12, "cafe", hold=False)
+    monkeypatch.setattr(evidence, "repeated", lambda folder, commit: repeats)
     targets, pushes, kits, missing = evidence.to_page(table, records).split("\n## ")[1:]
     name = "with pushes, items sorted"
     row = f"| [Pushes](#pushes) | {name} | 299 of 300, 99.7 % | 98.1 … 99.9 % | at least 99 % | met |"
@@ -130,7 +131,7 @@ def test_the_page_marks_what_is_old_and_what_is_missed(
     row = (
         "| [Kits](#kits) | items sorted | 9 of 10, 90.0 % | 59.6 … 98.2 % | at least 99 % | **missed**, old "
     )
-    assert row + "(11 of 12 repeated are the same) |" in targets
+    assert row + "(11 of 12 same at cafe) |" in targets
     assert (
         "| with pushes, items sorted | 299 of 300 | 99.7 % | 98.1 … 99.9 % | at least 99 %: met |" in pushes
     )
@@ -141,7 +142,7 @@ def test_the_page_marks_what_is_old_and_what_is_missed(
     assert "UTC. Cut off: 3 of 40 runs have a result. **Old" in kits
     assert "at least 99 %: **missed**" in kits
     assert "**Old: `benchmarks/pushing.py`, `gone/a.py`, `gone/b.py` and 1 more changed since; " in kits
-    assert "since; of 12 runs repeated since, 11 came out the same.**" in kits
+    assert "since; 11 of 12 runs came out the same when they were repeated at cafe.**" in kits
     assert missing == "Not yet\n\nWords. `python benchmarks/sorting.py --runs 40`: not measured yet.\n"
 
 

@@ -22,8 +22,8 @@ _SIGNS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in 
 def hulls_of(blocks: tuple[ObstacleBlock, ...]) -> tuple[tuple[Box | ConvexMesh, Vector3], ...]:
     """Return convex bodies that contain all blocks, each with the place of its frame in theirs, m.
 
-    A group of them whose convex hull wastes little becomes that hull; any other is
-    divided where the bounding boxes of its two halves waste least.
+    A group of them whose convex hull wastes little becomes that hull; any other is divided where the bounding
+    boxes of its two halves waste least.
     """
     sizes = np.array([block.size for block in blocks])
     middles = np.array([block.at for block in blocks])
