@@ -145,7 +145,7 @@ def what_if_and_compare(browser: Any, identity: str) -> None:
     dialog = browser.locator("dialog")
     dialog.locator(".job[data-outcome=done]").wait_for()
     dialog.get_by_text("recorded  what if").wait_for()
-    dialog.get_by_role("link", name="Open").click()
+    dialog.locator(".job").get_by_role("link", name="Open").click()
     browser.get_by_role("heading", name="sort by colour").wait_for()
     wait_until(browser, f"!decodeURIComponent(location.hash).includes('{identity}')")
 

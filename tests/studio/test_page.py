@@ -97,7 +97,7 @@ def test_from_an_empty_folder_to_a_what_if(
     edited = served.folder / "sort_by_colour.what-if.yaml"
     before = (served.folder / "sort_by_colour.yaml").read_text(encoding="utf-8")
     assert edited.read_text(encoding="utf-8") == f"# tried without faults\n{before}"
-    browser.locator("dialog").get_by_role("link", name="Open").click()
+    browser.locator("dialog .job").get_by_role("link", name="Open").click()
     browser.get_by_role("heading", name="sort by colour").wait_for()
     wait_until(browser, "location.hash.startsWith('#/run/runs/') && !location.hash.includes('troubled')")
     assert told.requests == []
