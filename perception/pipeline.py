@@ -39,7 +39,7 @@ from .fitting.item_fitting import (
     detection_from,
     is_clear,
 )
-from .fitting.known_object_fitting import TrackedSighting, known_objects, most_parts, track_objects
+from .fitting.known_object_fitting import KnownSighting, TrackedSighting, known_objects, track_objects
 from .fitting.view import Detection, PerceivedView, UnexplainedPatch, bin_height_map
 from .geometry.camera_geometry import PosedCamera, register_hand_camera
 from .geometry.resting_poses import HoleMouths, catalogue_poses
@@ -306,7 +306,13 @@ class _Finding:
             return
         blob = outline_patch(self.picture, patch)
         heaped = (0.0, math.inf) if floor.in_bin else (GOOD_MISFIT, MAX_HOVER_HEIGHT)
-        if self._is_known(blob, floor):
+        known = known_objects(self.picture, self.fitter, blob, floor, self.known)
+        for one in known.found:
+            self._confirm(one, floor)
+        for left in known.left:
+            if left.measured >= 4:
+                self._item(left)
+        if known.found:
             return
         hypotheses = self.fitter.explain(blob, floor.height, *heaped)
         seated = self._seated(blob)
@@ -316,14 +322,14 @@ class _Finding:
             self.detections.append(seated.detection)
             return
         misfit = hypotheses[0].misfit if hypotheses else 9.0
-        cut = cut_off(patch.rows, patch.columns, *self.picture.depth.shape) or self._beside_robot(blob)
-        if self.moving and cut:
+        cut = cut_off(patch.rows, patch.columns, *self.picture.depth.shape)
+        if self.moving and (cut or self._beside_robot(blob)):
             if hypotheses and is_clear(hypotheses[0], MAX_CUT_MISFIT) and hypotheses[0].shown > MIN_CUT_SHOWN:
                 self._settle(blob, hypotheses, floor)
             return
-        if misfit > GOOD_MISFIT and not floor.in_bin:
-            most = most_parts(self.picture, self.fitter, blob, self.known)
-            parts = split_blob(self.picture, self.fitter, blob, floor.height, misfit, most)
+        # Items that the border of a fixed camera's picture cuts through would be searched in each picture.
+        if misfit > GOOD_MISFIT and not floor.in_bin and not cut:
+            parts = split_blob(self.picture, self.fitter, blob, floor.height, misfit, known.most)
             if parts is not None and (
                 misfit >= POOR_MISFIT or all(is_clear(part.hypotheses[0]) for part in parts)
             ):
@@ -332,18 +338,11 @@ class _Finding:
                 return
         self._settle(blob, hypotheses, floor)
 
-    def _is_known(self, blob: Blob, floor: SupportSurface) -> bool:
-        """Whether known objects are confirmed in the blob. They are then detected, with at most their
-        believed confidence: other kinds were not compared. What they leave of it is recognised by itself."""
-        found, left = known_objects(self.picture, self.fitter, blob, floor, self.known)
-        for one in found:
-            detection = detection_from(self.picture.sight, one.blob, [one.fit], floor)
-            confidence = min(detection.confidence, one.object.confidence)
-            self.detections.append(replace(detection, confidence=confidence))
-        for patch in left:
-            if patch.measured >= 4:
-                self._item(patch)
-        return bool(found)
+    def _confirm(self, one: KnownSighting, floor: SupportSurface) -> None:
+        """Add a known object with at most its believed confidence: other kinds were not compared."""
+        detection = detection_from(self.picture.sight, one.blob, [one.fit], floor)
+        confidence = min(detection.confidence, one.object.confidence)
+        self.detections.append(replace(detection, confidence=confidence))
 
     def _seated(self, blob: Blob) -> _Seated | None:
         """Return the item whose protruding part the blob is. None when no hole is near, or no item fits

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...world.shapes import extents, inside, ray_hits
 from ...world.values import Array, Pose
-from ..geometry.silhouette_fitting import StandingPose, silhouette
+from ..geometry.silhouette_fitting import StandingPose, distances_outside, silhouette
 from ..segmentation import Blob, Pixels, SegmentationInput, notches, outline_patch
 from .item_fitting import Hypothesis, ItemFitter
 
@@ -182,11 +182,10 @@ def item_costs(picture: SegmentationInput, blob: Blob, stands: Sequence[Standing
     rays = picture.sight.directions(pixels)
     costs: list[Array] = []
     for stand in stands:
-        corners = silhouette(picture.sight, stand).astype(np.float32)
-        outside = np.array([-cv2.pointPolygonTest(corners, (float(u), float(v)), True) for u, v in pixels])
+        outside = distances_outside(silhouette(picture.sight, stand), pixels)
         surface = ray_hits(stand.rest.entry.shape, stand.turned, stand.centre, picture.sight.origin, rays)
         off = np.where(depths > 0, np.minimum(np.abs(surface - depths) / 0.006, OUTSIDE_COST), 0.0)
-        costs.append(np.where(outside <= 0, off, OUTSIDE_COST + outside))
+        costs.append(np.where(outside == 0.0, off, OUTSIDE_COST + outside))
     return np.stack(costs)
 
 

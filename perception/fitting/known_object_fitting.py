@@ -172,16 +172,29 @@ class KnownSighting:
     fit: Hypothesis
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class KnownContents:
+    """Known objects in a blob, and what else it shows."""
+
+    found: Sequence[KnownSighting] = ()
+    left: Sequence[PixelPatch] = ()
+    """Patches of something that touches them."""
+    most: int = MAX_PARTS
+    """Greatest number of items that the blob may be split into when none was found.
+
+    A split is the dearest search of a picture, and would be tried in each as long as the blob lies there.
+    Where it shows only items that were set aside, nobody asks where exactly they are: 1. Where something
+    shows beside them, it may be one more than these."""
+
+
 def known_objects(
     picture: SegmentationInput,
     fitter: ItemFitter,
     blob: Blob,
     floor: SupportSurface,
     known: Sequence[BeliefObject],
-) -> tuple[list[KnownSighting], list[PixelPatch]]:
+) -> KnownContents:
     """Return the `known` objects that the blob shows near their believed poses, and what they leave of it.
-
-    What is left are patches of something that touches them.
 
     An object is left out where no other explanation could be excluded: most of it is hidden, the fit is not
     good, it moved or turned. An uncertain object stays so, and of one that was set aside nobody asks what it
@@ -199,9 +212,10 @@ def known_objects(
         if math.hypot(float(x) - one.pose.position[0], float(y) - one.pose.position[1]) < 2 * KNOWN_DISTANCE:
             found = _confirmed(picture, fitter, blob, floor, one, stand)
             if found is not None:
-                return [found], []
+                return KnownContents([found])
         if _is_shown_in(picture, blob, stand):
             touching.append((one, stand))
+    most = MAX_PARTS
     while touching:
         cut = _taken_apart(picture, blob, [stand for _, stand in touching])
         tried = [
@@ -211,10 +225,12 @@ def known_objects(
         found = [each for each in tried if each is not None]
         left = cut.left([each is None for each in tried])
         if len(found) == len(tried) or (found and _have_real_outlines(picture, left)):
-            return found, left
+            return KnownContents(found, left)
+        if most == MAX_PARTS:
+            most = cut.most([one.place == ASIDE for one, _ in touching])
         touching = [each for each, one in zip(touching, tried, strict=True) if one is not None]
     picture.give_back(blob.patch)
-    return [], []
+    return KnownContents(most=most)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,6 +239,8 @@ class _Cut:
 
     picture: SegmentationInput
     blob: Blob
+    costs: Array
+    """How badly each item explains each pixel (k, n)."""
     owners: NDArray[np.intp]
     """Number of the item (n,) that each pixel belongs to; k for a pixel of none."""
     pieces: list[Blob | None]
@@ -235,6 +253,13 @@ class _Cut:
         free[rows, columns] = np.array([*missing, True])[self.owners]
         label = self.blob.patch.label
         return [self.picture.claim(*part, label) for part in connected_patches(free, MIN_BODY_PIXELS)]
+
+    def most(self, aside: Sequence[bool]) -> int:
+        """Return `KnownContents.most`, by the items (k,) that were set `aside`."""
+        if not any(aside):
+            return MAX_PARTS
+        more = _patches_beyond(self.picture, self.blob, self.costs[np.array(aside)])
+        return min(MAX_PARTS, sum(aside) + 1) if more else 1
 
 
 def _taken_apart(picture: SegmentationInput, blob: Blob, stands: Sequence[StandingPose]) -> _Cut:
@@ -254,7 +279,7 @@ def _taken_apart(picture: SegmentationInput, blob: Blob, stands: Sequence[Standi
     ]
     pieces = [outline_patch(picture, p) if p is not None and p.measured >= 4 else None for p in patches]
     shown = [p if p is None or p.outline.real.mean() > MIN_REAL_OUTLINE else None for p in pieces]
-    return _Cut(picture, blob, owners, shown)
+    return _Cut(picture, blob, costs, owners, shown)
 
 
 def _patches_beyond(picture: SegmentationInput, blob: Blob, costs: Array) -> list[tuple[Pixels, Pixels]]:
@@ -263,27 +288,6 @@ def _patches_beyond(picture: SegmentationInput, blob: Blob, costs: Array) -> lis
     beyond[blob.patch.rows, blob.patch.columns] = costs.min(axis=0) > OUTSIDE_COST + UNEXPLAINED_DISTANCE
     beyond = cv2.morphologyEx(beyond, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     return connected_patches(beyond.astype(np.bool_), MIN_BODY_PIXELS)
-
-
-def most_parts(
-    picture: SegmentationInput, fitter: ItemFitter, blob: Blob, known: Sequence[BeliefObject]
-) -> int:
-    """Return the greatest number of items that a blob may be split into.
-
-    These are the items that were set aside there, and one more where it shows something beside them: the
-    search for more is the dearest of a picture, and would go on in each as long as they lie there.
-    """
-    rests = (*fitter.rests, *fitter.leaning)
-    stands = [
-        stand
-        for one in known
-        if one.place == ASIDE and label_of(one.colour) == blob.patch.label and not one.attached
-        if (stand := _believed_standing_pose(rests, one)) is not None and _is_shown_in(picture, blob, stand)
-    ]
-    if not stands:
-        return MAX_PARTS
-    more = _patches_beyond(picture, blob, item_costs(picture, blob, stands))
-    return min(MAX_PARTS, len(stands) + bool(more))
 
 
 def _have_real_outlines(picture: SegmentationInput, patches: Sequence[PixelPatch]) -> bool:

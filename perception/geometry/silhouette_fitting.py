@@ -68,6 +68,21 @@ def silhouette(sight: PosedCamera, stand: StandingPose) -> Array:
     return hull[:, 0].astype(np.float64)
 
 
+def distances_outside(corners: Array, pixels: Array) -> Array:
+    """Return the distance of pixels (n, 2) from a silhouette with these corners (k, 2), (n,), pixels; 0
+    inside."""
+    along = np.roll(corners, -1, axis=0) - corners
+    squared = np.maximum((along**2).sum(axis=1), 1e-12)
+    x, y = (pixels[:, i, None] - corners[:, i] for i in (0, 1))
+    sides = along[:, 0] * y - along[:, 1] * x
+    found = np.zeros(len(pixels))
+    outside = ~((sides >= 0.0).all(axis=1) | (sides <= 0.0).all(axis=1))
+    x, y = x[outside], y[outside]
+    share = np.clip((x * along[:, 0] + y * along[:, 1]) / squared, 0.0, 1.0)
+    found[outside] = np.hypot(x - share * along[:, 0], y - share * along[:, 1]).min(axis=1)
+    return found
+
+
 def _body(sight: PosedCamera, stand: StandingPose) -> Array:
     if not len(stand.rest.outline):
         return _tangent_circle(sight, stand)
