@@ -48,7 +48,7 @@ def build(scene: str, robot: str | None, seed: int, *, verify: bool) -> World:
     arm = load_robot(robot or description.robot, beside)
     hardware = build_hardware("kinematic", description, arm, seed)
     world = assemble_world(hardware, description, arm, seed, verify=verify)
-    for body in hardware.truth():
+    for body in hardware.recent_truth():
         if body.present:
             world.scene.put(_believed(world, body), "believed as it is")
     world.scene.take_changes()

@@ -3,7 +3,7 @@ shows nothing; `Session` does."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -110,7 +110,7 @@ class Execution:
         self._checkpointed = self.tally.done
         self.tree.on_start.append(self.injector.node_started)
         self.tally.follow(self.tree.structure())
-        self.items_total = items_expected(recipe.scene, self.hardware.truth())
+        self.items_total = items_expected(recipe.scene, self.hardware.item_count)
         """Number of items of the run; with a feed without a known total, of those so far."""
 
     def tick(self) -> tuple[TickReport, tuple[Entry, ...]]:
@@ -119,7 +119,7 @@ class Execution:
             report = self._look_first() or self.tree.tick()
         faults, feed = self.injector.tick(), self.hardware.take_events()
         if feed:
-            self.items_total = items_expected(self.recipe.scene, self.hardware.truth())
+            self.items_total = items_expected(self.recipe.scene, self.hardware.item_count)
         for happened in (*faults, *feed):
             self.world.journal.note(happened)
         entries = self.world.journal.take()
@@ -152,7 +152,7 @@ class Execution:
         scene = self.recipe.scene
         belts = [scene.fixture(belt.id) for belt in scene.belts]
         for _ in range(_MAX_SETTLING_TICKS):
-            moving = (body for body in self.hardware.truth() if body.present and not rests(body))
+            moving = (body for body in self.hardware.recent_truth() if body.present and not rests(body))
             if all(any(_is_over(belt, body) for belt in belts) for body in moving):
                 return
             self.pass_time()
@@ -279,10 +279,10 @@ def _is_over(belt: Fixture, body: TrueBody) -> bool:
     return bool(low[0] <= x <= high[0] and low[1] <= y <= high[1] and z > low[2])
 
 
-def items_expected(scene: SceneDescription, truth: Iterable[TrueBody]) -> int:
+def items_expected(scene: SceneDescription, so_far: int) -> int:
     """Return the total number of items of a run, or the number so far when a delivery has no known total."""
     totals = [delivery.total for delivery in scene.deliveries]
     known = [total for total in totals if total is not None]
     if not totals or len(known) < len(totals):
-        return len(tuple(truth))
+        return so_far
     return sum(known) + sum(count for spawn in scene.spawn for _, count in spawn.counts)

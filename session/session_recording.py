@@ -49,7 +49,7 @@ class SessionRecorder:
         self._world = run.world
         self._gripper = run.hardware.gripper
         self._checkpoints = self._edits = self._refused = 0
-        self._there = {body.id for body in run.hardware.truth() if body.present}
+        self._there = {body.id for body in run.hardware.recent_truth() if body.present}
         """Ids of the items in the last message about the ground truth."""
         self._reports: tuple[NodeReport, ...] = ()
         self._nodes: tuple[records.NodeStatusRecord, ...] = ()
@@ -231,7 +231,7 @@ class SessionRecorder:
         hardware = self._run.hardware
         bodies = [
             body
-            for body in hardware.truth()
+            for body in hardware.recent_truth()
             if body.present or (body.taken_with is not None and body.id in self._there)
         ]
         self._there = {body.id for body in bodies if body.present}

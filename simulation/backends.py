@@ -12,6 +12,7 @@ from ..world.protocols import Hardware
 from ..world.scene.description import Fixture, SceneDescription
 from .checkpoints import Backend, Checkpoint, KinematicState
 from .faults.injector import InjectableRobot
+from .scoring.truth import TrueBody
 
 
 class BackendCheckpoint(Protocol):
@@ -26,6 +27,15 @@ class Simulation(Hardware, InjectableRobot, Protocol):
 
     def take_events(self) -> tuple[JournalEvent, ...]:
         """Return the events of feed and bin exchange since the last call."""
+        ...
+
+    def truth(self) -> tuple[TrueBody, ...]:
+        """Return the ground truth of every item that ever came, in the order of their numbers."""
+        ...
+
+    @property
+    def item_count(self) -> int:
+        """Number of items that ever came."""
         ...
 
     def true_fixtures(self) -> tuple[Fixture, ...]:

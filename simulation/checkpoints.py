@@ -15,7 +15,7 @@ from ..world.scene.description import Fixture
 from ..world.values import ObjectId, Pose, Quaternion, Vector3
 from .feed.belt_drive import BeltState
 from .feed.feeder import FeederState
-from .spawning.inventory import InventoryState
+from .spawning.inventory import SavedInventory
 
 Backend: TypeAlias = Literal["physics", "kinematic"]
 
@@ -126,7 +126,7 @@ class Checkpoint:
     initial: tuple[BodyState, ...]
     ledger: tuple[DynamicsChange, ...]
     belts: tuple[BeltState, ...] = ()
-    inventory: InventoryState | None = None
+    inventory: SavedInventory = None
     """Items that came after the start or left; None when there are none, as in older logs."""
     feeder: FeederState | None = None
     obstacles: tuple[Fixture, ...] | None = None
@@ -199,7 +199,7 @@ class KinematicState:
     items: tuple[ItemState, ...]
     """Items that did not leave with a bin, in the order of their numbers."""
     belts: tuple[BeltState, ...] = ()
-    inventory: InventoryState | None = None
+    inventory: SavedInventory = None
     """Items that came after the start or left; None when there are none, as in older logs."""
     feeder: FeederState | None = None
     obstacles: tuple[Fixture, ...] | None = None

@@ -19,7 +19,7 @@ from picktree.world.values import ObjectId, Vector3
 from .rooms import ROOT, modules
 from .skills.cell import Cell, items, mission, sorting
 
-TRUTH = {"truth", "initial_truth", "true_tcp", "true_contacts", "change_dynamics", "bump"}
+TRUTH = {"truth", "recent_truth", "initial_truth", "true_tcp", "true_contacts", "change_dynamics", "bump"}
 """What only the simulation, its scorer, its faults and the analyst's record may ask or do."""
 LOOK = "Sequence: [{Observe: {camera: overhead}}]"
 

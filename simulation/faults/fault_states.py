@@ -34,6 +34,7 @@ from ..fault_files.device_entries import (
 )
 from ..fault_files.fault_entries import Bump, FaultTarget, Friction, Heavier, ItemFault, Larger, Remove
 from ..scoring.truth import TrueBody
+from ..spawning.spawn import item_number
 from .device_faults import InjectableRobot
 
 
@@ -44,9 +45,9 @@ def choose_target(
     node's object."""
     fitting = [
         body
-        for number, body in enumerate(hardware.truth())
+        for body in hardware.recent_truth()
         if body.present
-        and target.index in (None, number)
+        and target.index in (None, item_number(body.id))
         and target.kind in (None, body.kind)
         and target.form in (None, body.form)
         and target.colour in (None, body.colour)

@@ -3,8 +3,9 @@ free."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from itertools import chain
 
 import coal
 import numpy as np
@@ -79,21 +80,20 @@ class FreeSpaceCheck:
         """Return whether a body fits at `pose` between items and robot, with clearance `room`, m. The arm is
         at `q` (n,), rad, the fingers are `width` m open."""
         one, at = self._shapes.of(shape), _transform(pose)
-        others = [(self._shapes.of(other), _transform(other_pose)) for other, other_pose in items]
-        others += self._robot(q, width)
+        # What waits for room asks in each tick: nothing is computed after the first body that is in the way.
+        lying = ((self._shapes.of(other), _transform(other_pose)) for other, other_pose in items)
+        others = chain(lying, self._robot(q, width))
         request = coal.CollisionRequest()
         request.security_margin = room
         return not any(
             coal.collide(one, at, other, there, request, coal.CollisionResult()) for other, there in others
         )
 
-    def _robot(self, q: Array, width: float) -> list[tuple[coal.CollisionGeometry, coal.Transform3s]]:
+    def _robot(self, q: Array, width: float) -> Iterator[tuple[coal.CollisionGeometry, coal.Transform3s]]:
         pin.forwardKinematics(self._model.full, self._data, self._model.full_q(q, width))
-        placements = [self._data.oMi[each.parentJoint] * each.placement for each in self._links]
-        return [
-            (each.geometry, coal.Transform3s(there.rotation, there.translation))
-            for each, there in zip(self._links, placements, strict=True)
-        ]
+        for each in self._links:
+            there = self._data.oMi[each.parentJoint] * each.placement
+            yield each.geometry, coal.Transform3s(there.rotation, there.translation)
 
 
 def _transform(pose: Pose) -> coal.Transform3s:

@@ -160,8 +160,20 @@ class KinematicHardware:
         """Do nothing: no resource needs an explicit release."""
 
     def truth(self) -> tuple[TrueBody, ...]:
-        """Return the ground truth of all items, for the scorer and the log only."""
-        return self._inventory.truth(lambda name: self._seated(true_body(self.bodies[name], self._inventory)))
+        """Return the ground truth of all items, for the scorer only; see `Inventory.truth`."""
+        return self._inventory.truth(self._true)
+
+    def recent_truth(self) -> tuple[TrueBody, ...]:
+        """Return the ground truth for faults and the log; see `Inventory.recent_truth`."""
+        return self._inventory.recent_truth(self._true)
+
+    @property
+    def item_count(self) -> int:
+        """Number of items that ever came."""
+        return self._inventory.count
+
+    def _true(self, name: ObjectId) -> TrueBody:
+        return self._seated(true_body(self.bodies[name], self._inventory))
 
     def true_fixtures(self) -> tuple[Fixture, ...]:
         """Return the scene's fixtures at their true poses."""

@@ -17,7 +17,7 @@ from ...world.values import ObjectId, Vector3
 from ..feed.belt_drive import BeltDrive, BeltState, check_belts
 from ..feed.cell_interface import LightCurtain, Zone
 from ..scoring.truth import TrueBody
-from ..spawning.inventory import Inventory, departed
+from ..spawning.inventory import Inventory
 from ..spawning.spawn import SpawnedItem
 from .bodies import KinematicBodies, KinematicBody, Prism
 from .camera import Posture
@@ -163,9 +163,7 @@ class KinematicCell:
         return True
 
     def take_with(self, bin_id: ObjectId, items: Collection[ObjectId]) -> None:
-        for name in items:
-            body = true_body(self._bodies[name], self._inventory)
-            self._inventory.depart(departed(body, bin_id, body.brought_by))
+        self._inventory.depart([true_body(self._bodies[name], self._inventory) for name in items], bin_id)
         self._bodies.forget(items)
 
     def arm_over(self, zone: Zone) -> bool:

@@ -247,10 +247,23 @@ class PhysicsHardware:
         )
 
     def truth(self) -> tuple[TrueBody, ...]:
-        """Return the ground truth of every item that ever came, for scorer, faults and the analyst's log
-        only."""
-        bodies = map(self.crushing.told, self._items.truth())
-        return tuple(map(self._seated, bodies)) if self._boards else tuple(bodies)
+        """Return the ground truth of every item that ever came, for the scorer only; see
+        `Inventory.truth`."""
+        return self._with_marks(self._items.truth())
+
+    def recent_truth(self) -> tuple[TrueBody, ...]:
+        """Return the ground truth for faults and the analyst's log only; see `Inventory.recent_truth`."""
+        return self._with_marks(self._items.recent_truth())
+
+    @property
+    def item_count(self) -> int:
+        """Number of items that ever came."""
+        return self._items.inventory.count
+
+    def _with_marks(self, bodies: Iterable[TrueBody]) -> tuple[TrueBody, ...]:
+        """Return the bodies with what has crushed them and their seating in holes."""
+        told = map(self.crushing.told, bodies)
+        return tuple(map(self._seated, told)) if self._boards else tuple(told)
 
     def true_fixtures(self) -> tuple[Fixture, ...]:
         """Return the scene's fixtures at their true poses."""
@@ -307,8 +320,7 @@ class PhysicsHardware:
         items or robot leave no room."""
         body = next(body for body in self._items.here() if body.id == item)
         entry, pose = enlarged_item(self._items.inventory.here[body.id].entry, body.pose, factor)
-        others = ((other.shape, other.pose) for other in self._items.here() if other.id != item)
-        if not self._free(entry.shape, pose, others, MIN_ITEM_CLEARANCE):
+        if not self._free(entry.shape, pose, self._items.places(but=item), MIN_ITEM_CLEARANCE):
             return False
         self._items.enlarge(item, factor, pose)
         return True
@@ -317,8 +329,8 @@ class PhysicsHardware:
         """Carry out a fault: add an item at `place`; None: something is there now. Raises PicktreeError where
         no fixture is below."""
         item = placed_item(self._real, self._items.inventory.next_id(), kind, colour, place, yaw)
-        others = [(other.shape, other.pose) for other in self._items.here()]
-        if not self._free(item.entry.shape, item.pose, [*others, *walls(self.scene)], MIN_ITEM_CLEARANCE):
+        others = (*self._items.places(), *walls(self.scene))
+        if not self._free(item.entry.shape, item.pose, others, MIN_ITEM_CLEARANCE):
             return None
         self._items.put(item)
         return item.id
@@ -359,9 +371,7 @@ class PhysicsHardware:
 
     def room_for(self, body: Fixture) -> bool:
         """Return whether the body's place is free of items and robot."""
-        return self._free(
-            body.shape, body.pose, ((i.shape, i.pose) for i in self._items.here()), MIN_OBSTACLE_CLEARANCE
-        )
+        return self._free(body.shape, body.pose, self._items.places(), MIN_OBSTACLE_CLEARANCE)
 
     def _free(self, shape: Shape, pose: Pose, others: Iterable[tuple[Shape, Pose]], room: float) -> bool:
         """Return whether a body fits between the bodies `others` and the robot, with clearance `room`, m."""

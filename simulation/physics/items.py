@@ -10,12 +10,13 @@ import numpy as np
 from ...errors import PicktreeError
 from ...world.scene.description import SceneDescription
 from ...world.scene.heap_regions import heap_regions, region_of
+from ...world.shapes import Shape
 from ...world.values import ObjectId, Pose, Vector3
 from ..checkpoints import BodyState, DynamicsChange
 from ..engine import pb
 from ..scoring.truth import TrueBody
 from ..spawning.heap_spawning import Sticker, check_contained, pile_walls
-from ..spawning.inventory import Inventory, InventoryState, departed
+from ..spawning.inventory import Inventory, InventoryState
 from ..spawning.spawn import SpawnedItem
 from .bodies import ItemShapes, add_item, add_obstacle, forget_contacts, set_friction, set_mass
 from .robot.robot_body import finite
@@ -171,9 +172,21 @@ class PhysicsItems:
         """Return the ground truth of every item that ever was there."""
         return self.inventory.truth(lambda name: self.true(self._state(name)))
 
+    def recent_truth(self) -> tuple[TrueBody, ...]:
+        """Return the ground truth as `Inventory.recent_truth` does."""
+        return self.inventory.recent_truth(lambda name: self.true(self._state(name)))
+
     def here(self) -> tuple[TrueBody, ...]:
         """Return the ground truth of every present item."""
         return tuple(self.true(self._state(name)) for name in self._numbers)
+
+    def places(self, but: str = "") -> Iterator[tuple[Shape, Pose]]:
+        """Yield shape and pose in the world of every present item, except of the item `but`."""
+        for name, number in self._numbers.items():
+            if name == but:
+                continue
+            pose = Pose(*pb.getBasePositionAndOrientation(number, self._client))
+            yield self.inventory.here[name].entry.shape, pose
 
     def true(self, state: BodyState) -> TrueBody:
         """Return the ground truth of a saved or present state."""
@@ -220,11 +233,10 @@ class PhysicsItems:
 
     def take_with(self, bin_id: ObjectId, items: Collection[ObjectId]) -> None:
         """Remove items with their bin; their last truth is recorded as at rest."""
+        self.inventory.depart([self.true(self._state(name)) for name in items], bin_id)
         for name in items:
-            body = self.true(self._state(name))
             pb.removeBody(self._numbers.pop(name), self._client)
             self._bumps.pop(name, None)
-            self.inventory.depart(departed(body, bin_id, body.brought_by))
         self._ledger = [change for change in self._ledger if change.item not in items]
         if items:
             self.sleepers.wake_all()

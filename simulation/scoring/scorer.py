@@ -131,7 +131,7 @@ def _item_score(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin
 def _score_by_place(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin]) -> ItemScore:
     if body.seat is not None:
         return _score_in_hole(body, body.seat, destination)
-    around = next((b for b in bins if b.id == body.taken_with or lies_in(b, body)), None)
+    around = next((b for b in bins if _is_around(b, body)), None)
     within = around.id if around is not None else body.taken_with
     in_tote = around is not None and around.is_tote
     verdict: Verdict = "left"
@@ -142,6 +142,10 @@ def _score_by_place(body: TrueBody, destination: ObjectId | None, bins: Iterable
     elif within is not None and not in_tote:
         verdict = "misplaced"
     return ItemScore(body.id, body.form, destination, within, verdict)
+
+
+def _is_around(around: Bin, body: TrueBody) -> bool:
+    return lies_in(around, body) if body.taken_with is None else around.id == body.taken_with
 
 
 def _score_in_hole(body: TrueBody, seat: HoleSeating, destination: ObjectId | None) -> ItemScore:

@@ -99,7 +99,7 @@ class TrueBody:
     """Angular velocity in the world, rad/s."""
     present: bool = True
     """Whether the item is present; False after a fault or a bin exchange removed it. The pose is then the
-    last one."""
+    last one; for the scorer, that of an item that left with a bin is not kept."""
     taken_with: ObjectId | None = None
     """Bin with which the item left at an exchange; None: it did not."""
     crushed: float = 0.0

@@ -1,17 +1,20 @@
-"""Inventory of a run: the present items, and a short record of each that left."""
+"""Inventory of a run: the present items, and what the others were that left."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Annotated, Any, TypeAlias, cast
+
+from pydantic import BeforeValidator
 
 from ...world.scene.description import CatalogueEntry, SceneDescription
 from ...world.shapes import ConvexMesh, Shape, scaled
 from ...world.values import ObjectId, Pose
 from ..scoring.truth import TrueBody
 from .heap_spawning import PartsMesh, mesh_files, read_thing
-from .spawn import SpawnedItem, item_id
+from .spawn import SpawnedItem, item_id, item_number
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,14 +34,11 @@ class BroughtItem:
 
 @dataclass(frozen=True, slots=True)
 class DepartedItem:
-    """Record of an item that left with its bin."""
+    """Record of items that left with a bin. Equal ones have one: there are thousands."""
 
-    id: ObjectId
     kind: str
     colour: str
     brought_by: int | None
-    pose: Pose
-    """Last pose of the item in the world."""
     taken_with: ObjectId
     mesh: int | None = None
     """Number of its file in the assortment; None: it is of the catalogue."""
@@ -52,29 +52,49 @@ class InventoryState:
 
     brought: tuple[BroughtItem, ...]
     """Items that came later, in the order of their numbers."""
-    departed: tuple[DepartedItem, ...]
-    """Items that left, in the order in which they left."""
+    departed: tuple[tuple[int, int], ...]
+    """Number of each item that left and index of it in `kinds`, in the order in which they left."""
+    kinds: tuple[DepartedItem, ...] = ()
+    """Different items that left."""
 
     def since(self, departed: int) -> InventoryState:
         """Return the state without the first so many items that left."""
-        return InventoryState(self.brought, self.departed[departed:]) if departed else self
+        return replace(self, departed=self.departed[departed:]) if departed else self
+
+
+def _of_older_log(plain: Any) -> Any:
+    """Return the plain values of a state; in older logs each item that left is a mapping of its own."""
+    if not isinstance(plain, Mapping) or "kinds" in plain:
+        return cast("Any", plain)
+    state = cast("Mapping[str, Any]", plain)
+    left = cast("list[Mapping[str, Any]]", state["departed"])
+    kinds = [{field.name: each.get(field.name) for field in fields(DepartedItem)} for each in left]
+    departed = [(item_number(each["id"]), index) for index, each in enumerate(left)]
+    return {**state, "departed": departed, "kinds": kinds}
+
+
+SavedInventory: TypeAlias = Annotated[InventoryState | None, BeforeValidator(_of_older_log)]
+"""State in a checkpoint; None when nothing came and nothing left."""
 
 
 class Inventory:
     """Inventory of a run.
 
     `here` contains all items that did not leave with a bin, in the order of their numbers. Of each item that
-    left only one record is kept.
+    left its number is kept, and what it was.
     """
 
     def __init__(self, scene: SceneDescription, spawned: Iterable[SpawnedItem]) -> None:
         self._scene = scene
         self._spawned = {item.id: item for item in spawned}
         self.here: dict[ObjectId, SpawnedItem] = dict(self._spawned)
-        self._departed: dict[ObjectId, TrueBody] = {}
-        self._records: list[DepartedItem] = []
-        """Records of the departed; made once each, for states are asked for several times a second."""
-        self._known = list(self.here)
+        self._departed: list[tuple[int, int]] = []
+        self._kinds: dict[DepartedItem, int] = {}
+        """Index of each different item that left."""
+        self._latest: dict[ObjectId, tuple[TrueBody, ...]] = {}
+        """Last truth of the items that left with the latest exchange of each bin."""
+        self.count = len(self.here)
+        """Number of items that ever came."""
 
     @property
     def spawned(self) -> Iterable[ObjectId]:
@@ -83,12 +103,12 @@ class Inventory:
 
     def next_id(self) -> ObjectId:
         """Return the name of the next item; no number is given twice."""
-        return item_id(len(self._known))
+        return item_id(self.count)
 
     def add(self, item: SpawnedItem) -> None:
         """Add an item that was brought under the `next_id`."""
         self.here[item.id] = item
-        self._known.append(item.id)
+        self.count += 1
 
     def enlarge(self, name: ObjectId, factor: float) -> SpawnedItem:
         """Scale an item by `factor` from now on; checkpoints record the factor elsewhere."""
@@ -97,32 +117,46 @@ class Inventory:
         self.here[name] = replace(item, entry=entry)
         return self.here[name]
 
-    def depart(self, body: TrueBody) -> None:
-        """Move an item to the departed ones, with its last truth `body`."""
-        del self.here[body.id]
-        self._departed[body.id] = body
-        if body.taken_with is not None:
-            self._records.append(
-                DepartedItem(
-                    body.id,
-                    body.kind,
-                    body.colour,
-                    body.brought_by,
-                    body.pose,
-                    body.taken_with,
-                    self._file(body.shape),
-                    body.tag,
-                )
+    def depart(self, bodies: Iterable[TrueBody], bin_id: ObjectId) -> None:
+        """Move items, of which `bodies` is the last truth, to the departed ones: they leave with a bin."""
+        left = [_departed(body, bin_id, body.brought_by) for body in bodies]
+        for body in left:
+            del self.here[body.id]
+            kind = DepartedItem(
+                body.kind, body.colour, body.brought_by, bin_id, self._file(body.shape), body.tag
             )
+            self._departed.append((item_number(body.id), self._kinds.setdefault(kind, len(self._kinds))))
+        self._latest[bin_id] = tuple(left)
 
     def has_left(self, item: str) -> bool:
-        return item in self._departed
+        return any(item_id(number) == item for number, _ in self._departed)
+
+    def recent_truth(self, true: Callable[[ObjectId], TrueBody]) -> tuple[TrueBody, ...]:
+        """Return the ground truth of the items that did not leave, and of those that left with the latest
+        exchange of each bin.
+
+        `true` is called for the former. All are in the order of the numbers.
+        """
+        left = (body for bodies in self._latest.values() for body in bodies)
+        return tuple(sorted((*left, *map(true, self.here)), key=lambda body: item_number(body.id)))
 
     def truth(self, true: Callable[[ObjectId], TrueBody]) -> tuple[TrueBody, ...]:
-        """Return the ground truth of every item in the order of the numbers; `true` is called for those that
-        did not leave."""
-        departed = self._departed
-        return tuple(departed[name] if name in departed else true(name) for name in self._known)
+        """Return the ground truth of every item that ever came, in the order of the numbers.
+
+        `true` is called for those that did not leave. Of the others no pose is kept.
+        """
+        kinds = [(kind, self._kind(kind)[0]) for kind in self._kinds]
+        bodies = dict(self._truths_of_departed(kinds))
+        bodies.update((item_number(name), true(name)) for name in self.here)
+        return tuple(bodies[number] for number in range(self.count))
+
+    def _truths_of_departed(
+        self, kinds: Sequence[tuple[DepartedItem, CatalogueEntry]]
+    ) -> Iterator[tuple[int, TrueBody]]:
+        for number, index in self._departed:
+            kind, entry = kinds[index]
+            body = TrueBody.of(item_id(number), entry, kind.colour, Pose())
+            yield number, _departed(replace(body, tag=kind.tag), kind.taken_with, kind.brought_by)
 
     def state(self) -> InventoryState | None:
         """Return the state for a checkpoint; None when nothing came and nothing left."""
@@ -133,11 +167,13 @@ class Inventory:
             for item in self.here.values()
             if item.brought_by is not None
         )
-        return InventoryState(brought, tuple(self._records)) if brought or self._records else None
+        if not brought and not self._departed:
+            return None
+        return InventoryState(brought, tuple(self._departed), tuple(self._kinds))
 
     def restore(self, state: InventoryState | None) -> None:
         state = state or InventoryState((), ())
-        left = {item.id for item in state.departed}
+        left = {item_id(number) for number, _ in state.departed}
         self.here = {name: item for name, item in self._spawned.items() if name not in left}
         for each in state.brought:
             entry, mesh = self._kind(each)
@@ -146,13 +182,11 @@ class Inventory:
                 each.id, entry, each.colour, Pose(), False, each.brought_by, mesh,
                 tag=each.tag, rolls=mesh is not None,
             )  # fmt: skip
-        self._departed = {item.id: self._body(item) for item in state.departed}
-        self._records = list(state.departed)
-        self._known = [item_id(n) for n in range(len(self.here) + len(left))]
-
-    def _body(self, item: DepartedItem) -> TrueBody:
-        body = TrueBody.of(item.id, self._kind(item)[0], item.colour, item.pose)
-        return departed(replace(body, tag=item.tag), item.taken_with, item.brought_by)
+        self._kinds = {}
+        indices = [self._kinds.setdefault(kind, len(self._kinds)) for kind in state.kinds]
+        self._departed = [(number, indices[index]) for number, index in state.departed]
+        self._latest = {}
+        self.count = len(self.here) + len(left)
 
     def _file(self, shape: Shape) -> int | None:
         """Return the number of a thing's file in the assortment; None: the shape is of the catalogue."""
@@ -171,7 +205,7 @@ class Inventory:
         return thing.entry, thing.mesh
 
 
-def departed(body: TrueBody, taken_with: ObjectId, brought_by: int | None) -> TrueBody:
+def _departed(body: TrueBody, taken_with: ObjectId, brought_by: int | None) -> TrueBody:
     """Return the truth of an item that leaves with a bin."""
     return TrueBody(
         body.id,

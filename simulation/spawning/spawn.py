@@ -164,6 +164,11 @@ def item_id(number: int) -> ObjectId:
     return ObjectId(f"item_{number:02d}")
 
 
+def item_number(name: ObjectId) -> int:
+    """Return the number of an item, of which `item_id` is the name."""
+    return int(name.removeprefix("item_"))
+
+
 def draw_load(scene: SceneDescription, spawn: Spawn, rng: np.random.Generator) -> list[LooseItem]:
     """Draw the items of an entry, in the order of its kinds."""
     entries = [scene.entry(kind) for kind, number in spawn.counts for _ in range(number)]

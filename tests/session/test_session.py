@@ -91,7 +91,8 @@ def test_what_still_moves_comes_to_rest_before_it_is_scored(
         spin = 2.0 if hardware.clock.now < ended[0] + rocks - 1e-9 else 0.0
         return (replace(body, spin=(0.0, spin, 0.0), pose=body.pose.shifted((0.0, 0.0, height))),)
 
-    monkeypatch.setattr(hardware, "truth", rocking)
+    for name in ("truth", "recent_truth"):  # one for the wait, one for the score
+        monkeypatch.setattr(hardware, name, rocking)
     result = session.run()
     assert result.sim_seconds == pytest.approx(ended[0] + waited * TICK_LENGTH)
     assert result.items.sorted == (rocks < 5.0 and height == 0.0)

@@ -11,7 +11,10 @@ import pytest
 
 from picktree.errors import PicktreeError
 from picktree.simulation.backends import Backend
+from picktree.simulation.checkpoints import Checkpoint, KinematicState
 from picktree.simulation.engine import pb
+from picktree.simulation.fault_files.fault_entries import FaultTarget
+from picktree.simulation.faults.fault_states import choose_target
 from picktree.simulation.feed.feeder import goes_with
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.scoring.scorer import score
@@ -53,7 +56,7 @@ def test_what_lies_in_the_bin_goes_with_it_and_stays_judged(backend: Backend) ->
     after = hardware.truth()
     assert [b.taken_with for b in after] == [RED, RED, None]
     assert [b.present for b in after] == [False, False, True]
-    assert [b.pose for b in after[:2]] == [b.pose for b in before[:2]]
+    assert [b.pose for b in hardware.recent_truth()[:2]] == [b.pose for b in before[:2]]
     assert verdicts(after) == judged
     assert hardware.feed.read().exchanges == {RED: 1}
     assert not hardware.feed.read().busy
@@ -156,3 +159,39 @@ def test_the_engine_keeps_nothing_of_what_left_and_a_checkpoint_a_line() -> None
     assert len(hardware.truth()) == 8
     grown = [later - earlier for earlier, later in pairwise(sizes)]
     assert max(grown) < 2 * 320
+
+
+@BACKENDS
+def test_a_target_s_index_is_the_item_s_number_after_others_have_left(backend: Backend) -> None:
+    hardware = filled(backend)
+    hardware.feed.exchange(RED)
+    wait(hardware, 2.1)
+    assert hardware.item_count == 3
+    chosen = [choose_target(hardware, FaultTarget(index=n), "", lambda _: None) for n in range(3)]
+    assert [body and body.id for body in chosen] == [None, None, "item_02"]
+
+
+@BACKENDS
+def test_items_of_older_checkpoints_have_left_one_by_one(backend: Backend) -> None:
+    hardware = filled(backend)
+    hardware.feed.exchange(RED)
+    wait(hardware, 2.1)
+    older = hardware.checkpoint().to_plain()
+    kinds = older["inventory"].pop("kinds")
+    older["inventory"]["departed"] = [
+        {"id": f"item_{number:02d}", "pose": {"position": [0.3, 0.5, 0.0]}, **kinds[index]}
+        for number, index in older["inventory"]["departed"]
+    ]
+    again = build(backend, hardware.scene)
+    again.restore((Checkpoint if backend == "physics" else KinematicState).from_plain(older))  # type: ignore[arg-type]
+    assert again.truth() == hardware.truth()
+
+
+def test_items_that_left_are_kept_by_number_and_kind() -> None:
+    hardware = filled("kinematic")
+    hardware.feed.exchange(RED)
+    wait(hardware, 2.1)
+    kept = hardware.snapshot().to_plain()["inventory"]
+    assert [number for number, _ in kept["departed"]] == [0, 1]
+    assert {kind["taken_with"] for kind in kept["kinds"]} == {RED}
+    assert len(json.dumps(kept["departed"])) < 20
