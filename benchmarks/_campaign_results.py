@@ -105,7 +105,7 @@ class Repeats:
 
 def repeated(folder: Path, commit: str) -> Repeats:
     """Compare the results in a campaign's folder that were made with `commit`, which may be several, with
-    later ones of the same jobs."""
+    later ones of the same jobs: with those of the files as they are, if there are any."""
     dependencies, before, later = Dependencies(folder), dict[str, Result](), dict[str, Result]()
     for each in _read(folder):
         job = key(each.job)
@@ -113,9 +113,11 @@ def repeated(folder: Path, commit: str) -> Repeats:
             before[job] = each
         elif job in before and each.code != before[job].code:
             later[job] = each
-    same = sum(_told(before[job].row) == _told(each.row) for job, each in later.items())
-    commits = ", ".join(dict.fromkeys(each.commit for each in later.values()))
-    return Repeats(same, len(later), commits, all(dependencies.hold(each.code) for each in later.values()))
+    holding = {job: each for job, each in later.items() if dependencies.hold(each.code)}
+    taken = holding or later
+    same = sum(_told(before[job].row) == _told(each.row) for job, each in taken.items())
+    by = ", ".join(dict.fromkeys(each.commit for each in taken.values()))
+    return Repeats(same, len(taken), by, bool(holding))
 
 
 def _read(folder: Path) -> Generator[Result]:
