@@ -18,8 +18,8 @@ from picktree.session.environment import revision
 REFERENCE_COST = 0.26
 """CPU seconds of the reference on the machine to which the costs in the programs refer."""
 FILE = "results.jsonl"
-MEASURED = frozenset({"cpu", "cpu_seconds", "wall_seconds", "ms", "folder", "log"})
-"""Values of a row that two runs of one job do not share: times of the computer, and places."""
+MEASURED = frozenset({"cpu", "cpu_seconds", "wall_seconds", "ms", "folder", "log", "said", "kills"})
+"""Values of a row that two runs of one job do not share: times of the computer, and words with places."""
 ROOT = f"{Path(__file__).resolve().parent.parent}/"
 Row = dict[str, Any]
 
