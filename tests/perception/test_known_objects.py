@@ -238,6 +238,36 @@ def test_where_items_were_set_aside_no_more_than_these_are_searched_for(recognis
     assert recognised[0] < afresh / 3
 
 
+def askew(bricks: list[Thing], x: float = 0.0) -> list[Thing]:
+    """Two touching bricks, tilted so far that nothing fits them, `x` m further from the robot."""
+    return [
+        replace(brick, pose=brick.pose @ Pose.from_rpy((x, 0.0, 0.004), (tilt, 0.0, 0.0)))
+        for brick, tilt in zip(bricks, (0.35, -0.35), strict=True)
+    ]
+
+
+BRICKS = [standing(BRICK, 0.45, 0.0, 0.0, "blue"), standing(BRICK, 0.45, 0.041, 0.0, "blue")]
+
+
+def test_what_shows_only_items_that_were_set_aside_is_not_split(recognised: list[int]) -> None:
+    known = believed(BRICKS, place="aside")
+    assert [one.kind for one in known] == ["brick", "brick"]
+    recognised[0] = 0
+    seen = view_of(askew(BRICKS), known=known)
+    assert recognised[0] == 1
+    assert len(seen.unexplained) == 1
+
+
+def test_what_the_picture_s_border_cuts_through_is_not_split(recognised: list[int]) -> None:
+    """A fixed camera would show it in each picture."""
+    view_of(askew(BRICKS, 0.49))
+    assert recognised[0] > 10
+    recognised[0] = 0
+    seen = view_of(askew(BRICKS, 0.52))
+    assert recognised[0] == 1
+    assert len(seen.unexplained) == 1
+
+
 def test_a_larger_item_at_the_place_of_a_known_one_is_not_cut_up() -> None:
     known = believed([standing(BLOCK, 0.45, 0.0, 0.0, "blue")], place="aside")
     for shape in (BRICK, PLATE, Box((0.09, 0.09, 0.04)), Box((0.12, 0.08, 0.04))):
