@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -16,6 +17,7 @@ from picktree.perception.geometry.resting_poses import stable_poses
 from picktree.perception.geometry.silhouette_fitting import (
     BlobOutline,
     StandingPose,
+    distances_outside,
     fit_outline,
     silhouette,
     support,
@@ -176,3 +178,14 @@ def test_a_picture_without_a_table_is_not_levelled() -> None:
     sight = PosedCamera.at(image.intrinsics, DOWN)
     backdrop = BackgroundModel.of(SCENE, sight, TABLE, 0.0)
     assert level_camera(sight, np.zeros(image.depth.shape), backdrop, 0.0) is sight
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_distances_from_a_silhouette_are_those_of_opencv(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    hull = cv2.convexHull(rng.uniform(20.0, 60.0, (12, 2)).astype(np.float32))
+    pixels = np.argwhere(np.ones((80, 80))).astype(np.float64)
+    expected = [max(0.0, -cv2.pointPolygonTest(hull, (u, v), True)) for u, v in pixels.tolist()]
+    for corners in (hull[:, 0], hull[::-1, 0]):
+        found = distances_outside(corners.astype(np.float64), pixels)
+        assert found == pytest.approx(np.array(expected), abs=1e-4)
