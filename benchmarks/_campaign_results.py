@@ -19,7 +19,7 @@ REFERENCE_COST = 0.26
 """CPU seconds of the reference on the machine to which the costs in the programs refer."""
 FILE = "results.jsonl"
 MEASURED = frozenset({"cpu", "cpu_seconds", "wall_seconds", "ms", "folder", "log", "said", "kills"})
-"""Values of a row that two runs of one job do not share: times of the computer, and words with places."""
+"""Values of a row that two runs of one job do not share: the computer's times and places."""
 ROOT = f"{Path(__file__).resolve().parent.parent}/"
 Row = dict[str, Any]
 

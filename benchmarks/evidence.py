@@ -8,11 +8,11 @@
 Campaigns without a figure come first, then those of which a file that their runs depended on has changed
 since, oldest first, then those with the widest interval. Old ones of which some runs were repeated with what
 has changed, and all came out the same, come after the other old ones. Of each the page says how many were
-repeated, with which commit, and how many came out the same. Each gets an
-equal share of the time that is left and goes on where it stopped. The rows of its runs are part of the
-checkout, but for the fault campaign and the soak, which need their logs. What it printed is kept in
-evidence.json with commit and date. A result that still holds, or of which repeated runs came out the same, is
-not replaced by one of fewer runs, and another old one not by one that counts less than a quarter of it.
+repeated, with which commit, and how many came out the same. Each gets an equal share of the time that is
+left and goes on where it stopped. The rows of its runs are part of the checkout, and of the soak its diary
+and its last moment; the fault campaign needs its logs. What it printed is kept in evidence.json with commit
+and date. A result that still holds, or of which repeated runs came out the same, is not replaced by one of
+fewer runs, and another old one not by one that counts less than a quarter of it.
 """
 
 from __future__ import annotations

@@ -239,6 +239,8 @@ def test_runs_that_were_repeated_with_changed_files_are_compared_with_those_befo
     assert (found.same, found.again, found.commits, found.hold) == (alike, 1, commit, True)
     squares.change()
     assert repeated(squares.out, "earlier, before") == replace(found, hold=False)
+    squares.run("--first", "1", "--runs", "1")  # with the files as they are: that of seed 0 counts no more
+    assert repeated(squares.out, "earlier, before") == replace(found, same=1)
 
 
 def test_a_run_that_raises_is_a_result_and_is_tried_again(squares: Squares) -> None:
