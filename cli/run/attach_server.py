@@ -8,7 +8,8 @@ A client whose first object has `"follow": true` also receives the messages of t
 `{"messages": [[TOPIC, SIMULATED NS, BYTES], …], "wall": SECONDS}`, and their payloads behind the line.
 `"whole": true` marks the last message of each topic, at the beginning and after messages that the client did
 not take in time.
-`{"statuses", "blackboard"}` come before a stop within a tick, which no message of the log has yet.
+`{"statuses", "blackboard"}` end what a new follower receives first, and come before each stop within a tick,
+which no message of the log has yet.
 """
 
 from __future__ import annotations
@@ -260,6 +261,8 @@ class AttachServer(Interrupter):
             self._debugger.attach(self._run.tree)
         self._state = ("", "")
         self._clients.send(client, {"run": str(self._path.parent), "time": self._run.world.clock.now})
+        if self._standing is not None:
+            self._clients.send(client, self._standing)
 
     def _receive(self, client: Client, message: Mapping[str, object]) -> None:
         """Take a message. Raises KeyError, TypeError for one that is not in the protocol."""
@@ -267,8 +270,6 @@ class AttachServer(Interrupter):
             client.steers = bool(message["steer"])
             if message.get("follow"):
                 self._begin_following(client)
-            if self._standing is not None:
-                self._clients.send(client, self._standing)
             return
         line = message["line"]
         if not client.steers or not isinstance(line, str):

@@ -73,11 +73,11 @@ class FollowedRun:
         self._writer.write(b'{"steer": true, "follow": true}\n')
         first: list[_Received] = []
         try:
-            while not (first and first[-1][1]):
+            while not (first and "statuses" in first[-1][0]):
                 first.append(await _receive(reader))
         except (EOFError, OSError, ValueError):
             raise PicktreeError(f"{self.folder}: the run is not going on") from None
-        began = max((at for _, at, _ in first[-1][1]), default=0)
+        began = max((at for _, log in first for _, at, _ in log), default=0)
         await asyncio.to_thread(self._start_picture, began / 1e9, first)
         self._tasks = [asyncio.create_task(self._read(reader)), asyncio.create_task(self._publish())]
 
