@@ -77,7 +77,8 @@ def update_belief(
     `held_at` is the held object's pose in the world at that time; None: it has not moved since.
 
     Ids stay with their objects: matched first by place, then by kind for objects that left their place. An
-    attached object is not touched. An item is removed only when its place is clearly seen to be empty.
+    attached object is not touched. An item is removed only when its place is clearly seen to be empty. Where
+    it was given up, what is seen instead of it is given up, too: a camera may mistake its colour.
     """
     held = scene.held
     if held is not None and held_at is not None:
@@ -90,25 +91,28 @@ def update_belief(
     missing = [o for o in items if o.id not in matched and _is_place_empty(view, o)]
     matched |= _assignment(missing, _unmatched(detections, matched), _displacement)
 
-    removed: list[ObjectId] = []
+    gone: list[BeliefObject] = []
     hidden: list[BeliefObject] = []
     for item in items:
         if item.id in matched:
             scene.put(_updated_belief(item, matched[item.id], view, now), "seen")
         elif item in missing:
             scene.remove(item.id, "its place was seen empty")
-            removed.append(item.id)
+            gone.append(item)
         else:
             hidden.append(item)
     new: list[ObjectId] = []
     for detection in _unmatched(detections, matched):
         if not _part_of_known(detection, hidden):
             belief = _belief_from(scene.new_id(f"{detection.colour}_{detection.kind}"), detection, now)
+            if any(_is_given_up(item, detection) for item in gone):
+                belief = replace(belief, place=ASIDE)
             scene.put(belief, "seen for the first time")
             new.append(belief.id)
     unrecognised = [*hidden, *([held] if held else [])]
     obstacles = [patch for patch in view.unexplained if not _part_of_items(patch, view, unrecognised)]
     seen = (*(o.id for o in items if o.id in matched), *new)
+    removed = [item.id for item in gone]
     removed += update_volumes(scene, view, obstacles, [scene.get(name) for name in seen], now)
     return ObservationSummary(seen, tuple(new), tuple(removed), tuple(o.id for o in hidden), len(obstacles))
 
@@ -237,14 +241,18 @@ def _updated_belief(
     A better earlier estimate is kept while the view bears it out: of a half hidden object only the visible
     half counts. An item that was given up stays so where it lay. Found elsewhere, it may be handled again.
     """
-    given_up = item.place == ASIDE and detection.place == "table"
-    stayed = item.pose.distance(detection.pose) < _gate(item)
-    place = item.place if given_up and stayed else detection.place
+    place = item.place if _is_given_up(item, detection) else detection.place
     worse = detection.confidence < MIN_CONFIDENCE_SHARE * item.confidence
     if worse and view.look(item.shape, item.pose, item.colour).borne_out:
         return replace(item, last_seen=now, place=place)
     belief = replace(_belief_from(item.id, detection, now), place=place)
     return replace(belief, pose=_nearest_orientation(detection, item.pose))
+
+
+def _is_given_up(item: BeliefObject, detection: Detection) -> bool:
+    """Whether the detection shows an item that was given up, where it lay."""
+    stayed = item.pose.distance(detection.pose) < _gate(item)
+    return item.place == ASIDE and detection.place == "table" and stayed
 
 
 def _nearest_orientation(detection: Detection, before: Pose) -> Pose:

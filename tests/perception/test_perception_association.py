@@ -153,6 +153,17 @@ def test_an_item_put_aside_stays_aside() -> None:
     assert scene.get("red_block_1").place == "aside"
 
 
+def test_an_item_put_aside_stays_aside_through_a_picture_in_another_colour() -> None:
+    scene = empty_scene()
+    look(scene, RED, BLUE)
+    scene.put(replace(scene.get("red_block_1"), place="aside"), "given up")
+    for colour, now in (("green", 2.0), ("red", 3.0)):
+        look(scene, replace(RED, colour=colour), replace(BLUE, colour="green"), now=now)
+        places = {o.colour: o.place for o in scene.objects if o.pose.distance(RED.pose) < 0.01}
+        assert places == {colour: "aside"}
+        assert [o.place for o in scene.objects if o.pose.distance(BLUE.pose) < 0.01] == ["table"]
+
+
 def test_an_item_put_aside_that_went_elsewhere_is_among_the_others_again() -> None:
     scene = empty_scene()
     look(scene, RED)
