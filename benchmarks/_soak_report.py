@@ -44,8 +44,9 @@ def report(path: Path, hours: float) -> int:
     if (steady := steadiness(told)) is not None:
         (early, late), (p999, p999_late) = steady.memory, steady.p999
         more, slower = late / early - 1, p999_late / p999 - 1
-        print(f"first hour against last: memory {early:.1f} → {late:.1f} MB ({100 * more:+.1f} %), ", end="")
-        print(f"99.9 % of ticks {p999:.0f} → {p999_late:.0f} ms ({100 * slower:+.1f} %)\n")
+        print(f"first hour against last: memory of the longest process {early:.1f} → {late:.1f} MB ", end="")
+        print(f"({100 * more:+.1f} %), 99.9 % of ticks {p999:.0f} → {p999_late:.0f} ms ", end="")
+        print(f"({100 * slower:+.1f} %)\n")
         print(rate("minutes with memory at most 3 % above the first hour's", *steady.minutes))
         print(rate("quarters of an hour with ticks at most 10 % above", *steady.quarters))
         if more > 0.03:

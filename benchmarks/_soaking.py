@@ -308,7 +308,8 @@ def growth(minutes: Iterable[Minute], settled: float = SETTLED) -> Growth | None
 
 @dataclass(frozen=True, slots=True)
 class Steadiness:
-    """First hour of the process that went on longest, without its first half hour, beside its last hour."""
+    """First hour, without its first half, beside the last: of memory in the process that went on longest, of
+    ticks in the whole soak."""
 
     memory: tuple[float, float]
     """Medians over the minutes, MB."""
@@ -326,14 +327,13 @@ def steadiness(soak: Soak) -> Steadiness | None:
     if not own or own[-1].time - own[0].time < 2 * HOUR - 1.5 * MINUTE:
         return None
     begin, end = own[0].time - MINUTE, own[-1].time
-    ticks = [each for each in soak.quarters if each.part == own[0].part]
     first = [minute for minute in own if SETTLED < minute.time - begin <= HOUR + 1]
     later = [minute for minute in own if minute.time - begin > HOUR + 1]
     last = [minute for minute in own if minute.time > end - HOUR]
     memory = float(np.median([minute.memory for minute in first]))
-    early = float(np.mean([each.p999 for each in ticks if SETTLED < each.time - begin <= HOUR + 1]))
-    late = float(np.mean([each.p999 for each in ticks if each.time > end - HOUR]))
-    after = [each for each in ticks if each.time - begin > HOUR + 1]
+    early = float(np.mean([each.p999 for each in soak.quarters if SETTLED < each.time <= HOUR + 1]))
+    late = float(np.mean([each.p999 for each in soak.quarters if each.time > soak.minutes[-1].time - HOUR]))
+    after = [each for each in soak.quarters if each.time > HOUR + 1]
     return Steadiness(
         (memory, float(np.median([minute.memory for minute in last]))),
         (early, late),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import ModuleType
 
@@ -58,6 +58,11 @@ def test_the_first_hour_is_held_against_the_last(program: Program, tmp_path: Pat
     assert steady.p999 == (100.0, 105.0)
     assert steady.minutes == (60, 120)
     assert steady.quarters == (7, 8)
+    then = tuple(replace(minute, time=minute.time + 10800.0, memory=400.0, part=2) for minute in minutes[:60])
+    slower = tuple(replace(each, time=each.time + 10800.0, p999=200.0, part=2) for each in quarters[:4])
+    longer = soaking.steadiness(soaking.Soak(minutes + then, quarters + slower, (), (), None, ""))
+    assert (longer.memory, longer.p999) == (steady.memory, (100.0, 200.0))
+    assert (longer.minutes, longer.quarters) == (steady.minutes, (7, 12))
     assert soaking.steadiness(soaking.Soak(minutes[:90], quarters[:6], (), (), None, "")) is None
     program("_soak_report").draw(soak, tmp_path / "soak.svg")
     assert "<svg" in (tmp_path / "soak.svg").read_text()
