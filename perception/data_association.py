@@ -77,8 +77,8 @@ def update_belief(
     `held_at` is the held object's pose in the world at that time; None: it has not moved since.
 
     Ids stay with their objects: matched first by place, then by kind for objects that left their place. An
-    attached object is not touched. An item is removed only when its place is clearly seen to be empty. Where
-    it was given up, what is seen instead of it is given up, too: a camera may mistake its colour.
+    attached object is not touched. An item is removed only when its place is clearly seen to be empty. What
+    is seen where an item was given up is that item in any colour: a camera may mistake it.
     """
     held = scene.held
     if held is not None and held_at is not None:
@@ -91,28 +91,25 @@ def update_belief(
     missing = [o for o in items if o.id not in matched and _is_place_empty(view, o)]
     matched |= _assignment(missing, _unmatched(detections, matched), _displacement)
 
-    gone: list[BeliefObject] = []
+    removed: list[ObjectId] = []
     hidden: list[BeliefObject] = []
     for item in items:
         if item.id in matched:
             scene.put(_updated_belief(item, matched[item.id], view, now), "seen")
         elif item in missing:
             scene.remove(item.id, "its place was seen empty")
-            gone.append(item)
+            removed.append(item.id)
         else:
             hidden.append(item)
     new: list[ObjectId] = []
     for detection in _unmatched(detections, matched):
         if not _part_of_known(detection, hidden):
             belief = _belief_from(scene.new_id(f"{detection.colour}_{detection.kind}"), detection, now)
-            if any(_is_given_up(item, detection) for item in gone):
-                belief = replace(belief, place=ASIDE)
             scene.put(belief, "seen for the first time")
             new.append(belief.id)
     unrecognised = [*hidden, *([held] if held else [])]
     obstacles = [patch for patch in view.unexplained if not _part_of_items(patch, view, unrecognised)]
     seen = (*(o.id for o in items if o.id in matched), *new)
-    removed = [item.id for item in gone]
     removed += update_volumes(scene, view, obstacles, [scene.get(name) for name in seen], now)
     return ObservationSummary(seen, tuple(new), tuple(removed), tuple(o.id for o in hidden), len(obstacles))
 
@@ -155,12 +152,11 @@ def _gate(item: BeliefObject, distance: float = MATCH_DISTANCE) -> float:
 
 
 def _displacement(item: BeliefObject, detection: Detection) -> float:
-    """Distance to a detection of the same kind and colour, m; inf beyond FAR or for another kind or
-    colour."""
-    if (item.colour, item.kind) != (detection.colour, detection.kind):
-        return math.inf
+    """Distance to a detection of the same kind and colour, m, or to any where the item was given up; inf for
+    others and beyond `MAX_DISPLACEMENT`."""
     distance = item.pose.distance(detection.pose)
-    return distance if distance < MAX_DISPLACEMENT else math.inf
+    alike = (item.colour, item.kind) == (detection.colour, detection.kind) and distance < MAX_DISPLACEMENT
+    return distance if alike or _is_given_up(item, detection) else math.inf
 
 
 def _is_held(held: BeliefObject, detection: Detection) -> bool:

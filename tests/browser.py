@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -118,24 +119,29 @@ def wait_until(page: Any, expression: str, seconds: float = PATIENCE) -> bool:
     """Wait until an expression is true in the page, then return True. Raises AssertionError when it never is.
 
     The page's policy forbids `page.wait_for_function`."""
-    end = time.monotonic() + seconds
-    while not page.evaluate(expression):
-        if time.monotonic() > end:
-            raise AssertionError(f"never true in the page: {expression}")
-        page.wait_for_timeout(20)
+    if not _comes_true(page, expression, seconds):
+        raise AssertionError(f"never true in the page: {expression}")
     return True
 
 
 def on_top(page: Any, selector: str) -> bool:
-    """Return whether the middle of the element is on the screen, with nothing of another element over it."""
-    return page.evaluate(
-        """(selector) => {
-            const one = document.querySelector(selector);
-            const { left, top, width, height } = one.getBoundingClientRect();
-            return one.contains(document.elementFromPoint(left + width / 2, top + height / 2));
-        }""",
-        selector,
-    )
+    """Return whether the middle of the element is on the screen, with nothing of another element over it,
+    now or soon: a page may still move."""
+    expression = f"""(() => {{
+        const one = document.querySelector({json.dumps(selector)});
+        const {{ left, top, width, height }} = one.getBoundingClientRect();
+        return one.contains(document.elementFromPoint(left + width / 2, top + height / 2));
+    }})()"""
+    return _comes_true(page, expression, 20.0)
+
+
+def _comes_true(page: Any, expression: str, seconds: float) -> bool:
+    end = time.monotonic() + seconds
+    while not page.evaluate(expression):
+        if time.monotonic() > end:
+            return False
+        page.wait_for_timeout(20)
+    return True
 
 
 def frames(page: Any, count: int) -> None:
