@@ -152,8 +152,10 @@ def _gate(item: BeliefObject, distance: float = MATCH_DISTANCE) -> float:
 
 
 def _displacement(item: BeliefObject, detection: Detection) -> float:
-    """Distance to a detection of the same kind and colour, m, or to any where the item was given up; inf for
-    others and beyond `MAX_DISPLACEMENT`."""
+    """Distance to a detection of the same kind and colour, m, or to any where the item was given up.
+
+    It is inf to others, and beyond `MAX_DISPLACEMENT`.
+    """
     distance = item.pose.distance(detection.pose)
     alike = (item.colour, item.kind) == (detection.colour, detection.kind) and distance < MAX_DISPLACEMENT
     return distance if alike or _is_given_up(item, detection) else math.inf

@@ -125,8 +125,10 @@ def wait_until(page: Any, expression: str, seconds: float = PATIENCE) -> bool:
 
 
 def on_top(page: Any, selector: str) -> bool:
-    """Return whether the middle of the element is on the screen, with nothing of another element over it,
-    now or soon: a page may still move."""
+    """Return whether the middle of the element is on the screen, with nothing of another element over it.
+
+    A page may still move, and gets time for it.
+    """
     expression = f"""(() => {{
         const one = document.querySelector({json.dumps(selector)});
         const {{ left, top, width, height }} = one.getBoundingClientRect();

@@ -200,10 +200,14 @@ def greatest_length(shape: Shape) -> float:
             return float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
 
 
-def convex_hull(points: Array) -> ConvexHull:
-    """The convex hull of points (n, 2) or (n, 3), by qhull."""
+def convex_hull(points: Array, options: str | None = None) -> ConvexHull:
+    """The convex hull of points (n, 2) or (n, 3), by qhull. `options` are qhull's own.
+
+    Raises:
+        RuntimeError: The points have no extent in one direction, and are not joggled (option `QJ`).
+    """
     kind = library_part("scipy.spatial._qhull", "scipy.spatial.ConvexHull", "scipy.linalg", "scipy._lib")
-    return kind(points)
+    return kind(points, qhull_options=options)
 
 
 @lru_cache(maxsize=256)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ...files.disk_cache import cached_arrays
 from ...robots.model import RobotModel
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
-from ...world.shapes import OBSTACLE_VOLUME, Box, ConvexMesh, Cylinder, Shape, Sphere, corners
+from ...world.shapes import OBSTACLE_VOLUME, Box, ConvexMesh, Cylinder, Shape, Sphere, convex_hull, corners
 from ...world.values import Array, Pose, Vector3
 from ..requests import ContactPair
 from .collision_bodies import (
@@ -99,7 +99,7 @@ def solid(shape: Shape) -> FclSolid:
 
 def hull(points: Array, *, keep: bool = True) -> FclSolid:
     """Return the convex hull of points (m, 3). `keep`: for later processes, in the disk cache."""
-    makers = (Path(__file__), "numpy", "scipy", "trimesh")
+    makers = (Path(__file__), "numpy", "scipy")
     found = (
         cached_arrays("solid-hull", (points.tobytes(),), makers, lambda: _hull(points))
         if keep
@@ -113,11 +113,22 @@ def hull(points: Array, *, keep: bool = True) -> FclSolid:
 
 
 def _hull(points: Array) -> dict[str, NDArray[Any]]:
-    import trimesh  # slow to import
+    """Return vertices (n, 3) of the hull and its triangles (m, 3), counter-clockwise from outside.
 
-    mesh = trimesh.Trimesh(points, process=False).convex_hull
-    vertices = np.array(mesh.vertices, dtype=np.float64)
-    return {"vertices": vertices, "faces": np.array(mesh.faces, dtype=np.int64)}
+    Flat points, as a robot's mesh may have them, are joggled.
+    """
+    try:
+        found = convex_hull(points)
+    except RuntimeError:
+        found = convex_hull(points, "QJ")
+    own: NDArray[np.intp] = np.sort(found.vertices)
+    vertices: Array = points[own]
+    faces: NDArray[np.int64] = np.searchsorted(own, found.simplices).astype(np.int64)
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    normals: Array = found.equations[:, :3]
+    inward = (np.cross(b - a, c - a) * normals).sum(axis=1) < 0.0
+    faces[inward] = faces[inward, ::-1]
+    return {"vertices": vertices, "faces": faces}
 
 
 def place(shape: FclSolid, pose: Pose) -> FclPlacedSolid:

@@ -18,7 +18,7 @@ from picktree.planning.timing.time_parameterization import time_corners
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 from picktree.world.belief.planning_scene import PlanningScene
-from picktree.world.shapes import Box, ConvexMesh
+from picktree.world.shapes import Box, ConvexMesh, Sphere
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array, Pose
 
@@ -162,3 +162,11 @@ def test_where_the_fast_checker_changes_its_answer_the_judge_measures_the_margin
     for tightest in judge().tightest(np.array(edges), scene, WIDTH):
         assert tightest is not None
         assert tightest.distance == pytest.approx(tightest.margin, abs=1e-4)
+
+
+def test_flat_points_have_a_hull_to_keep_away_from() -> None:
+    """Meshes of robots may be flat."""
+    square = [(x, y, 0.0) for x in (-0.1, 0.1) for y in (-0.1, 0.1)]
+    flat = place(hull(np.array(square), keep=False), Pose())
+    ball = place(solid(Sphere(0.02)), Pose((0.0, 0.0, 0.12)))
+    assert distance_between(flat, ball).distance == pytest.approx(0.1, abs=1e-4)
