@@ -1,4 +1,4 @@
-"""A newcomer's way through the studio in a browser: from an empty folder to a batch that was resumed."""
+"""A newcomer's way through the studio in a browser: from an empty folder to a comparison of two runs."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def page(tmp_path: Path, state_home: Path, chromium: Chromium) -> Iterator[tuple
         end_runs(folder)
 
 
-def test_from_an_example_to_a_batch_that_was_resumed(page: tuple[Any, Told, Served]) -> None:
+def test_from_an_example_to_a_comparison(page: tuple[Any, Told, Served]) -> None:
     browser, told, served = page
     take_an_example(browser)
     break_and_mend(browser)
@@ -43,7 +43,6 @@ def test_from_an_example_to_a_batch_that_was_resumed(page: tuple[Any, Told, Serv
     identity = run_in_physics(browser, served.folder)
     find_the_failure(browser, identity)
     what_if_and_compare(browser, identity)
-    batch_of_eight(browser)
     assert told.requests == []
     assert told.problems == []
 
@@ -156,19 +155,3 @@ def what_if_and_compare(browser: Any, identity: str) -> None:
     dialog.get_by_text("they part at").wait_for()
     browser.keyboard.press("Escape")
     dialog.wait_for(state="detached")
-
-
-def batch_of_eight(browser: Any) -> None:
-    browser.get_by_role("link", name="Batches", exact=True).click()
-    browser.get_by_label("New plan").fill("night")
-    browser.get_by_role("button", name="Write it").click()
-    browser.get_by_label("Add to Missions").select_option("one_pick.yaml")
-    browser.get_by_role("button", name="Start 8 jobs").click()
-    bar = browser.get_by_role("progressbar")
-    browser.get_by_role("button", name=re.compile("success [12]")).wait_for()
-    browser.get_by_role("button", name="Stop", exact=True).click()
-    browser.locator(".batch-head .outcome.stopped").wait_for()
-    assert 1 <= int(bar.get_attribute("aria-valuenow") or 0) < 8
-    browser.get_by_role("button", name="Go on", exact=True).click()
-    browser.locator(".batch-head .outcome.done").wait_for()
-    assert bar.get_attribute("aria-valuenow") == "8"
