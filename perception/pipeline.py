@@ -322,13 +322,13 @@ class _Finding:
             self.detections.append(seated.detection)
             return
         misfit = hypotheses[0].misfit if hypotheses else 9.0
-        cut = cut_off(patch.rows, patch.columns, *self.picture.depth.shape)
-        if self.moving and (cut or self._beside_robot(blob)):
+        hidden = cut_off(patch.rows, patch.columns, *self.picture.depth.shape) or self._beside_robot(blob)
+        if self.moving and hidden:
             if hypotheses and is_clear(hypotheses[0], MAX_CUT_MISFIT) and hypotheses[0].shown > MIN_CUT_SHOWN:
                 self._settle(blob, hypotheses, floor)
             return
-        # Items that the border of a fixed camera's picture cuts through would be searched in each picture.
-        if misfit > GOOD_MISFIT and not floor.in_bin and not cut:
+        # Items that the border or the robot hides in part do not fit, and would be searched in each picture.
+        if misfit > GOOD_MISFIT and not floor.in_bin and not hidden:
             parts = split_blob(self.picture, self.fitter, blob, floor.height, misfit, known.most)
             if parts is not None and (
                 misfit >= POOR_MISFIT or all(is_clear(part.hypotheses[0]) for part in parts)
