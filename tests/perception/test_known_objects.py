@@ -15,7 +15,7 @@ from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
 
-from .perception_pictures import BALL, BLOCK, BRICK, CAN, PLATE, Thing, standing, view_of
+from .perception_pictures import BALL, BLOCK, BRICK, CAN, PLATE, Robot, Thing, standing, view_of
 
 THINGS = [
     standing(shape, 0.36 + 0.07 * n, 0.15 * (-1) ** n, 0.4 * n, "blue", n == 3)
@@ -266,6 +266,18 @@ def test_what_the_picture_s_border_cuts_through_is_not_split(recognised: list[in
     seen = view_of(askew(BRICKS, 0.52))
     assert recognised[0] == 1
     assert len(seen.unexplained) == 1
+
+
+def test_what_the_robot_hides_in_part_is_not_split(recognised: list[int]) -> None:
+    """The arm passes before touching items again and again."""
+    hand = Robot(Box((0.1, 0.1, 0.02)), Pose((0.45, -0.07, 0.2)))
+    bricks = [*askew(BRICKS), Thing(hand.box, hand.pose, "white")]
+    view_of(bricks)
+    assert recognised[0] > 10
+    recognised[0] = 0
+    seen = view_of(bricks, robot=hand)
+    assert recognised[0] == 1
+    assert seen.detections == () and seen.unexplained == ()
 
 
 def test_a_larger_item_at_the_place_of_a_known_one_is_not_cut_up() -> None:
