@@ -165,6 +165,25 @@ def test_a_number_that_is_being_typed_outlives_the_answer_to_a_drag(
     assert told.problems == []
 
 
+def test_a_move_whose_text_is_on_its_way_is_saved_too(served: Served, page: tuple[Any, Told]) -> None:
+    browser, told = page
+    moves = HeldAnswers(browser, "scene.move")
+    scene, at = open_scene(served, browser)
+    drag_bin(browser, at)
+    wait_until(browser, f"!{disabled('Save cell.yaml')}")
+    moves.hold()
+    value = browser.get_by_label("x, m")
+    value.fill("0.4")
+    value.press("Enter")
+    browser.get_by_role("button", name="Save cell.yaml").click()
+    browser.wait_for_timeout(300)
+    moves.release()
+    wait_until(browser, disabled("Save cell.yaml"))
+    found = place_in(changed_line(scene, (served.folder / "cell.yaml").read_text(encoding="utf-8")))
+    assert found == pytest.approx([0.4, at[1] + 0.05, at[2]], abs=0.03)
+    assert told.problems == []
+
+
 def open_scene(served: Served, browser: Any) -> tuple[str, tuple[float, float, float]]:
     """Open a mission's own scene; return its text and the place of its red bin, m."""
     scene = re.sub(r"  nut: .*\n|, nut: 1", "", (SHIPPED / "three_bins.yaml").read_text(encoding="utf-8"))

@@ -91,7 +91,7 @@ def test_a_run_is_started_paused_stepped_changed_answered_and_found(
         assert fits(phone)
         assert serious(phone) == []
         phone.get_by_role("button", name="yes").click()
-    browser.get_by_text("The run has ended: success.").wait_for()
+        browser.get_by_text("The run has ended: success.").wait_for()
     assert browser.evaluate("globalThis.ran") is None
     assert browser.get_by_role("link", name="Open the run").get_attribute("href") == f"#/run/{identity}"
     result = json.loads((served.folder / identity / "result.json").read_text())

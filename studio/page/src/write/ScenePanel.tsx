@@ -90,7 +90,10 @@ export function ScenePanel({ path, scene }: { path: string; scene: string }) {
     call<{ text: string; version: string }>("files.read", { path: own }).then((found) => setFile({ text: found.text, saved: found.text, version: found.version }), toastError);
   }, [own]);
 
-  const save = () => {
+  // What was moved last is saved, too, though its text may still be on its way.
+  const save = async () => {
+    await moves.current.last;
+    const { file } = now.current;
     if (!file) return;
     call<{ version: string }>("files.write", { path: own, text: file.text, version: file.version }).then((written) => {
       setFile((since) => since && { ...since, saved: file.text, version: written.version });
