@@ -12,7 +12,7 @@ import numpy as np
 
 from ..files.library_parts import library_part
 from ..world.belief.facts import ASIDE
-from ..world.belief.planning_scene import BeliefObject, PlanningScene
+from ..world.belief.planning_scene import FALLEN_SIGMA, BeliefObject, PlanningScene
 from ..world.shapes import inside
 from ..world.values import ObjectId, Pose
 from .fitting.view import Detection, PerceivedView, UnexplainedPatch
@@ -48,6 +48,8 @@ VOLUME_MARGIN = 0.02
 beyond the true surface."""
 MAX_UNEXPLAINED_SHARE = 0.25
 """Share of an obstacle's cells, beside those of all detections in it, above which it is still there."""
+MAX_SUPPOSED_TIME = 60.0
+"""Simulated s for which an item that was given up is believed where it fell unseen."""
 MIN_SHARE_IN_ITEMS = 0.9
 """Share of a patch's points at unrecognised items from which the patch belongs to them. The others are noise
 at its outline."""
@@ -77,8 +79,9 @@ def update_belief(
     `held_at` is the held object's pose in the world at that time; None: it has not moved since.
 
     Ids stay with their objects: matched first by place, then by kind for objects that left their place. An
-    attached object is not touched. An item is removed only when its place is clearly seen to be empty. What
-    is seen where an item was given up is that item in any colour: a camera may mistake it.
+    attached object is not touched. An item is removed only when its place is clearly seen to be empty, or
+    when it was given up where it is merely supposed to lie. What is seen where an item was given up is that
+    item in any colour: a camera may mistake it.
     """
     held = scene.held
     if held is not None and held_at is not None:
@@ -98,6 +101,9 @@ def update_belief(
             scene.put(_updated_belief(item, matched[item.id], view, now), "seen")
         elif item in missing:
             scene.remove(item.id, "its place was seen empty")
+            removed.append(item.id)
+        elif _is_lost(item, now):
+            scene.remove(item.id, "nobody has seen it since it fell")
             removed.append(item.id)
         else:
             hidden.append(item)
@@ -251,6 +257,12 @@ def _is_given_up(item: BeliefObject, detection: Detection) -> bool:
     """Whether the detection shows an item that was given up, where it lay."""
     stayed = item.pose.distance(detection.pose) < _gate(item)
     return item.place == ASIDE and detection.place == "table" and stayed
+
+
+def _is_lost(item: BeliefObject, now: float) -> bool:
+    """Whether the item was given up where it is merely supposed to lie, and did not show up for a while."""
+    unseen = item.sigma_position >= FALLEN_SIGMA and now - item.last_seen > MAX_SUPPOSED_TIME
+    return item.place == ASIDE and unseen
 
 
 def _nearest_orientation(detection: Detection, before: Pose) -> Pose:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...world.belief.facts import RODE_ON, TAKEN_AWAY
-from ...world.belief.planning_scene import PlanningScene
+from ...world.belief.planning_scene import FALLEN_SIGMA, PlanningScene
 from ...world.events.skill_events import BinEmptiedEvent
 from ...world.scene.description import Bin, Fixture
 from ...world.shapes import Box, bottom, top
@@ -131,7 +131,7 @@ def release_object(scene: PlanningScene, reason: str, *, left_at: Pose | None = 
             pose=fallen,
             place=place,
             confidence=DROPPED_CONFIDENCE,
-            sigma_position=0.02,
+            sigma_position=FALLEN_SIGMA,
         ),
         reason,
     )

@@ -10,7 +10,7 @@ import pytest
 
 from picktree.perception.data_association import ObservationSummary, update_belief
 from picktree.perception.fitting.view import Detection, PerceivedView, UnexplainedPatch
-from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
+from picktree.world.belief.planning_scene import FALLEN_SIGMA, BeliefObject, PlanningScene
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
 
@@ -221,6 +221,26 @@ def test_what_is_given_up_stays_so_where_it_lay() -> None:
     scene = scene_of(believed(place="aside"))
     after(scene, detected(OUT_OF_VIEW, 0.01, place="red_bin"))
     assert scene.get("red_block_1").place == "red_bin"
+
+
+@pytest.mark.parametrize(
+    ("sigma", "place", "now", "gone"),
+    [
+        (FALLEN_SIGMA, "aside", 60.1, True),
+        (FALLEN_SIGMA, "aside", 59.9, False),
+        (FALLEN_SIGMA, "red_bin", 60.1, False),
+        (0.012, "aside", 60.1, False),
+    ],
+)
+def test_what_is_given_up_where_nobody_saw_it_fall_is_believed_for_a_minute(
+    sigma: float, place: str, now: float, gone: bool
+) -> None:
+    """Else what falls there later would be taken for it, and given up untried."""
+    scene = scene_of(believed(sigma=sigma, place=place))
+    assert after(scene, now=now).removed == (("red_block_1",) if gone else ())
+    assert (scene.find(ObjectId("red_block_1")) is None) is gone
+    found = scene_of(believed(sigma=sigma, place=place))
+    assert after(found, detected(OUT_OF_VIEW, 0.01), now=now).seen == ("red_block_1",)
 
 
 def unrecognised(*things: Thing) -> PerceivedView:

@@ -16,6 +16,10 @@ from ..values import ObjectId, Pose, Vector3
 
 Role: TypeAlias = Literal["item", "obstacle", "heap"]
 
+FALLEN_SIGMA = 0.02
+"""Standard deviation of the position along each axis of what fell out of the hand and was not seen since, m.
+That of what a camera sees is smaller."""
+
 
 @dataclass(frozen=True, slots=True)
 class ObstacleBlock:
