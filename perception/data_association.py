@@ -261,7 +261,7 @@ def _is_given_up(item: BeliefObject, detection: Detection) -> bool:
 
 def _is_lost(item: BeliefObject, now: float) -> bool:
     """Whether the item was given up where it is merely supposed to lie, and did not show up for a while."""
-    unseen = item.sigma_position >= FALLEN_SIGMA and now - item.last_seen > MAX_SUPPOSED_TIME
+    unseen = item.sigma_position == FALLEN_SIGMA and now - item.last_seen > MAX_SUPPOSED_TIME
     return item.place == ASIDE and unseen
 
 

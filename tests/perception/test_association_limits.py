@@ -230,6 +230,7 @@ def test_what_is_given_up_stays_so_where_it_lay() -> None:
         (FALLEN_SIGMA, "aside", 59.9, False),
         (FALLEN_SIGMA, "red_bin", 60.1, False),
         (0.012, "aside", 60.1, False),
+        (0.5, "aside", 60.1, False),
     ],
 )
 def test_what_is_given_up_where_nobody_saw_it_fall_is_believed_for_a_minute(

@@ -18,7 +18,7 @@ Role: TypeAlias = Literal["item", "obstacle", "heap"]
 
 FALLEN_SIGMA = 0.02
 """Standard deviation of the position along each axis of what fell out of the hand and was not seen since, m.
-That of what a camera sees is smaller."""
+It marks it: what a camera sees never has exactly this one."""
 
 
 @dataclass(frozen=True, slots=True)
