@@ -32,14 +32,21 @@ def write(sample: ModuleType, path: Path) -> None:
 
 
 def stopped_writer(sample: ModuleType, path: Path, number: int, size: int) -> None:
-    """Send the signal to a process that records when it has written so many bytes."""
+    """Send the signal to a process that records when it has written so many bytes.
+
+    The process is halted first. A halt waits for the end of a write, and SIGKILL does not:
+    `test_a_kill_inside_a_write_costs_the_last_second`.
+    """
     process = multiprocessing.get_context("fork").Process(target=write, args=(sample, path))
     process.start()
     assert process.pid is not None
     while process.is_alive() and not (path.exists() and path.stat().st_size >= size):
         time.sleep(0.001)
     assert process.is_alive()
+    os.kill(process.pid, signal.SIGSTOP)
+    os.waitpid(process.pid, os.WUNTRACED)
     os.kill(process.pid, number)
+    os.kill(process.pid, signal.SIGCONT)
     process.join()
 
 

@@ -1,8 +1,10 @@
 """Disks that refuse, and messages that must not wait."""
 
 import errno
+import multiprocessing
 import os
 import resource
+import signal
 import threading
 import time
 from collections.abc import Callable
@@ -125,6 +127,42 @@ def test_a_disk_that_gets_full_is_one_clear_error_and_the_file_still_opens(
     )
     assert ticks > 60
     assert_whole_but_for_the_last_second(path, ticks)
+
+
+class Deadly(Full):
+    """A file whose process is killed inside the write that gets past so many bytes."""
+
+    def write(self, data: memoryview, /) -> int | None:
+        if self._at >= self._room:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().write(data)
+
+
+@pytest.mark.parametrize("room", [50_000, 80_000, 110_000])
+def test_a_kill_inside_a_write_costs_the_last_second(
+    sample: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
+) -> None:
+    path = tmp_path / "log.mcap"
+    real = sealed_file.open_raw
+    monkeypatch.setattr(sealed_file, "open_raw", lambda path: Deadly(real(path), room))  # pyright: ignore
+    fork = multiprocessing.get_context("fork")
+    given = fork.Value("i", 0)
+
+    def record() -> None:
+        scene = PlanningScene([sample.TABLE], [sample.BIN])
+        with Recorder(path, sample.RUN) as recorder:
+            sample.start(recorder)
+            for given.value in range(10_000):
+                sample.step(recorder, scene, given.value)
+
+    process = fork.Process(target=record)
+    process.start()
+    process.join()
+    assert process.exitcode == -signal.SIGKILL
+    with RunLog(path) as log:
+        assert log.recovered.startswith(f"{path}: ")
+        assert log.result == {}
+        assert len(list(log.ticks())) >= given.value - 21
 
 
 def test_the_limit_of_a_real_file_is_met_in_the_same_way(sample: ModuleType, tmp_path: Path) -> None:
