@@ -60,10 +60,11 @@ def write(picture: Picture, caption: Caption) -> None:
             right -= _width(text, size, _SEMIBOLD)
             _text(picture, text, (right, base), size, _SEMIBOLD, _PALE if text == caption.note else _INK)
             right -= gap
-    # Reserve the width of the longest time of a run, so that the following text does not jump.
     time = f"{caption.time:.1f} s"
     _text(picture, time, (gap, base), size, _SEMIBOLD, _INK)
-    left = gap + _width("0000.0 s", size, _SEMIBOLD) + gap // 2
+    # Reserve the width of a long time, so that the following text does not jump.
+    longest = f"{'0' * max(4, len(time) - 4)}.0 s"
+    left = gap + _width(longest, size, _SEMIBOLD) + gap // 2
     for text, weight, colour in ((caption.node, _SEMIBOLD, _INK), (caption.message, _REGULAR, _PALE)):
         fitted = _fitted(text, size, weight, right - left)
         if fitted:

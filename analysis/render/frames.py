@@ -208,7 +208,11 @@ def _truths(log: RunLog, span: tuple[float, float]) -> Iterator[Stamped[Scene]]:
 
 
 class ItemCounter:
-    """Number of items done at a time."""
+    """Number of items done at a time.
+
+    A resumed run goes on with the number of its checkpoint. A later file of a rotated log knows of its own
+    items only.
+    """
 
     def __init__(self, log: RunLog, end: float) -> None:
         done: dict[str, float] = {}
@@ -216,15 +220,22 @@ class ItemCounter:
             if isinstance(at.record, ItemDoneEvent):
                 done.setdefault(at.record.object, at.time)
         self._times = sorted(done.values())
+        self._before = self._all = 0
+        self._since = ""
+        if log.part > 1:
+            self._since = f" since {next(log.ticks()).time:.1f} s"
+            return
+        if log.run.continues is not None:
+            self._before = log.run.continues.items_done
         truth = log.truth_at(0.0) or next(log.truths(end=end), None)
         self._all = sum(1 for body in truth.record.bodies if body.role == "item") if truth else 0
 
     def done(self, time: float) -> str:
         """Return the number as text."""
-        number = bisect.bisect_right(self._times, time + _TIME_TOLERANCE)
-        if self._all >= max(1, len(self._times)):
+        number = self._before + bisect.bisect_right(self._times, time + _TIME_TOLERANCE)
+        if self._all >= max(1, self._before + len(self._times)):
             return f"{number} of {self._all} items done"
-        return f"{number} item{'' if number == 1 else 's'} done"
+        return f"{number} item{'' if number == 1 else 's'} done{self._since}"
 
 
 def _notes(show: Show, speed: float) -> Iterator[str]:

@@ -73,6 +73,16 @@ def test_a_caption_leaves_the_picture_above_it_alone() -> None:
     assert ink[:240].any() and ink[300:].any() and not ink[:8].any() and not ink[-8:].any()
 
 
+@pytest.mark.parametrize("time", [0.5, 9999.9, 86_400.0, 1_000_000.0])
+def test_a_time_of_any_length_is_apart_from_what_follows(time: float) -> None:
+    alone, followed = (np.full((600, 960, 3), 200, np.uint8) for _ in range(2))
+    write(alone, Caption(time))
+    write(followed, Caption(time, "Grasp"))
+    begin = np.flatnonzero((followed != alone).any(axis=(0, 2)))[0]
+    end = np.flatnonzero((alone.sum(axis=2) < 300).any(axis=0))[-1]
+    assert 5 < begin - end < 90
+
+
 def test_a_failure_stands_in_red_above_the_line_and_on_the_bar() -> None:
     plain, failed = (np.full((300, 480, 3), 200, np.uint8) for _ in range(2))
     write(plain, Caption(1.0, elapsed=0.5))

@@ -14,10 +14,13 @@ from picktree.analysis.render.scene_view import Show
 from picktree.analysis.render.viewpoint import PictureView
 from picktree.errors import PicktreeError
 from picktree.logs.optional_libraries import install_command
+from picktree.logs.recording.rotated_log import Rotation
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
+from picktree.session.resume.resumption import ResumeRequest, Resumption
 from picktree.session.session import RunRequest, Session
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 SMALL = (256, 160)
 
 
@@ -132,6 +135,25 @@ def test_what_runs_and_how_much_is_done_is_said(picked: RunResult) -> None:
         ]
     assert said[0] == ("Grasp", "blue_plate_1", "0 of 4 items done")
     assert said[1] == ("SUCCESS", "", "1 of 4 items done")
+
+
+def caption_at_the_end(log: Path) -> str:
+    with RunLog(log) as opened:
+        return next(moments(opened, [opened.end], (0.0, opened.end))).caption.done
+
+
+def test_how_much_is_done_is_said_of_a_run_in_parts(tmp_path: Path) -> None:
+    """A later file does not know what was done before it, and a resumed run does."""
+    request = RunRequest(
+        mission=EXAMPLES / "sort_by_colour.yaml", scene="sort_small", backend="kinematic", out=tmp_path,
+        limit=9.0, rotation=Rotation(seconds=5.0),
+    )  # fmt: skip
+    folder = Session(request).run().folder
+    with Resumption(ResumeRequest(folder, out=tmp_path / "resumed", limit=60.0)) as resumption:
+        resumed = resumption.session().run()
+    assert caption_at_the_end(folder / "log.mcap") == "3 of 4 items done"
+    assert caption_at_the_end(folder / "log-0002.mcap") == "2 items done since 5.0 s"
+    assert caption_at_the_end(resumed.log) == "4 of 4 items done"
 
 
 @pytest.mark.parametrize(
