@@ -141,8 +141,8 @@ _PALETTE_IMAGES = 5
 class FilmRequest:
     """Content and settings of a film. None means the default for the kind of file."""
 
-    start: float = 0.0
-    """Start, simulated s."""
+    start: float | None = None
+    """Start, simulated s; None: where the log begins, which of a resumed run is later than 0."""
     end: float | None = None
     """End, simulated s; None: time of the last message."""
     speed: float = 1.0
@@ -256,13 +256,14 @@ def _span(log: RunLog, request: FilmRequest) -> tuple[float, float]:
     end = log.end if request.end is None else min(request.end, log.end)
     if not request.speed > 0:
         raise PicktreeError(f"speed {request.speed:g}: it must be more than 0")
-    if request.start >= log.end:
+    start = next((at.time for at in log.ticks()), 0.0) if request.start is None else request.start
+    if start >= log.end:
         raise PicktreeError(
-            f"{log.path}: the run lasted {log.end:.2f} s; there is nothing from {request.start:g} s on"
+            f"{log.path}: the run lasted {log.end:.2f} s; there is nothing from {start:g} s on"
         )
-    if request.start < 0 or request.start >= end:
-        raise PicktreeError(f"from {request.start:g} s to {end:g} s there is nothing to film")
-    return request.start, end
+    if start < 0 or start >= end:
+        raise PicktreeError(f"from {start:g} s to {end:g} s there is nothing to film")
+    return start, end
 
 
 def _with_progress(

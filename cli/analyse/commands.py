@@ -278,7 +278,12 @@ def snapshot(
 def video(
     log: Log,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILM", help="A .mp4 or .gif file.")],
-    start: Annotated[float, typer.Option("--from", metavar="SECONDS", min=0.0, help="Simulated time.")] = 0.0,
+    start: Annotated[
+        float | None,
+        typer.Option(
+            "--from", metavar="SECONDS", min=0.0, help="Simulated time.", show_default="where the log begins"
+        ),
+    ] = None,
     end: Annotated[
         float | None,
         typer.Option("--to", metavar="SECONDS", help="Simulated time.", show_default="the end of the run"),

@@ -240,14 +240,15 @@ class RunSlice:
         return self._made_job("Write the page", command, path)
 
     @call("runs.write_film")
-    async def write_film(self, id: str, start: Moment = 0.0, end: Moment | None = None) -> int:
+    async def write_film(self, id: str, start: Moment | None = None, end: Moment | None = None) -> int:
         """Write a film of a run into the folder `films`; return the job's number."""
         try:
             import av  # pyright: ignore[reportUnusedImport]  # noqa: F401
         except ImportError:
             raise PicktreeError(f"A film needs the extra 'video': {install_command('video')}") from None
         path = self._new_file(f"films/{_stem(id)}.mp4")
-        command = ["video", str(self.log_of(id)), "-o", str(path), "--from", f"{start:.3f}"]
+        command = ["video", str(self.log_of(id)), "-o", str(path)]
+        command += [] if start is None else ["--from", f"{start:.3f}"]
         command += [] if end is None else ["--to", f"{end:.3f}"]
         return self._made_job("Make the film", command, path)
 

@@ -144,16 +144,19 @@ def caption_at_the_end(log: Path) -> str:
 
 def test_how_much_is_done_is_said_of_a_run_in_parts(tmp_path: Path) -> None:
     """A later file does not know what was done before it, and a resumed run does."""
-    request = RunRequest(
-        mission=EXAMPLES / "sort_by_colour.yaml", scene="sort_small", backend="kinematic", out=tmp_path,
-        limit=9.0, rotation=Rotation(seconds=5.0),
-    )  # fmt: skip
+    mission = EXAMPLES / "sort_by_colour.yaml"
+    parts = Rotation(seconds=9.0)
+    request = RunRequest(mission, backend="kinematic", out=tmp_path, limit=13.0, rotation=parts)
     folder = Session(request).run().folder
-    with Resumption(ResumeRequest(folder, out=tmp_path / "resumed", limit=60.0)) as resumption:
+    with Resumption(ResumeRequest(folder, out=tmp_path / "resumed", limit=16.0)) as resumption:
         resumed = resumption.session().run()
-    assert caption_at_the_end(folder / "log.mcap") == "3 of 4 items done"
-    assert caption_at_the_end(folder / "log-0002.mcap") == "2 items done since 5.0 s"
-    assert caption_at_the_end(resumed.log) == "4 of 4 items done"
+    assert caption_at_the_end(folder / "log.mcap") == "4 of 12 items done"
+    assert caption_at_the_end(folder / "log-0002.mcap") == "1 item done since 8.9 s"
+    assert caption_at_the_end(resumed.log) == "6 of 12 items done"
+    with RunLog(resumed.log) as log:
+        assert log.run.continues is not None and log.run.continues.items_done == 4
+        request = FilmRequest(end=log.run.continues.time + 0.5, size=SMALL)
+        assert film(log, tmp_path / "film.gif", request).seconds == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(
