@@ -156,9 +156,9 @@ def _length(plan: MotionPlan) -> float:
     return float(np.linalg.norm(np.diff(plan.path, axis=0), axis=1).sum())
 
 
-@pytest.mark.parametrize("name", OMPL)
-def test_a_search_leaves_nothing_of_ompl_behind(name: str) -> None:
-    solver().solve(request(name), 1)
+def test_searches_leave_nothing_of_ompl_behind() -> None:
+    for name in OMPL:
+        solver().solve(request(name), 1)
     gc.collect()
     left = [type(one).__name__ for one in gc.get_objects() if type(one).__module__ == ompl_planners.__name__]
     assert not {"_Validator", "_Projection", "_OmplSearch"} & set(left)
