@@ -223,7 +223,7 @@ class ItemCounter:
         self._before = self._all = 0
         self._since = ""
         if log.part > 1:
-            self._since = f" since {next(log.ticks()).time:.1f} s"
+            self._since = next((f" since {at.time:.1f} s" for at in log.ticks()), "")
             return
         if log.run.continues is not None:
             self._before = log.run.continues.items_done
