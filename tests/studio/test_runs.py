@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from picktree.logs.recording.rotated_log import Rotation
 from picktree.logs.run_result import RunResult
+from picktree.session.session import RunRequest, Session
 from picktree.studio.runs.run_table import Query, RunTable
 from picktree.studio.workspace import Workspace
 
@@ -65,6 +67,22 @@ def test_a_run_is_opened_and_explained_as_the_command_does(served: Served, run: 
         assert explained["outcome"]["status"] == "success"
         with pytest.raises(Refused, match="there is no such log"):
             client.call("runs.explain", id="runs/none")
+
+
+def test_a_film_begins_where_its_log_begins(served: Served) -> None:
+    mission = Path(__file__).parents[2] / "examples" / "sort_by_colour.yaml"
+    runs, parts = served.folder / "runs", Rotation(seconds=1.0)
+    name = (
+        Session(RunRequest(mission, backend="kinematic", out=runs, limit=1.5, rotation=parts))
+        .run()
+        .folder.name
+    )
+    with served.client() as client:
+        number = client.call("runs.write_film", id=f"runs/{name}/log-0002.mcap", end=1.2)
+        jobs = next(j for j in client.watch("jobs.watch") if j[0]["outcome"] != "running")
+        assert jobs[0]["outcome"] == "done", client.call("jobs.output", number=number)
+        status, _, film = served.get(jobs[0]["result"])
+    assert (status, film[4:8]) == (200, b"ftyp")
 
 
 def table(tmp_path: Path, picked: RunResult) -> RunTable:
