@@ -22,7 +22,8 @@ def report(path: Path, hours: float) -> int:
         print("not a minute was finished" + (f": {told.crash}" if told.crash else ""))
         return 1
     last = told.minutes[-1]
-    print(f"simulated      {last.time / 3600:.2f} h in {last.cpu:.0f} CPU s, {last.part} process(es)")
+    spent = sum({minute.part: minute.cpu for minute in told.minutes}.values())
+    print(f"simulated      {last.time / 3600:.2f} h in {spent:.0f} CPU s, {last.part} process(es)")
     print(f"items          {last.items} done of {last.came} that came")
     if told.result is not None:
         _print_result(told.result)

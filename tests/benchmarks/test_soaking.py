@@ -30,7 +30,9 @@ def test_growth_is_told_from_half_an_hour_on(program: Program) -> None:
     assert soaking.growth([*minutes[:100], *later]) == soaking.growth(minutes[:100])  # the longest process
 
 
-def test_a_diary_that_was_cut_off_tells_what_it_knew(program: Program, tmp_path: Path) -> None:
+def test_a_diary_that_was_cut_off_tells_what_it_knew(
+    program: Program, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     soaking = program("_soaking")
     minute = soaking.Minute(60.0, 50.0, 40.0, 300.0, 80.0, 12, 20, 1)
     ticks = soaking.quarter(900.0, [0.001] * 95 + [0.1] * 5, 1)
@@ -41,6 +43,10 @@ def test_a_diary_that_was_cut_off_tells_what_it_knew(program: Program, tmp_path:
     assert (told.minutes, told.quarters, told.folders) == ((minute,), (ticks,), (tmp_path / "a",))
     assert (told.result, told.crash) == (None, "")
     assert (ticks.median, ticks.mean, ticks.ticks) == (1.0, pytest.approx(5.95), 100)
+    with path.open("a") as diary:
+        diary.write(json.dumps({"minute": asdict(replace(minute, time=120.0, cpu=5.0, part=2))}) + "\n")
+    assert program("_soak_report").report(path, 1.0) == 1
+    assert "0.03 h in 45 CPU s, 2 process(es)" in capsys.readouterr().out
 
 
 def test_the_first_hour_is_held_against_the_last(program: Program, tmp_path: Path) -> None:
