@@ -72,11 +72,8 @@ def test_a_run_is_opened_and_explained_as_the_command_does(served: Served, run: 
 def test_a_film_begins_where_its_log_begins(served: Served) -> None:
     mission = Path(__file__).parents[2] / "examples" / "sort_by_colour.yaml"
     runs, parts = served.folder / "runs", Rotation(seconds=1.0)
-    name = (
-        Session(RunRequest(mission, backend="kinematic", out=runs, limit=1.5, rotation=parts))
-        .run()
-        .folder.name
-    )
+    request = RunRequest(mission, backend="kinematic", out=runs, limit=1.5, rotation=parts)
+    name = Session(request).run().folder.name
     with served.client() as client:
         number = client.call("runs.write_film", id=f"runs/{name}/log-0002.mcap", end=1.2)
         jobs = next(j for j in client.watch("jobs.watch") if j[0]["outcome"] != "running")
