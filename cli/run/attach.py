@@ -36,8 +36,8 @@ def attach(
 class _Conversation:
     """Conversation of a person or a script with a run.
 
-    Lines of a terminal are sent at once. A line of a script is sent when the run stands: after `pause`,
-    `step`, `next` and `continue` it waits for the stop.
+    Lines of a terminal are sent at once. A line of a script is sent when the line before it has its reply and
+    the run stands: after `pause`, `step`, `next` and `continue` it waits for the stop.
     """
 
     def __init__(self, connection: socket.socket, *, steer: bool) -> None:
@@ -100,7 +100,7 @@ class _Conversation:
         self._lines += [line.decode(errors="replace").strip() for line in lines]
 
     def _send_lines(self) -> None:
-        while self._lines and (self._typed or self._may_send):
+        while self._lines and (self._typed or (self._may_send and not self._owed)):
             line = self._lines.pop(0) or self._last
             if not line:
                 self._prompt()

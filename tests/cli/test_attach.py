@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import signal
 import socket
 import stat
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import pytest
 
 from picktree.cli.app import answer
 from picktree.logs.run_log import RunLog
-from picktree.session.live.attach_socket import SOCKET_NAME, connect_to_run, socket_address
+from picktree.session.live.attach_socket import SOCKET_NAME, connect_to_run, listen_in, socket_address
 from picktree.session.observer import PresetAnswers
 from picktree.session.session import RunRequest, Session
 
@@ -174,6 +175,35 @@ def test_a_script_pauses_steps_looks_and_answers_and_the_run_is_the_same(
         assert watching.next("end") == "success"
     assert run.result()["digest"] == plain_digest
     assert not run.socket.exists()
+
+
+def test_a_script_sends_no_line_before_the_reply_to_the_last_one(tmp_path: Path) -> None:
+    (tmp_path / "log.mcap").touch()
+    script, said = tmp_path / "script.txt", tmp_path / "said.txt"
+    script.write_text("step 2\nstep\n")
+    with script.open() as typed, said.open("w") as out, closing(listen_in(tmp_path)) as listener:
+        command = Command(["attach", str(tmp_path)], Streams(typed.fileno(), out.fileno(), out.fileno()))
+        listener.setblocking(True)
+        connection, _ = listener.accept()
+        with closing(connection), connection.makefile("rw") as lines:
+
+            def send(message: object) -> None:
+                lines.write(json.dumps(message) + "\n")
+                lines.flush()
+
+            lines.readline()
+            send({"run": str(tmp_path), "time": 0.1})
+            assert json.loads(lines.readline()) == {"line": "step 2"}
+            send({"stop": "the stop before it attached"})
+            send({"told": "after the stop", "time": 0.1})
+            until(lambda: "after the stop" in said.read_text(), "what the run tells")
+            assert not select.select([connection], [], [], 0)[0]
+            send({"reply": "", "goes_on": True})
+            send({"stop": "the stop of the step"})
+            assert json.loads(lines.readline()) == {"line": "step"}
+            assert said.read_text().endswith("the stop of the step\n(picktree) step\n")
+            send({"reply": "", "goes_on": True})
+            assert command.end() == 0
 
 
 def test_a_stop_lasts_as_long_as_somebody_who_steers(tmp_path: Path, plain_digest: str) -> None:
