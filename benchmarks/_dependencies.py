@@ -35,6 +35,8 @@ MACHINERY = frozenset(
 """Files that deal runs out, and count or watch them: no run depends on them."""
 _COMMAND_FILES = ("cli/run", "session/resume")
 """Folders that commands of picktree need beside `sources`."""
+_ATTACHED = "cli/run/attach.py"
+"""Command in them that no campaign starts: it looks at a run from another process."""
 _IMPORT = re.compile(r"^\s*(?:from|import) ((?:picktree[.\w]*)|(?:_\w+))", re.MULTILINE)
 _listeners: list[set[str]] = []
 """Sets into which opened files are written; `_hear` cannot be taken away again."""
@@ -187,7 +189,7 @@ def of_program(program: Path) -> list[str]:
 
 def _of_commands() -> Iterable[str]:
     more = (path for path in contents() if path.endswith(".py") and path.startswith(_COMMAND_FILES))
-    return [*sources(), *more]
+    return [*sources(), *(path for path in more if path != _ATTACHED)]
 
 
 def _folders(programs: Iterable[str]) -> tuple[str, ...]:

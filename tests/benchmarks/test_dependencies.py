@@ -66,6 +66,8 @@ def test_a_run_that_starts_a_command_depends_on_all_that_commands_run(dependenci
 def test_a_program_depends_on_its_helpers_and_on_no_page_of_figures(dependencies: ModuleType) -> None:
     found = dependencies.of_program(ROOT / "benchmarks" / "fault_campaign.py")
     assert {"benchmarks/fault_campaign.py", "benchmarks/_fault_table.py", "analysis/run.py"} <= set(found)
+    assert "cli/run/run.py" in found
+    assert "cli/run/attach.py" not in found
     assert not {"benchmarks/_evidence.py", "benchmarks/_soaking.py", "benchmarks/_insertion_cell.py"} & set(
         found
     )
