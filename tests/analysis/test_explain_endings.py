@@ -14,12 +14,14 @@ from picktree.analysis.explain.investigation import case
 from picktree.logs.recording.rotated_log import Rotation
 from picktree.logs.run_log import RunLog
 from picktree.session.mission_edits import MissionReload
+from picktree.session.resume.resumption import ResumeRequest, Resumption
 from picktree.session.session import RunRequest, Session
 
 from ..session.test_watch import LOGGED, MISSION, Editor
 from .test_explain_roots import BALL, BLOCK
 from .test_explain_roots import MISSION as SORT
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 HEAD = "picktree: 1\nkind: mission\nscene: sort_small\n"
 PLUGIN = """
 from picktree.trees.ports import In, port
@@ -144,6 +146,25 @@ def test_a_file_of_a_rotated_log_that_another_continues_is_not_called_killed(tmp
     last = max(folder.glob("log-*.mcap"))
     with Run(last) as log:
         assert log.explanation.outcome.status == "incomplete"
+
+
+def test_what_was_done_before_a_log_began_is_one_item_in_it(tmp_path: Path) -> None:
+    """In a later file of a rotated log, and in that of a resumed run."""
+    mission = EXAMPLES / "sort_by_colour.yaml"
+    parts = Rotation(seconds=9.0)
+    request = RunRequest(mission, backend="kinematic", out=tmp_path, limit=13.0, rotation=parts)
+    folder = Session(request).run().folder
+    with Resumption(ResumeRequest(folder, out=tmp_path / "resumed", limit=16.0)) as resumption:
+        resumed = resumption.session().run().folder
+    for log in (folder, folder / "log-0002.mcap", resumed):
+        with Run(log) as run:
+            items = run.explanation.items
+        assert len(items) == 12
+        assert all(item.truth.startswith("truly ") for item in items)
+        assert not any("never seen" in item.truth for item in items)
+        done = [item for item in items if item.state == "done"]
+        assert all(item.truth.endswith("_bin, where it belongs") for item in done)
+        assert len(done) >= 4
 
 
 def test_a_program_that_died_while_it_ran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,8 +29,8 @@ ALIKE = 0.35
 MIN_COMMON = 0.006
 """Least offset that counts as common, m."""
 UNLIKELY = 10.0
-CARRIED_NEAR = 0.15
-"""Greatest mean distance between a thing in the hand and the true item that it can be, m."""
+SUPPOSED_NEAR = 0.15
+"""The same for an item that no camera saw where it is believed, m: in the hand (in the mean), or placed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,11 +77,7 @@ class Identities:
     def _assigned(self, time: float, seen: list[tuple[str, BodyRecord]]) -> Iterator[Sighting]:
         true = self._truth.about(time)
         common = common_offset(seen, true)
-        cost = np.array([[_unlike(body, other, common) for _, other in true] for _, body in seen])
-        pairs: dict[int, int] = {}
-        if cost.size:
-            rows, columns = linear_sum_assignment(cost)
-            pairs = {int(r): int(c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < UNLIKELY}
+        pairs = _matched(seen, true, common)
         for number, (item, body) in enumerate(seen):
             near = _touching(body, true, common)
             if number in pairs:
@@ -108,10 +104,29 @@ class Identities:
                 found[item] = counts.most_common(1)[0][0]
             elif near := [each.near for each in sightings if each.near]:
                 found[item] = near[0]  # a second name of what another one is
+        found |= self._seen_before(found)
         lifted = {
             id_: true for id_ in self._belief.tracks if id_ not in found and (true := self._carried(id_))
         }
         return {**found, **lifted}
+
+    def _seen_before(self, found: Mapping[str, str]) -> Mapping[str, str]:
+        """Return the true items of those that were last seen before the log began, by where they were then.
+
+        The log is a later file of a rotated one, or that of a run which was taken up.
+        """
+        if not self._belief.times:
+            return {}
+        start = self._belief.times[0]
+        seen = [
+            (id_, body)
+            for id_, body in self._belief.there(start)
+            if id_ not in found and body.role == "item" and not body.attached and id_ not in self.by_item
+        ]
+        taken = set(found.values())
+        true = [(name, body) for name, body in self._truth.about(start) if name not in taken]
+        pairs = _matched(seen, true, (0.0, 0.0), SUPPOSED_NEAR)
+        return {seen[number][0]: true[other][0] for number, other in pairs.items()}
 
     def _carried(self, item: str) -> str:
         """Return the true item that moved along with a thing of a heap, which no camera saw before the lift.
@@ -129,7 +144,7 @@ class Identities:
                 away.setdefault(true, []).append(cost + OTHER_COLOUR * (body.colour != other.colour))
         means = ((sum(costs) / len(costs), true) for true, costs in away.items())
         mean, nearest = min(means, default=(math.inf, ""))
-        return nearest if mean < CARRIED_NEAR else ""
+        return nearest if mean < SUPPOSED_NEAR else ""
 
     @cached_property
     def phantoms(self) -> Mapping[str, str]:
@@ -160,10 +175,24 @@ def common_offset(
     return (float(x), float(y)) if size > MIN_COMMON and scatter < ALIKE * size else (0.0, 0.0)
 
 
-def _unlike(seen: BodyRecord, true: BodyRecord, common: tuple[float, float]) -> float:
+def _matched(
+    seen: Sequence[tuple[str, BodyRecord]],
+    true: Sequence[tuple[str, BodyRecord]],
+    common: tuple[float, float],
+    near: float = NEAR,
+) -> dict[int, int]:
+    """Return the number of the true item by that of the believed one, assigned one to one."""
+    cost = np.array([[_unlike(body, other, common, near) for _, other in true] for _, body in seen])
+    if not cost.size:
+        return {}
+    rows, columns = linear_sum_assignment(cost)
+    return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < UNLIKELY}
+
+
+def _unlike(seen: BodyRecord, true: BodyRecord, common: tuple[float, float], near: float) -> float:
     x, y, z = offset(seen, true)
     distance = math.hypot(x - common[0], y - common[1], z)
-    if distance > (NEAR if seen.colour == true.colour else OTHER_COLOUR_NEAR):
+    if distance > (near if seen.colour == true.colour else OTHER_COLOUR_NEAR):
         return UNLIKELY
     return distance + OTHER_COLOUR * (seen.colour != true.colour) + OTHER_KIND * (seen.kind != true.kind)
 
