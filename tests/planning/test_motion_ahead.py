@@ -237,9 +237,10 @@ def test_an_error_of_the_worker_is_told_by_this_process_alone(capfd: pytest.Capt
 def test_a_worker_ends_with_the_process_that_it_plans_for() -> None:
     with tempfile.TemporaryDirectory() as folder, (Path(folder) / "log").open("w") as log:
         fcntl.flock(log, fcntl.LOCK_EX)
+        before = set(planning_workers())
         cell = costly_cell(worker=True)
         assert cell.plan.ahead(DEAR).ready > 0.0  # an answer: the worker is at work
-        child = planning_workers()[-1]
+        (child,) = set(planning_workers()) - before
         held = {os.path.realpath(f"/proc/{child.pid}/fd/{n}") for n in os.listdir(f"/proc/{child.pid}/fd")}
         del cell
         gc.collect()
