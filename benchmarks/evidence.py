@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import signal
 import subprocess
 import sys
 import time
@@ -87,6 +88,7 @@ def main() -> int:
         )
     waiting = in_order([one for one in table if not names or one.name in names], records)
     if given.list:
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # ends in silence before `| head`
         for one in waiting:
             print(f"{one.name:<34} {_state(records.get(one.name)):<14} {one.line}")
         return 0
