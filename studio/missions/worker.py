@@ -6,11 +6,10 @@ import asyncio
 import multiprocessing
 import os
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing.process import BaseProcess
 from typing import Final, ParamSpec, TypeVar
 
 from ...errors import PicktreeError
@@ -58,15 +57,13 @@ class Worker:
     def _end(self, pool: ProcessPoolExecutor) -> None:
         if self._pool is pool:
             self._pool = None
-        processes: Mapping[int, BaseProcess] = dict(getattr(pool, "_processes", None) or {})
-        reader = getattr(getattr(pool, "_call_queue", None), "_reader", None)
-        # First: the pool's thread fails at requests that were cancelled unless it knows of the end before.
-        pool.shutdown(wait=False, cancel_futures=True)
-        for process in processes.values():
-            process.kill()
+        for process in list(getattr(pool, "_processes", None) or {}):
+            os.kill(process, 9)
         # A request that nobody reads any more would keep the thread that writes it, and with it this process.
+        reader = getattr(getattr(pool, "_call_queue", None), "_reader", None)
         if reader is not None:
             reader.close()
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
 @dataclass(frozen=True, slots=True)
