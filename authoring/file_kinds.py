@@ -12,9 +12,9 @@ from ..files.marks import Diagnostic, FileError, Location
 from ..files.shipped_files import find_file
 from ..files.yaml.document import Document, read_document
 from ..robots.description import RobotDescription
+from ..robots.link_shapes import mesh_paths
 from ..robots.loading import SHIPPED as ROBOTS
 from ..robots.loading import check_robot, robot_names
-from ..robots.urdf_tree import UrdfMesh, link_geometry
 from ..world.causes import OUR_PREFIXES, Cause, all_causes
 from ..world.scene.description import MAX_HIDDEN_SHARE, SceneDescription
 from ..world.scene.loading.scene_loading import SHIPPED as SCENES
@@ -112,8 +112,7 @@ def _hidden_shares(scene: SceneDescription, robot: RobotDescription) -> dict[str
         shares = hidden_shares(model, scene, model.named("home"))
         return {name: np.array(share) for name, share in shares.items()}
 
-    geometry = link_geometry(robot.urdf, "collision")
-    meshes = (Path(path) for path in dict.fromkeys(g.path for g in geometry if isinstance(g, UrdfMesh)))
+    meshes = map(Path, mesh_paths(robot.urdf, "collision"))
     areas = repr([load.area for load in scene.loads])
     inputs = (robot.text, Path(robot.urdf), repr(scene.cameras), areas, *meshes)
     kept = cached_arrays("hidden-items", inputs, (*_VIEW_SOURCES, "numpy", "pinocchio"), compute)

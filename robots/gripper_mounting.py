@@ -16,7 +16,7 @@ from ..world.colours import COLOURS
 from ..world.shapes import Box
 from ..world.values import Pose, Vector3
 from .description import RobotDescription
-from .urdf_tree import PACKAGE, UrdfError, mesh_file, parsed_urdf, skeleton_of
+from .urdf_tree import PACKAGE, UrdfError, mesh_file, numbers_text, parsed_urdf, skeleton_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,11 +199,6 @@ def mount_tool(root: ElementTree.Element, robot: RobotDescription) -> None:
     for old in element.findall("origin"):
         element.remove(old)
     ElementTree.SubElement(element, "origin", xyz=numbers_text(moved.position), rpy=numbers_text(moved.rpy()))
-
-
-def numbers_text(numbers: Vector3) -> str:
-    """Return numbers as an attribute of a URDF gives them."""
-    return " ".join(repr(n) for n in numbers)
 
 
 def _kept(text: str, stem: str) -> Path:

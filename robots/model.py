@@ -13,7 +13,7 @@ from ..world.values import Array, Pose, Vector3
 from .description import RobotDescription
 from .finger_linkage import fingers_of
 from .gripper_mounting import mount_tool
-from .urdf_tree import UrdfMesh, UrdfPrimitive, link_geometry
+from .link_shapes import LinkShape, link_shapes
 
 TCP_FRAME = "picktree_tcp"
 LIMIT_RESERVE = 0.03
@@ -153,17 +153,9 @@ class RobotModel:
             known = ", ".join(self.description.named)
             raise PicktreeError(f"no pose {name!r} in the robot file; known: {known}") from None
 
-    def visual_meshes(self) -> tuple[UrdfMesh, ...]:
-        return tuple(g for g in link_geometry(self.description.urdf, "visual") if isinstance(g, UrdfMesh))
-
-    def collision_meshes(self) -> tuple[UrdfMesh, ...]:
-        return tuple(g for g in link_geometry(self.description.urdf, "collision") if isinstance(g, UrdfMesh))
-
-    def collision_shapes(self) -> tuple[UrdfPrimitive, ...]:
-        """Return the primitives among the collision geometry."""
-        return tuple(
-            g for g in link_geometry(self.description.urdf, "collision") if isinstance(g, UrdfPrimitive)
-        )
+    def collision_shapes(self) -> tuple[LinkShape, ...]:
+        """Return the convex bodies of the links."""
+        return link_shapes(self.description.urdf)
 
     def finger_boxes(self, width: float) -> tuple[tuple[Box, Pose], ...]:
         """Return boxes that enclose the fingers at an opening of `width` m, in the TCP frame.

@@ -1,4 +1,4 @@
-"""URDF as a tree of links and joints, its geometry and its files, read without a robotics library."""
+"""URDF as a tree of links and joints, and the files that it names, read without a robotics library."""
 
 from __future__ import annotations
 
@@ -11,66 +11,10 @@ from functools import lru_cache
 from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, cast
 
-from ..errors import PicktreeError
 from ..files.shipped_files import is_file
 from ..files.yaml.file_text import Unreadable, read_bytes
-from ..world.shapes import Box, Cylinder, Sphere
 from ..world.values import Pose, Vector3, vector3
-
-if TYPE_CHECKING:
-    import trimesh
-
-
-@dataclass(frozen=True, slots=True)
-class UrdfMesh:
-    """A mesh file that belongs to a link: scale its vertices, then place it by `pose_in_link`."""
-
-    link: str
-    path: str
-    pose_in_link: Pose
-    scale: Vector3 = (1.0, 1.0, 1.0)
-
-
-@dataclass(frozen=True, slots=True)
-class UrdfPrimitive:
-    """A primitive that belongs to a link."""
-
-    link: str
-    shape: Box | Cylinder | Sphere
-    pose_in_link: Pose
-
-
-def link_geometry(urdf: str, which: Literal["visual", "collision"]) -> tuple[UrdfMesh | UrdfPrimitive, ...]:
-    """Return all visual or collision elements of a URDF file, in the order of the file."""
-    root = ElementTree.parse(urdf).getroot()
-    found: list[UrdfMesh | UrdfPrimitive] = []
-    for link in root.findall("link"):
-        for element in link.findall(which):
-            found.append(_element(urdf, link.get("name", ""), element))
-    return tuple(found)
-
-
-def _element(urdf: str, link: str, element: ElementTree.Element) -> UrdfMesh | UrdfPrimitive:
-    pose = origin_pose(element.find("origin"))
-    geometry = element.find("geometry")
-    if geometry is not None and len(geometry) == 1:
-        kind = geometry[0]
-        match kind.tag:
-            case "mesh":
-                path = _resolved(urdf, kind.get("filename", ""))
-                return UrdfMesh(link, path, pose, _numbers(kind.get("scale", "1 1 1")))
-            case "box":
-                return UrdfPrimitive(link, Box(_numbers(kind.get("size", ""))), pose)
-            case "cylinder":
-                shape = Cylinder(float(kind.get("radius", "")), float(kind.get("length", "")))
-                return UrdfPrimitive(link, shape, pose)
-            case "sphere":
-                return UrdfPrimitive(link, Sphere(float(kind.get("radius", ""))), pose)
-            case _:
-                pass
-    raise PicktreeError(f"{urdf}: link {link!r}: geometry must be one mesh, box, cylinder or sphere")
 
 
 def origin_pose(origin: ElementTree.Element | None) -> Pose:
@@ -84,45 +28,9 @@ def _numbers(text: str) -> Vector3:
     return vector3(map(float, text.split()))
 
 
-def _resolved(urdf: str, filename: str) -> str:
-    path = mesh_file(Path(urdf), filename)
-    if path is None:
-        plain = filename.removeprefix("package://").removeprefix("file://")
-        raise PicktreeError(f"{urdf}: mesh {plain!r} not found: {Path(urdf).parent / plain}")
-    return str(path)
-
-
-def resolved_urdf(urdf: str) -> str:
-    """Return the text of a URDF with the full path of every mesh, for libraries with other search rules.
-
-    Raises PicktreeError for a mesh that is not there.
-    """
-    root = ElementTree.parse(urdf).getroot()
-    for mesh in root.iter("mesh"):
-        mesh.set("filename", _resolved(urdf, mesh.get("filename", "")))
-    return ElementTree.tostring(root, encoding="unicode")
-
-
-def read_mesh(path: str, *, merged: bool = True) -> trimesh.Trimesh:
-    """Read a mesh file as triangles in its own frame; `merged`: vertices at the same place become one.
-
-    Raises PicktreeError for a file or a kind of file that cannot be read.
-    """
-    import trimesh  # slow to import
-
-    try:
-        loaded = trimesh.load(path, force="mesh", skip_materials=True, process=merged)  # pyright: ignore[reportUnknownMemberType]
-    except ImportError as error:
-        raise PicktreeError(
-            f"{path}: this kind of mesh cannot be read here ({error}); "
-            "or convert it to STL or OBJ, and name that in a copy of the URDF"
-        ) from None
-    except Exception as error:  # noqa: BLE001 - the library of each format has errors of its own
-        raise PicktreeError(f"{path}: the mesh cannot be read: {error}") from None
-    mesh = cast("trimesh.Trimesh", loaded)
-    if len(mesh.faces) == 0:
-        raise PicktreeError(f"{path}: the mesh has no triangles; convert it anew to STL, OBJ or DAE")
-    return mesh
+def numbers_text(numbers: Vector3) -> str:
+    """Return numbers as an attribute of a URDF gives them."""
+    return " ".join(repr(n) for n in numbers)
 
 
 MAX_BYTES = 5_000_000

@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import io
 import posixpath
-import xml.etree.ElementTree as ElementTree
 import zipfile
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -24,8 +23,9 @@ from ..files.yaml.document import read_document
 from ..logs.recording.rotated_log import NO_ROTATION, Rotation
 from ..logs.schema.records import ResumedFrom
 from ..robots.description import RobotDescription
+from ..robots.link_shapes import mesh_paths
 from ..robots.loading import load_robot
-from ..robots.urdf_tree import UrdfMesh, link_geometry, mesh_file
+from ..robots.urdf_tree import mesh_file, parsed_urdf
 from ..simulation.backends import Backend
 from ..simulation.fault_files.fault_entries import FaultFile
 from ..simulation.fault_files.fault_loading import load_faults
@@ -206,8 +206,7 @@ def _names_packages(text: str) -> bool:
 def robot_meshes(urdf: str) -> tuple[tuple[str, Path], ...]:
     """Return all meshes that a URDF names, visual and collision, each once: name in the log, file."""
     named = dict(_references(urdf))
-    found = [*link_geometry(urdf, "visual"), *link_geometry(urdf, "collision")]
-    files = {g.path: Path(g.path) for g in found if isinstance(g, UrdfMesh)}
+    files = {file: Path(file) for file in mesh_paths(urdf)}
     return tuple((named[path], file) for path, file in sorted(files.items()) if path in named)
 
 
@@ -220,7 +219,7 @@ def plain_reference(filename: str) -> str:
 
 
 def _references(urdf: str) -> Iterator[tuple[str, str]]:
-    for mesh in ElementTree.parse(urdf).getroot().iter("mesh"):
+    for mesh in parsed_urdf(Path(urdf)).iter("mesh"):
         filename = mesh.get("filename", "")
         if (file := mesh_file(Path(urdf), filename)) is not None:
             yield str(file), f"{ROBOT_MESHES}{plain_reference(filename)}"

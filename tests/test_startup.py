@@ -47,9 +47,9 @@ except SystemExit as end:
 
 
 def loaded(*arguments: str) -> set[str]:
-    """Modules that a command loads. A run is started twice: what the first computes is in the cache then."""
+    """Modules that a command loads when it is started again: the cache has what it computed first."""
     found: set[str] = set()
-    for _ in range(2 if arguments[0] == "run" else 1):
+    for _ in range(2 if arguments[0] in ("run", "check") else 1):
         ran = subprocess.run([sys.executable, "-c", COMMAND, *arguments], capture_output=True, text=True)
         assert ran.returncode == 0, ran.stderr
         found = set(ran.stderr.splitlines()[-1].split())

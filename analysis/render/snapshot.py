@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 
 from ...errors import PicktreeError
-from ...logs.meshes.triangle_meshes import Mesh, join_meshes, load_mesh, shape_mesh
+from ...logs.meshes.triangle_meshes import Mesh, join_meshes, shape_mesh
 from ...logs.recording.images import write_picture
 from ...logs.run_log import RunLog
 from ...robots.description import RobotDescription
+from ...robots.link_shapes import link_shapes
 from ...robots.model import RobotModel
-from ...robots.urdf_tree import UrdfMesh, link_geometry
 from ...world.values import Array, Pose
 from .captions import write
 from .frames import moments
@@ -27,7 +27,6 @@ from .viewpoint import PictureView
 ROBOT_PICTURE_SIZE = (1000, 900)
 PICTURE_SHARE = 0.88
 """Share of a picture's sides that the robot fills."""
-MAX_MESH_FACES = 6000
 """Maximum number of faces of one mesh."""
 FRAME_AXIS_LENGTH = 0.08
 """Length of the axes of a frame, m."""
@@ -60,7 +59,7 @@ def draw_robot(robot: RobotDescription, path: Path) -> None:
 
 
 def home_mesh(robot: RobotDescription) -> Mesh:
-    """Return the robot's collision geometry at `home` with the gripper open, in the world.
+    """Return the bodies with which the robot collides, at `home` with the gripper open, in the world.
 
     Raises PicktreeError for a mesh that cannot be read.
     """
@@ -82,17 +81,7 @@ def _filling_distance(view: PictureView, offsets: Array) -> float:
 
 
 def _parts(robot: RobotDescription) -> list[tuple[str, Mesh]]:
-    found: list[tuple[str, Mesh]] = []
-    for element in link_geometry(robot.urdf, "collision"):
-        if isinstance(element, UrdfMesh):
-            try:
-                mesh = load_mesh(element.path, MAX_MESH_FACES)
-            except (OSError, ValueError) as error:
-                raise PicktreeError(f"{element.path}: the mesh cannot be read: {error}") from None
-            found.append((element.link, mesh.placed(element.pose_in_link, element.scale)))
-        else:
-            found.append((element.link, shape_mesh(element.shape).placed(element.pose_in_link)))
-    return found
+    return [(part.link, shape_mesh(part.shape).placed(part.pose_in_link)) for part in link_shapes(robot.urdf)]
 
 
 def _frame(picture: np.ndarray, view: PictureView, name: str, pose: Pose) -> None:

@@ -16,19 +16,17 @@ from ...errors import PicktreeError
 from ...files.shipped_files import is_file
 from ...files.yaml.file_text import Unreadable, read_bytes
 from ...robots.gripper_mounting import NamedUrdf
+from ...robots.link_shapes import UrdfMesh, UrdfPrimitive, link_geometry, link_shapes
 from ...robots.urdf_tree import (
     MAX_BYTES,
     UrdfError,
-    UrdfMesh,
-    UrdfPrimitive,
     UrdfTree,
-    link_geometry,
     mesh_file,
     package_folder,
     parsed_urdf,
-    read_mesh,
     read_skeleton,
 )
+from ...world.mesh_files import read_mesh
 from ...world.shapes import Box, corners
 from ...world.values import Array, Pose
 
@@ -163,6 +161,7 @@ def refuse_missing_meshes(source: str, urdf: Path) -> None:
 def read_solids(urdf: Path) -> Mapping[str, LinkGeometry]:
     """Read the collision geometry by link; links without any are left out. Raises PicktreeError for unusable
     geometry."""
+    link_shapes(str(urdf))  # what cannot be used has its sentence there
     parts: dict[str, list[LinkGeometry]] = {}
     for element in link_geometry(str(urdf), "collision"):
         parts.setdefault(element.link, []).append(_solid(element))
@@ -171,9 +170,8 @@ def read_solids(urdf: Path) -> Mapping[str, LinkGeometry]:
 
 def _solid(element: UrdfMesh | UrdfPrimitive) -> LinkGeometry:
     if isinstance(element, UrdfMesh):
-        mesh = read_mesh(element.path)
-        points = np.asarray(mesh.vertices, dtype=np.float64) * np.array(element.scale)
-        triangles = np.asarray(mesh.faces, dtype=np.int64)
+        mesh = read_mesh(Path(element.path))
+        points, triangles = mesh.vertices * np.array(element.scale), mesh.faces
     else:
         points = corners(element.shape)
         triangles = ConvexHull(points).simplices.astype(np.int64)

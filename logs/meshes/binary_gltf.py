@@ -6,7 +6,6 @@ import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TypedDict
 
@@ -14,13 +13,21 @@ import numpy as np
 import orjson
 from numpy.typing import NDArray
 
-from ...errors import PicktreeError
 from ...files.disk_cache import cached_arrays
+from ...robots import link_shapes as link_shapes_module
 from ...robots import urdf_tree
-from ...robots.urdf_tree import UrdfMesh as MeshFile
-from ...robots.urdf_tree import UrdfPrimitive, link_geometry
-from ...world import shapes, values
-from ...world.shapes import Box, Shape
+from ...robots.link_shapes import (
+    LinkShape,
+    UrdfPrimitive,
+    link_geometry,
+    link_shapes,
+    refuse_mesh,
+    refuse_size,
+)
+from ...robots.link_shapes import UrdfMesh as MeshFile
+from ...world import mesh_files, shapes, values
+from ...world.mesh_files import MeshError, hull_corners, material_library
+from ...world.shapes import Box, ConvexMesh, Shape
 from ...world.values import Pose
 from ..schema.records import BodyRecord, LinkMesh
 from . import triangle_meshes
@@ -224,39 +231,33 @@ def parts_of(body: BodyRecord) -> tuple[tuple[Shape, Pose], ...]:
 MAX_LINK_FACES = 2000
 
 
-def _visible_geometry(urdf: str) -> list[MeshFile | UrdfPrimitive]:
-    """Return the visual geometry, or the collision geometry of links whose visual meshes no installed library
-    reads."""
+def _visible_geometry(urdf: str) -> list[MeshFile | UrdfPrimitive | LinkShape]:
+    """Return the visual geometry, and the bodies with which links without any collide."""
     visual = link_geometry(urdf, "visual")
-    unread = {e.link for e in visual if isinstance(e, MeshFile) and not _is_readable(e.path)}
-    plain = [e for e in link_geometry(urdf, "collision") if e.link in unread] if unread else []
-    return [*(e for e in visual if e.link not in unread), *plain]
-
-
-def _is_readable(path: str) -> bool:
-    return not path.lower().endswith(".dae") or find_spec("collada") is not None
+    seen = {element.link for element in visual}
+    return [*visual, *(part for part in link_shapes(urdf) if part.link not in seen)]
 
 
 @lru_cache(maxsize=4)
 def link_meshes(urdf: str) -> tuple[LinkMesh, ...]:
-    """Return a mesh for each link that has a visual element. Raises PicktreeError for an unreadable mesh.
+    """Return a mesh for each link that has a shape.
 
-    A link whose meshes only an absent library reads gets its collision geometry. Meshes that were made
-    before come from the disk cache.
+    A link that is not seen is drawn as it collides. Meshes that were made before come from the disk cache.
+    Raises PicktreeError for a mesh that cannot be read: file, link, and a remedy.
     """
     geometry = _visible_geometry(urdf)
-    files = cached_arrays("link-meshes", _inputs(geometry), _MAKERS, lambda: _encoded_links(geometry))
+    files = cached_arrays("link-meshes", _inputs(geometry), _MAKERS, lambda: _encoded_links(urdf, geometry))
     return tuple(LinkMesh(link, glb.tobytes()) for link, glb in files.items())
 
 
 _MAKERS = (
-    *(urdf_tree, shapes, values, triangle_meshes, Path(__file__)),
+    *(urdf_tree, link_shapes_module, mesh_files, shapes, values, triangle_meshes, Path(__file__)),
     *("fast-simplification", "numpy", "pycollada", "scipy", "trimesh"),
 )
 """Code that `link_meshes` depends on."""
 
 
-def _inputs(geometry: Sequence[MeshFile | UrdfPrimitive]) -> Iterator[str | bytes | Path]:
+def _inputs(geometry: Sequence[MeshFile | UrdfPrimitive | LinkShape]) -> Iterator[str | bytes | Path]:
     """Yield all that the meshes of this geometry are made from."""
     yield str(MAX_LINK_FACES)
     for element in geometry:
@@ -264,13 +265,15 @@ def _inputs(geometry: Sequence[MeshFile | UrdfPrimitive]) -> Iterator[str | byte
             path = Path(element.path)
             yield f"{replace(element, path='')} {path.suffix}"
             yield path
-            library = triangle_meshes.material_library(path)
+            library = material_library(path) if path.suffix.lower() == ".obj" else None
             yield library if library is not None and library.is_file() else ""
         else:
-            yield str(element)
+            yield orjson.dumps(element)
 
 
-def _encoded_links(geometry: Sequence[MeshFile | UrdfPrimitive]) -> dict[str, NDArray[np.uint8]]:
+def _encoded_links(
+    urdf: str, geometry: Sequence[MeshFile | UrdfPrimitive | LinkShape]
+) -> dict[str, NDArray[np.uint8]]:
     """Return the glTF file of each link's geometry."""
     parts: dict[str, list[Mesh]] = {}
     files: dict[str, Mesh] = {}
@@ -279,10 +282,20 @@ def _encoded_links(geometry: Sequence[MeshFile | UrdfPrimitive]) -> dict[str, ND
             if element.path not in files:
                 try:
                     files[element.path] = load_mesh(element.path, MAX_LINK_FACES)
-                except (OSError, ValueError) as error:
-                    raise PicktreeError(f"{element.path}: the mesh cannot be read: {error}") from None
+                except MeshError as error:
+                    refuse_mesh(urdf, element, error)
             mesh = files[element.path].placed(element.pose_in_link, element.scale)
+            refuse_size(urdf, element, mesh.vertices)
         else:
             mesh = shape_mesh(element.shape).placed(element.pose_in_link)
         parts.setdefault(element.link, []).append(mesh)
-    return {link: np.frombuffer(write_glb(join_meshes(m)), np.uint8) for link, m in parts.items()}
+    return {link: np.frombuffer(write_glb(_drawable(m)), np.uint8) for link, m in parts.items()}
+
+
+def _drawable(parts: Sequence[Mesh]) -> Mesh:
+    """Return the meshes of a link as one; its convex hull where it is too fine and cannot be decimated."""
+    whole = join_meshes(parts)
+    if 3 * len(whole.faces) <= _MAX_VERTICES:
+        return whole
+    corners = hull_corners(whole.vertices)
+    return shape_mesh(ConvexMesh(tuple((x, y, z) for x, y, z in corners.tolist()), ""))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,14 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...robots.urdf_tree import read_mesh
+from ...world.mesh_files import DEFAULT_COLOUR, read_mesh
 from ...world.scene.description import Hole
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, convex_hull
 from ...world.values import Array, Pose, Vector3
 
 Indices = NDArray[np.int64]
-
-WHITE = (0.93, 0.93, 0.94)
 
 _WELD_DISTANCE = 1e-6
 """Distance below which two vertices are merged, m."""
@@ -29,7 +26,6 @@ _AGGRESSION = 2.5
 
 A higher one always reaches the number of faces, but finely curved links lose their shape.
 """
-_LIBRARY = re.compile(rb"^mtllib (.*)", re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,82 +131,14 @@ def decimate(vertices: Array, faces: Indices, colours: Array, most: int) -> tupl
 
 
 def load_mesh(path: str, most: int) -> Mesh:
-    """Read a mesh file, decimated to about `most` faces, in its own frame. OBJ keeps its materials'
-    colours."""
-    if path.lower().endswith(".obj"):
-        vertices, faces, colours = _read_obj(Path(path))
-    else:
-        loaded = read_mesh(path, merged=False)
-        vertices = np.asarray(loaded.vertices, dtype=np.float64)
-        faces = np.asarray(loaded.faces, dtype=np.int64)
-        colours = np.tile(np.array(WHITE), (len(faces), 1))
-    return smooth_mesh(*decimate(vertices, faces, colours, most))
+    """Read a mesh file, decimated to about `most` faces, in its own frame. Raises MeshError."""
+    mesh = read_mesh(Path(path))
+    return smooth_mesh(*decimate(mesh.vertices, mesh.faces, mesh.colours, most))
 
 
-def _read_obj(path: Path) -> tuple[Array, Indices, Array]:
-    """Read vertices, triangles and the triangles' colours of a Wavefront OBJ file."""
-    data = path.read_bytes()
-    if not data.endswith(b"\n"):
-        data += b"\n"
-    # Lines are classified by their first two letters, in numpy: files have tens of thousands.
-    letters = np.frombuffer(data + b"\n", np.uint8)
-    ends = np.flatnonzero(letters[:-1] == ord("\n"))
-    starts = np.concatenate([[0], ends[:-1] + 1])
-    kinds = letters[starts].astype(np.int64) * 256 + letters[starts + 1]
-
-    def numbers(keyword: bytes) -> bytes:
-        lines = np.flatnonzero(kinds == keyword[0] * 256 + keyword[1])
-        breaks = np.flatnonzero(np.diff(lines) > 1) + 1
-        runs = [data[starts[run[0]] : ends[run[-1]] + 1] for run in np.split(lines, breaks) if len(run)]
-        return b"".join(runs).replace(keyword, b" ")
-
-    vertices = np.fromstring(numbers(b"v "), dtype=np.float64, sep=" ").reshape(-1, 3)
-    blob = numbers(b"f ")
-    face_lines = np.flatnonzero(kinds == ord("f") * 256 + ord(" "))
-    fields = 1 + blob.split(None, 1)[0].count(b"/") if blob else 1
-    if b"//" in blob:
-        blob = blob.replace(b"//", b"/0/")
-    flat = np.fromstring(blob.replace(b"/", b" "), dtype=np.int64, sep=" ")
-    if len(flat) != len(face_lines) * 3 * fields:
-        raise ValueError("its faces must be triangles")
-    faces = flat.reshape(-1, fields)[:, 0].reshape(-1, 3)
-    faces = np.where(faces < 0, faces + len(vertices), faces - 1)
-    if len(faces) == 0 or faces.min() < 0 or faces.max() >= len(vertices):
-        raise ValueError("its faces name vertices that it does not have")
-
-    palette = _materials(path)
-    colours = np.tile(np.array(WHITE), (len(faces), 1))
-    for line in np.flatnonzero(kinds == ord("u") * 256 + ord("s")):
-        name = data[starts[line] + 7 : ends[line]].strip().decode(errors="replace")
-        colours[np.searchsorted(face_lines, line) :] = palette.get(name, WHITE)
-    return vertices, faces, colours
-
-
-def material_library(path: Path) -> Path | None:
-    """Return the file of materials that a mesh file names at its beginning; it need not exist."""
-    with path.open("rb") as mesh:
-        library = _LIBRARY.search(mesh.read(4096))
-    return path.parent / library[1].strip().decode(errors="replace") if library else None
-
-
-def _materials(path: Path) -> dict[str, tuple[float, float, float]]:
-    """Return diffuse colours by material name; empty when the file has no library beside it."""
-    palette: dict[str, tuple[float, float, float]] = {}
-    file = material_library(path)
-    if file is None or not file.is_file():
-        return palette
-    name = ""
-    for line in file.read_text(errors="replace").splitlines():
-        word, _, rest = line.strip().partition(" ")
-        if word == "newmtl":
-            name = rest.strip()
-        elif word == "Kd":
-            red, green, blue = (float(number) for number in rest.split()[:3])
-            palette[name] = (red, green, blue)
-    return palette
-
-
-def part_mesh(shape: Shape, holes: tuple[Hole, ...], colour: tuple[float, float, float] = WHITE) -> Mesh:
+def part_mesh(
+    shape: Shape, holes: tuple[Hole, ...], colour: tuple[float, float, float] = DEFAULT_COLOUR
+) -> Mesh:
     """Return the surface of a part that never moves, in its own frame; a box may have holes."""
     if not holes or not isinstance(shape, Box):
         return shape_mesh(shape, colour)
@@ -222,7 +150,7 @@ def part_mesh(shape: Shape, holes: tuple[Hole, ...], colour: tuple[float, float,
     return Mesh(seen.corners, faces, seen.normals.reshape(-1, 3, 3), colours)
 
 
-def shape_mesh(shape: Shape, colour: tuple[float, float, float] = WHITE) -> Mesh:
+def shape_mesh(shape: Shape, colour: tuple[float, float, float] = DEFAULT_COLOUR) -> Mesh:
     """Return the surface of a shape in its own frame."""
     match shape:
         case Box(size):

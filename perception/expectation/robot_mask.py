@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
@@ -13,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...files.disk_cache import cached_arrays
-from ...robots import urdf_tree
-from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive, read_mesh
+from ...robots.link_shapes import LinkShape, fingerprint
 from ...world import shapes, values
 from ...world.belief.planning_scene import BeliefObject
 from ...world.scene.description import SceneDescription
-from ...world.shapes import Shape, convex_hull, corners, inside
-from ...world.values import Array, Pose, Vector3
+from ...world.shapes import ConvexMesh, Shape, convex_hull, corners, inside
+from ...world.values import Array, Pose
 from ..geometry.camera_geometry import ConvexFacets, PosedCamera
 
 if TYPE_CHECKING:
@@ -54,8 +52,7 @@ class RobotShape(Protocol):
     def finger_links(self) -> tuple[str, ...]: ...
     def tcp(self, q: Array) -> Pose: ...
     def link_poses(self, q: Array, width: float) -> dict[str, Pose]: ...
-    def collision_meshes(self) -> tuple[UrdfMesh, ...]: ...
-    def collision_shapes(self) -> tuple[UrdfPrimitive, ...]: ...
+    def collision_shapes(self) -> tuple[LinkShape, ...]: ...
 
 
 class _Hull:
@@ -81,13 +78,13 @@ class RobotMask:
 
     def __init__(self, robot: RobotShape) -> None:
         self._robot = robot
-        parts = (*robot.collision_meshes(), *robot.collision_shapes())
-        kept = cached_arrays("link-hulls", _inputs(parts), _MAKERS, lambda: _link_hulls(parts))
+        parts = robot.collision_shapes()
+        kept = cached_arrays("link-hulls", (fingerprint(parts),), _MAKERS, lambda: _link_hulls(parts))
         self._hulls: list[tuple[str, _Hull]] = [
             (part.link, _Hull(kept[f"{n} points"], kept[f"{n} equations"])) for n, part in enumerate(parts)
         ]
         names = robot.finger_links
-        convex = all(kept[f"{n} convex"] for n, part in enumerate(parts) if part.link in names)
+        convex = all(part.filling > MIN_CONVEX_SHARE for part in parts if part.link in names)
         self._fingers = [(link, hull) for link, hull in self._hulls if link in names and convex]
 
     def tcp(self, joints: Array) -> Pose:
@@ -260,51 +257,21 @@ def _bodies(high: NDArray[np.bool_], height: Array, near: NDArray[np.bool_]) -> 
     return cv2.dilate(inner, kernel).astype(np.bool_) & high
 
 
-_MAKERS: Final = (
-    *(shapes, urdf_tree, values, Path(__file__)),
-    *("numpy", "scipy", "trimesh"),
-)
+_MAKERS: Final = (shapes, values, Path(__file__), "numpy", "scipy")
 """Code that the hulls depend on."""
 
 
-def _inputs(parts: Iterable[UrdfMesh | UrdfPrimitive]) -> Iterator[str | Path]:
-    """Yield all that the hulls of these parts are made from."""
-    for part in parts:
-        if isinstance(part, UrdfMesh):
-            path = Path(part.path)
-            yield f"{replace(part, path='')} {path.suffix}"
-            yield path
-        else:
-            yield str(part)
-
-
-def _link_hulls(parts: Iterable[UrdfMesh | UrdfPrimitive]) -> dict[str, NDArray[Any]]:
-    """Return points and equations of each part's hull, and whether the part is convex."""
+def _link_hulls(parts: Iterable[LinkShape]) -> dict[str, NDArray[Any]]:
+    """Return points and equations of each part's hull."""
     arrays: dict[str, NDArray[Any]] = {}
-    read: dict[tuple[str, Vector3], tuple[Array, bool]] = {}
     for n, part in enumerate(parts):
-        if isinstance(part, UrdfMesh):
-            key = (part.path, part.scale)
-            read[key] = points, convex = read.get(key) or _outline(*key)
-        else:
-            points, convex = corners(part.shape), True
+        points = corners(part.shape)
+        if isinstance(part.shape, ConvexMesh):
+            points = _furthest(points)
         points = part.pose_in_link.apply(points)
         arrays[f"{n} points"] = points
         arrays[f"{n} equations"] = convex_hull(points).equations
-        arrays[f"{n} convex"] = np.array(convex)
     return arrays
-
-
-def _outline(path: str, scale: Vector3) -> tuple[Array, bool]:
-    """Return a few vertices (k, 3) of a mesh file, and whether the mesh fills nearly all of its hull.
-
-    The hull of the vertices is nearly that of the mesh.
-    """
-    loaded = read_mesh(path)
-    vertices: Array = np.asarray(loaded.vertices, dtype=np.float64) * np.array(scale)
-    hull = convex_hull(vertices)
-    convex = abs(float(loaded.volume) * float(np.prod(scale))) > MIN_CONVEX_SHARE * float(hull.volume)
-    return _furthest(vertices[hull.vertices]), convex
 
 
 def _furthest(points: Array) -> Array:

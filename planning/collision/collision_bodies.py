@@ -113,15 +113,6 @@ def distance_request(geometry: pin.GeometryModel) -> pin.GeometryData:
     return data
 
 
-def hull(geometry: coal.CollisionGeometry) -> coal.CollisionGeometry:
-    """Return the convex hull of a triangle mesh; a primitive is returned as it is."""
-    if isinstance(geometry, coal.BVHModelOBBRSS):
-        geometry.buildConvexHull(True, "Qt")
-        geometry = geometry.convex
-    geometry.computeLocalAABB()
-    return geometry
-
-
 def _coal_geometry(shape: Shape) -> coal.CollisionGeometry:
     match shape:
         case Box((x, y, z)):

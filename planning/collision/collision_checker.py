@@ -14,9 +14,8 @@ import numpy as np
 import pinocchio as pin
 
 from ...files.disk_cache import cached_arrays
-from ...robots import urdf_tree
-from ...robots.model import TCP_FRAME, RobotModel
-from ...robots.urdf_tree import UrdfMesh, link_geometry, resolved_urdf
+from ...robots.link_shapes import LinkShape, fingerprint
+from ...robots.model import TCP_FRAME, RobotModel, se3
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.scene.description import Bin, Fixture
 from ...world.values import Array, Bounds, Vector3
@@ -29,7 +28,6 @@ from .collision_bodies import (
     CollisionMargins,
     GeometryOwner,
     fixed_bodies,
-    hull,
     movable_bodies,
 )
 from .robot_geometry import (
@@ -294,28 +292,32 @@ class CollisionChecker:
 
 
 def robot_geometry(model: RobotModel) -> tuple[pin.GeometryObject, ...]:
-    """Return the URDF's collision geometry on the joints of `model.full`; meshes as their convex hulls.
+    """Return the bodies of the links on the joints of `model.full`, link by link from the root on.
 
     Hulls that were made before come from the disk cache.
     """
-    urdf = model.description.urdf
-    meshes = (Path(each.path) for each in link_geometry(urdf, "collision") if isinstance(each, UrdfMesh))
-    inputs = (resolved_urdf(urdf), model.full.saveToString(), *meshes)
-    kept = cached_arrays("robot-hulls", inputs, _MAKERS, lambda: {"archive": _hulls(model)})
+    shapes = model.collision_shapes()
+    inputs = (fingerprint(shapes), model.full.saveToString())
+    kept = cached_arrays("robot-hulls", inputs, _MAKERS, lambda: {"archive": _hulls(model, shapes)})
     return tuple(o.copy() for o in _unpacked(kept["archive"].tobytes()).geometryObjects)
 
 
-_MAKERS: Final = (Path(__file__), collision_bodies, urdf_tree, "coal", "pin")
+_MAKERS: Final = (Path(__file__), collision_bodies, "coal", "pin")
 """Code that `robot_geometry` depends on."""
 
 
-def _hulls(model: RobotModel) -> np.typing.NDArray[np.uint8]:
+def _hulls(model: RobotModel, shapes: tuple[LinkShape, ...]) -> np.typing.NDArray[np.uint8]:
     """Return the geometry of the robot as pinocchio's archive, in which numbers are exact."""
-    urdf = resolved_urdf(model.description.urdf)
-    loaded = pin.buildGeomFromUrdfString(model.full, urdf, pin.COLLISION)
-    for o in loaded.geometryObjects:
-        o.geometry = hull(o.geometry)
-    return np.frombuffer(loaded.saveToString().encode(), np.uint8)
+    made, coals = pin.GeometryModel(), CoalShapes()
+    for index, frame in enumerate(model.full.frames):
+        if frame.type == pin.BODY:
+            for n, part in enumerate(part for part in shapes if part.link == frame.name):
+                placement = frame.placement * se3(part.pose_in_link)
+                name = f"{part.link}_{n}"
+                made.addGeometryObject(
+                    pin.GeometryObject(name, frame.parentJoint, index, placement, coals.of(part.shape))
+                )
+    return np.frombuffer(made.saveToString().encode(), np.uint8)
 
 
 @lru_cache(maxsize=4)

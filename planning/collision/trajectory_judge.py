@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...robots.model import TCP_FRAME, RobotModel, pose_of
-from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive, link_geometry, read_mesh
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.trajectory import Trajectory
 from ...world.values import Array
 from ..requests import ContactPair
 from .collision_bodies import CollisionMargins, GeometryOwner, fixed_bodies, movable_bodies
-from .scene_queries import FclSolid, hull, place, solid
+from .scene_queries import place, solid
 from .swept_volumes import LinkSolid, Pairs, RobotSweep, moments_of
 from .trajectory_check import APPROACH_SLACK, START_ZONE, START_ZONE_OF_OBJECTS
 
@@ -60,7 +59,7 @@ class TrajectoryVerifier:
         fingers = model.description.gripper.fingers
         self._limbs: list[LinkSolid] = []
         self._things: list[_Thing] = []
-        for element in link_geometry(model.description.urdf, "collision"):
+        for element in model.collision_shapes():
             frame = model.full.frames[model.full.getFrameId(element.link)]
             if element.link in fingers:
                 part = GeometryOwner.FINGER
@@ -69,7 +68,7 @@ class TrajectoryVerifier:
             else:
                 part = GeometryOwner.BASE if frame.parentJoint == 0 else GeometryOwner.ARM
             pose_in_joint = pose_of(frame.placement) @ element.pose_in_link
-            self._limbs.append(LinkSolid(_solid_of(element), frame.parentJoint, pose_in_joint))
+            self._limbs.append(LinkSolid(solid(element.shape), frame.parentJoint, pose_in_joint))
             self._things.append(_Thing(element.link, part))
         disabled = {frozenset(pair) for pair in model.description.disabled_pairs}
         gripper = (GeometryOwner.HAND, GeometryOwner.FINGER)
@@ -213,13 +212,6 @@ class _View:
     sweep: RobotSweep
     things: list[_Thing]
     pairs: Pairs
-
-
-def _solid_of(element: UrdfMesh | UrdfPrimitive) -> FclSolid:
-    if isinstance(element, UrdfPrimitive):
-        return solid(element.shape)
-    mesh = read_mesh(element.path)
-    return hull(np.array(mesh.vertices, dtype=np.float64) * np.array(element.scale))
 
 
 def _links_beyond(model: RobotModel) -> set[str]:

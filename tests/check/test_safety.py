@@ -152,7 +152,7 @@ def test_a_file_that_may_not_be_read(tmp_path: Path) -> None:
         ),
         (
             SCENE + "catalogue: {nut: {mesh: /etc/passwd, mass: 1, friction: 1}}\n",
-            "P409 passwd is no mesh file",
+            "P409 passwd is no mesh file that is read here",
         ),
         (
             SCENE + "catalogue: {nut: {mesh: large.obj, mass: 1, friction: 1}}\n",

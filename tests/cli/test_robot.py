@@ -15,6 +15,7 @@ from picktree.cli.app import answer
 from picktree.cli.author.file_schemas import CHECKS
 from picktree.commissioning.robot_setup.proposal import ProposalRequest, propose
 from picktree.files.diagnostics.file_checks import check_files
+from picktree.robots.link_shapes import UrdfMesh, link_geometry
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 
@@ -99,8 +100,8 @@ def test_a_proposal_is_the_same_each_time_and_says_where_things_come_from(tmp_pa
     ahead = -np.inf
     for opening in np.linspace(0.02, gripper.max_width, 6).tolist():
         tcp, poses = model.tcp(model.named("home")), model.link_poses(model.named("home"), opening)
-        for mesh in model.collision_meshes():
-            if "knuckle" in mesh.link:
+        for mesh in link_geometry(first.robot.urdf, "collision"):
+            if isinstance(mesh, UrdfMesh) and "knuckle" in mesh.link:
                 vertices = np.asarray(trimesh.load(mesh.path, force="mesh").vertices)
                 points = (tcp.inverse() @ poses[mesh.link] @ mesh.pose_in_link).apply(vertices)
                 inside = points[(np.abs(points[:, 1]) < opening / 2) & (np.abs(points[:, 0]) < 0.01)]

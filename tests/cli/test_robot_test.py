@@ -15,9 +15,9 @@ from picktree.cli.author.file_schemas import CHECKS
 from picktree.commissioning.robot_setup.model_checks import RobotUnderTest, Verdict, check_model
 from picktree.files.diagnostics.file_checks import check_files
 from picktree.perception.expectation.robot_mask import hidden_shares
+from picktree.robots.link_shapes import read_geometry
 from picktree.robots.loading import SHIPPED, load_robot, robot_names
 from picktree.robots.model import RobotModel
-from picktree.robots.urdf_tree import resolved_urdf
 from picktree.world.scene.description import MAX_HIDDEN_SHARE
 from picktree.world.scene.loading.scene_loading import load_scene, scene_names
 
@@ -31,7 +31,7 @@ def panda(
     folder: Path, urdf: Callable[[ElementTree.Element], None] = lambda root: None, **lines: str
 ) -> Path:
     """Write a Panda whose URDF was changed, and whose file has other lines that begin with these words."""
-    root = ElementTree.fromstring(resolved_urdf(load_robot("panda").urdf))
+    root = read_geometry(load_robot("panda").urdf)
     urdf(root)
     ElementTree.ElementTree(root).write(folder / "arm.urdf")
     text = (SHIPPED / "panda.yaml").read_text(encoding="utf-8")
@@ -163,7 +163,7 @@ def test_a_new_robot_is_tested(tmp_path: Path, capfd: pytest.CaptureFixture[str]
 def test_a_urdf_with_four_faults_is_made_a_robot_whose_test_names_each(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    root = ElementTree.fromstring(resolved_urdf(load_robot("panda").urdf))
+    root = read_geometry(load_robot("panda").urdf)
     link = one(root, "link", "panda_link4")
     link.remove(child(link, "inertial"))
     child(one(root, "joint", "panda_joint2"), "limit").set("effort", "8.7")

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.errors import PicktreeError
 from picktree.logs.meshes.binary_gltf import link_meshes, read_glb, write_glb
 from picktree.logs.meshes.triangle_meshes import decimate, join_meshes, load_mesh, shape_mesh
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
@@ -50,12 +49,6 @@ def test_each_visible_link_has_a_model_with_its_materials(tmp_path: Path) -> Non
         mesh.vertices[mesh.faces[red][0]], [[0, 0, 0], [1, 0, 0], [0, 1, 0]], atol=1e-6
     )
     np.testing.assert_allclose(read_glb(tip.glb).vertices[:, 2].max(), 1.1, atol=1e-6)
-
-
-def test_a_mesh_that_mixes_faces_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(PicktreeError) as raised:
-        link_meshes(written(tmp_path, OBJ + " 3//1"))
-    assert str(raised.value) == f"{tmp_path}/part.obj: the mesh cannot be read: its faces must be triangles"
 
 
 def test_the_file_has_y_up() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from picktree.perception.fitting.view import PerceivedView
 from picktree.perception.pipeline import Perception
-from picktree.robots.urdf_tree import UrdfMesh, UrdfPrimitive
+from picktree.robots.link_shapes import LinkShape
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.colours import COLOURS
 from picktree.world.protocols import Intrinsics, RgbdImage
@@ -71,11 +71,8 @@ class Robot:
     def link_poses(self, q: Array, width: float) -> dict[str, Pose]:
         return {"hand": self.pose}
 
-    def collision_meshes(self) -> tuple[UrdfMesh, ...]:
-        return ()
-
-    def collision_shapes(self) -> tuple[UrdfPrimitive, ...]:
-        return (UrdfPrimitive("hand", self.box, Pose()),)
+    def collision_shapes(self) -> tuple[LinkShape, ...]:
+        return (LinkShape("hand", self.box, Pose()),)
 
 
 def standing(shape: Solid, x: float, y: float, yaw: float, colour: str, lying: bool = False) -> Thing:

@@ -6,10 +6,11 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+import pytest
 import trimesh
 
 from picktree.perception.expectation.robot_mask import RobotMask
-from picktree.robots.urdf_tree import UrdfMesh, UrdfPrimitive
+from picktree.robots.link_shapes import LinkShape, link_shapes
 from picktree.world.values import Array, Pose
 
 
@@ -17,7 +18,7 @@ from picktree.world.values import Array, Pose
 class Finger:
     """A robot of one link."""
 
-    mesh: Path
+    urdf: Path
     finger_links: tuple[str, ...] = ("finger",)
 
     def tcp(self, q: Array) -> Pose:
@@ -26,23 +27,22 @@ class Finger:
     def link_poses(self, q: Array, width: float) -> dict[str, Pose]:
         return {"finger": Pose()}
 
-    def collision_meshes(self) -> tuple[UrdfMesh, ...]:
-        return (UrdfMesh("finger", str(self.mesh), Pose()),)
-
-    def collision_shapes(self) -> tuple[UrdfPrimitive, ...]:
-        return ()
+    def collision_shapes(self) -> tuple[LinkShape, ...]:
+        return link_shapes(str(self.urdf))
 
 
 def radius(robot: Finger) -> float:
     """Radius of the ball around the finger, m. The time of the file never changes."""
-    os.utime(robot.mesh, (1, 1))
+    os.utime(robot.urdf.parent / "finger.stl", (1, 1))
     (finger,) = RobotMask(robot).fingers([], 0.0)  # type: ignore[arg-type]
     return finger.radius
 
 
 def test_a_mesh_that_has_changed_is_read_again(tmp_path: Path) -> None:
-    robot = Finger(tmp_path / "finger.stl")
-    trimesh.creation.box((0.02, 0.02, 0.02)).export(robot.mesh)
+    robot, mesh = Finger(tmp_path / "finger.urdf"), tmp_path / "finger.stl"
+    shape = '<collision><geometry><mesh filename="finger.stl"/></geometry></collision>'
+    robot.urdf.write_text(f'<robot name="x"><link name="finger">{shape}</link></robot>')
+    trimesh.creation.box((0.02, 0.02, 0.02)).export(mesh)
     small = radius(robot)
-    trimesh.creation.box((0.06, 0.06, 0.06)).export(robot.mesh)
-    assert abs(radius(robot) - 3 * small) < 1e-9
+    trimesh.creation.box((0.06, 0.06, 0.06)).export(mesh)
+    assert radius(robot) == pytest.approx(3 * small)

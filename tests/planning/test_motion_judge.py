@@ -6,7 +6,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from trimesh import load_mesh  # pyright: ignore[reportUnknownVariableType]
 
 from picktree.planning.collision.collision_bodies import fixed_bodies, movable_bodies
 from picktree.planning.collision.collision_checker import CollisionChecker
@@ -35,10 +34,7 @@ def judge() -> TrajectoryVerifier:
 
 @cache
 def links() -> list[tuple[str, Pose, FclSolid]]:
-    return [
-        (mesh.link, mesh.pose_in_link, hull(np.array(load_mesh(mesh.path).vertices) * mesh.scale))
-        for mesh in MODEL.collision_meshes()
-    ]
+    return [(part.link, part.pose_in_link, solid(part.shape)) for part in MODEL.collision_shapes()]
 
 
 def motion(*corners: Array) -> Trajectory:

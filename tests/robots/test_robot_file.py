@@ -13,9 +13,9 @@ import trimesh
 
 from picktree.errors import PicktreeError
 from picktree.files.marks import FileError
+from picktree.robots.link_shapes import UrdfPrimitive, link_geometry
 from picktree.robots.loading import load_robot, parse_robot, robot_names
 from picktree.robots.model import RobotModel
-from picktree.robots.urdf_tree import UrdfPrimitive, link_geometry, read_mesh
 from picktree.simulation.physics.robot.robot_body import patched_urdf
 from picktree.world.shapes import Box
 
@@ -198,7 +198,9 @@ def test_the_pads_meet_at_width_zero_and_lie_on_the_flat_of_the_fingers() -> Non
     assert max(v[2] for v in flat) == pytest.approx(high, abs=3e-3)
 
 
-def test_attachments_collide_are_seen_and_reach_as_far_as_the_fingers_that_the_planner_knows() -> None:
+def test_attachments_collide_are_seen_and_reach_as_far_as_the_fingers_that_the_planner_knows(
+    tmp_path: Path,
+) -> None:
     robot = load_robot("panda_long_fingers")
     model = RobotModel(robot)
     tips = {
@@ -212,7 +214,7 @@ def test_attachments_collide_are_seen_and_reach_as_far_as_the_fingers_that_the_p
     assert max(reach) == pytest.approx(robot.gripper.tip, abs=1e-6)
     inner = [abs(pose.position[1]) - box.size[1] / 2 for box, pose in model.finger_boxes(0.02)]
     assert min(inner) == pytest.approx(0.01)
-    text = patched_urdf(robot)
+    text = patched_urdf(robot, tmp_path)
     assert text.count("0.0176 0.0104 0.08") == 4  # each bar seen and touched
     assert text.count("0.019 0.013 0.0362") == 2  # and the Franka fingers behind the bars
 
@@ -230,7 +232,8 @@ def test_faulty_parts_of_fingers_are_refused(robot_file: Path, old: str, new: st
     assert message in str(caught.value)
 
 
-def test_reading_the_panda_imports_no_simulator() -> None:
+def test_reading_a_known_robot_imports_no_simulator() -> None:
+    load_robot("panda")  # its meshes are in the disk cache from here on
     code = (
         "import sys; from picktree.robots.loading import load_robot; load_robot('panda');"
         "print([m for m in ('pybullet', 'pybullet_data', 'pinocchio', 'trimesh') if m in sys.modules])"
@@ -239,8 +242,8 @@ def test_reading_the_panda_imports_no_simulator() -> None:
     assert done.stdout == "[]\n"
 
 
-def test_a_finger_collides_along_its_whole_length() -> None:
-    urdf = ElementTree.fromstring(patched_urdf(load_robot("panda")))
+def test_a_finger_collides_along_its_whole_length(tmp_path: Path) -> None:
+    urdf = ElementTree.fromstring(patched_urdf(load_robot("panda"), tmp_path))
     for name in ("panda_leftfinger", "panda_rightfinger"):
         finger = next(link for link in urdf.findall("link") if link.get("name") == name)
         spans = list[tuple[float, float]]()
@@ -266,24 +269,6 @@ def test_positions_of_an_arm_that_slides_are_those_of_its_tcp(robot_file: Path) 
     positions = [model.tcp(q).position for q in path]
     np.testing.assert_allclose(model.tcp_positions(path), positions, rtol=0, atol=1e-12)
     assert np.ptp(np.array(positions), axis=0).min() > 0.1
-
-
-def test_a_mesh_that_cannot_be_read_is_one_clear_error(tmp_path: Path) -> None:
-    for name, text in (("broken.dae", "<COLLADA"), ("empty.stl", "solid a\nendsolid a\n"), ("a.xyzw", "1")):
-        (tmp_path / name).write_text(text, encoding="utf-8")
-        with pytest.raises(PicktreeError, match=rf"{name}: the mesh "):
-            read_mesh(str(tmp_path / name))
-
-
-def test_a_mesh_whose_library_is_missing_says_what_would_help(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def no_library(*_: object, **__: object) -> None:
-        raise ImportError("no module named 'collada'")
-
-    monkeypatch.setattr(trimesh, "load", no_library)
-    with pytest.raises(PicktreeError, match="or convert it to STL or OBJ, and name that in a copy"):
-        read_mesh(str(tmp_path / "a.dae"))
 
 
 def test_models_of_an_extra_that_is_not_installed_name_it(tmp_path: Path) -> None:

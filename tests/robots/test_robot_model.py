@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pybullet
@@ -143,13 +142,6 @@ def test_answers_are_copies() -> None:
     np.testing.assert_array_equal(jacobian, kept[0])
     np.testing.assert_array_equal(gravity, kept[1])
     assert poses == kept[2]
-
-
-def test_meshes_exist_and_belong_to_links() -> None:
-    links = MODEL.link_poses(MODEL.named("home"), 0.0)
-    for mesh in (*MODEL.visual_meshes(), *MODEL.collision_meshes()):
-        assert Path(mesh.path).is_file()
-        assert mesh.link in links
 
 
 def test_a_wrong_name_is_refused_with_the_known_ones() -> None:

@@ -401,7 +401,7 @@ def test_a_mesh_becomes_its_hull_about_its_centre(tmp_path: Path) -> None:
         ("flat", "the mesh is flat: it encloses no volume"),
         ("large", "the mesh is 30 m large (is it in millimetres? then 'scale: 0.001')"),
         ("round", "the hull has 642 vertices (256 at most; simplify the mesh)"),
-        ("nan", "the mesh has no four finite vertices"),
+        ("nan", "the mesh has 1 of 4 vertices that are not finite numbers (export it anew)"),
         ("text", None),
         ("empty", None),
     ],

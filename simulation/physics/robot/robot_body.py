@@ -10,37 +10,40 @@ from math import isfinite
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
+
 from ....errors import PicktreeError
 from ....robots.description import GripperDescription, RobotDescription
 from ....robots.finger_linkage import fingers_of
-from ....robots.gripper_mounting import mount_tool, numbers_text
-from ....robots.urdf_tree import mesh_file
+from ....robots.gripper_mounting import mount_tool
+from ....robots.link_shapes import LinkShape, link_shapes, read_geometry
+from ....robots.urdf_tree import numbers_text
 from ....world.colours import COLOURS
+from ....world.mesh_files import write_hull
+from ....world.shapes import Box, ConvexMesh, Cylinder, Sphere
 from ....world.values import Array, Pose
 from ...checkpoints import ArmCommand, GripperCommand, RobotReading
 from ...engine import Client, pb
 from .linkage_motors import GearReaction, KnuckleGearReaction, LinkageMotors
 
 
-def patched_urdf(robot: RobotDescription) -> str:
-    """Return the text of the robot's URDF, patched. Raises PicktreeError for missing files, links or meshes.
+def patched_urdf(robot: RobotDescription, folder: Path) -> str:
+    """Return the text of the robot's URDF for the engine. Raises PicktreeError for unusable geometry or
+    missing links.
 
-    Every link shows its *collision* geometry: the camera sees what can be touched, which also renders ten
-    times faster than the visual meshes. A link without <inertial> gets one of no mass, as the planner's
-    dynamics take it: the engine would give it 1 kg.
+    Links have the convex bodies that the planner takes, hulls as files in `folder`: the engine reads no mesh
+    of others. Every link shows its *collision* geometry: the camera sees what can be touched, which also
+    renders ten times faster than the visual meshes. A link without <inertial> gets one of no mass, as the
+    planner's dynamics take it: the engine would give it 1 kg.
     """
-    path = Path(robot.urdf)
-    try:
-        root = ElementTree.parse(path).getroot()
-    except (OSError, ElementTree.ParseError) as error:
-        raise PicktreeError(f"{robot.source or robot.name}: urdf {robot.urdf}: {error}") from None
-    for link in root.findall("link"):
-        for visual in link.findall("visual"):
-            link.remove(visual)
-    for mesh in root.iter("mesh"):
-        mesh.set("filename", str(_mesh_path(mesh.get("filename", ""), path, robot)))
+    root = read_geometry(robot.urdf)
     mount_tool(root, robot)
-    links = {link.get("name"): link for link in root.findall("link")}
+    links = {link.get("name", ""): link for link in root.findall("link")}
+    for link in links.values():
+        for old in (*link.findall("visual"), *link.findall("collision")):
+            link.remove(old)
+    for n, part in enumerate(link_shapes(robot.urdf)):
+        _put_shape(links[part.link], part, folder / f"hull_{n}.obj")
     for link in links.values():
         _show_what_collides(link)
         if link.find("inertial") is None:
@@ -52,13 +55,27 @@ def patched_urdf(robot: RobotDescription) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _mesh_path(reference: str, urdf: Path, robot: RobotDescription) -> Path:
-    file = mesh_file(urdf, reference)
-    if file is None:
-        raise PicktreeError(
-            f"{robot.source or robot.name}: mesh {reference!r} of {robot.urdf} does not exist"
-        )
-    return file.resolve()
+def _put_shape(link: ElementTree.Element, part: LinkShape, file: Path) -> None:
+    """Add a body to a link; the hull of a mesh is written to `file`."""
+    geometry = _collision(link, part.pose_in_link)
+    match part.shape:
+        case Box(size):
+            ElementTree.SubElement(geometry, "box", size=numbers_text(size))
+        case Cylinder(radius, height):
+            ElementTree.SubElement(geometry, "cylinder", radius=repr(radius), length=repr(height))
+        case Sphere(radius):
+            ElementTree.SubElement(geometry, "sphere", radius=repr(radius))
+        case ConvexMesh(vertices):
+            write_hull(file, np.array(vertices))
+            ElementTree.SubElement(geometry, "mesh", filename=str(file))
+
+
+def _collision(link: ElementTree.Element, pose: Pose) -> ElementTree.Element:
+    """Add a collision element to a link and return its <geometry>."""
+    collision = ElementTree.SubElement(link, "collision")
+    origin = {"xyz": numbers_text(pose.position), "rpy": numbers_text(pose.rpy())}
+    ElementTree.SubElement(collision, "origin", origin)
+    return ElementTree.SubElement(collision, "geometry")
 
 
 def _show_what_collides(link: ElementTree.Element) -> None:
@@ -86,11 +103,7 @@ def _put_finger(link: ElementTree.Element, n: int, gripper: GripperDescription) 
     for old in [*link.findall("collision"), *link.findall("contact")]:
         link.remove(old)
     for box, pose in (gripper.pads[n], *gripper.bodies_of(n)):
-        collision = ElementTree.SubElement(link, "collision")
-        origin = {"xyz": numbers_text(pose.position), "rpy": numbers_text(pose.rpy())}
-        ElementTree.SubElement(collision, "origin", origin)
-        geometry = ElementTree.SubElement(collision, "geometry")
-        ElementTree.SubElement(geometry, "box", size=numbers_text(box.size))
+        ElementTree.SubElement(_collision(link, pose), "box", size=numbers_text(box.size))
     contact = ElementTree.SubElement(link, "contact")
     ElementTree.SubElement(contact, "friction_anchor")
     for tag, value in (
@@ -121,9 +134,12 @@ class RobotBody:
         self._limits = [joint.torque for joint in robot.limits]
         self._gains = [POSITION_GAIN] * len(robot.joints)
         self._ones = [1.0] * len(robot.joints)
-        self._urdf = patched_urdf(robot)
         self._folder = TemporaryDirectory(prefix="picktree-")
-        (Path(self._folder.name) / "robot.urdf").write_text(self._urdf, encoding="utf-8")
+        folder = Path(self._folder.name)
+        text = patched_urdf(robot, folder)
+        (folder / "robot.urdf").write_text(text, encoding="utf-8")
+        links = ElementTree.fromstring(text).findall("link")
+        self.shape_counts = {link.get("name", ""): len(link.findall("collision")) for link in links}
         self.fingers = fingers_of(robot.gripper)
         self._linkage: LinkageMotors | None = None
         self._gear: GearReaction | KnuckleGearReaction | None = None
@@ -158,11 +174,12 @@ class RobotBody:
             physicsClientId=self._client,
         )
         joints: dict[str, int] = {}
-        self.links = {-1: "base"}
+        self.links = {-1: pb.getBodyInfo(self.body, self._client)[0].decode()}
         for k in range(pb.getNumJoints(self.body, self._client)):
             info = pb.getJointInfo(self.body, k, self._client)
             joints[info[1].decode()] = k
             self.links[k] = info[12].decode()
+        self._check_shapes()
         wanted = (*robot.joints, *robot.gripper.joints, robot.flange_joint)
         if missing := [name for name in wanted if name not in joints]:
             raise PicktreeError(f"{robot.source or robot.name}: no joint {missing[0]!r} in {robot.urdf}")
@@ -192,6 +209,16 @@ class RobotBody:
         self.place((*home, *opened), (0.0,) * (len(home) + len(opened)))
         self.follow(home, (0.0,) * len(home))
         self.drive_fingers(GripperCommand(robot.gripper.max_width, robot.gripper.max_force))
+
+    def _check_shapes(self) -> None:
+        """Raise PicktreeError when the engine has taken fewer shapes of a link than it was given."""
+        for link, name in self.links.items():
+            taken = len(pb.getCollisionShapeData(self.body, link, physicsClientId=self._client))
+            if taken != self.shape_counts[name]:
+                raise PicktreeError(
+                    f"{self.description.urdf}: link {name!r} has {self.shape_counts[name]} shapes, "
+                    f"of which {taken} collide in the simulation"
+                )
 
     def _add_gear(self) -> None:
         """Add the gear between the fingers, which a URDF for pybullet cannot contain."""

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import io
-import struct
 from pathlib import Path
-from typing import Any, cast
 
 import numpy as np
 
@@ -13,6 +10,8 @@ from ....files.disk_cache import cached_arrays
 from ....files.marks import Location
 from ....files.yaml.document_checker import DocumentChecker
 from ....files.yaml.file_text import Unreadable, read_bytes
+from ... import mesh_files
+from ...mesh_files import FlatMesh, MeshError, hull_corners, parse_mesh
 from ...shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...values import Array, ObjectId, Pose, Vector3
 from ..body_schema import FORMS, CatalogueFile, FixtureFile, UnknownFile
@@ -21,78 +20,42 @@ from ..description import ASSORTMENT, Bin, CameraDescription, CatalogueEntry, Fi
 from ..scene_schema import CameraFile
 from .hole_loading import check_holes, holes, uncertainty
 
-MESH_FORMATS = ("obj", "stl", "ply", "off")
-"""Formats of one file that holds nothing but a mesh: none that names or packs other files."""
 MAX_MESH_BYTES = 1_000_000
 MAX_VERTICES = 256
 """Maximum number of vertices of the hull: contact costs grow with it."""
 MAX_HULL_VOLUME_RATIO = 1.05
 """A hull that is larger than its mesh by this factor hides a hollow."""
 
-_DAMAGED = "the mesh file is damaged, or of another format than its name says"
-
-
-class MeshError(ValueError):
-    """Error in a mesh file, with a hint at what would be right."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.message, self.hint = message, hint
-
 
 def load_convex(path: Path, scale: float) -> ConvexMesh:
     """The convex hull of a mesh file, scaled to m and moved to its centre of mass. Raises MeshError."""
-    suffix = path.suffix.lower().removeprefix(".")
-    if suffix not in MESH_FORMATS:
-        raise MeshError(f"{path.name} is no mesh file", f"known: {', '.join(MESH_FORMATS)}")
     try:
         raw = read_bytes(path, MAX_MESH_BYTES)
     except Unreadable as error:
         raise MeshError(f"{path}: {error.message}") from None
-    makers = (Path(__file__), "numpy", "scipy", "trimesh")
-    inputs = (raw, suffix, repr(scale))
-    points = cached_arrays("convex-mesh", inputs, makers, lambda: {"points": _corners(raw, suffix, scale)})
+    makers = (Path(__file__), mesh_files, "numpy", "scipy", "trimesh", "pycollada")
+    inputs = (raw, path.suffix, repr(scale))
+    points = cached_arrays("convex-mesh", inputs, makers, lambda: {"points": _corners(raw, path, scale)})
     return ConvexMesh(tuple((float(x), float(y), float(z)) for x, y, z in points["points"]), str(path))
 
 
-def _corners(raw: bytes, suffix: str, scale: float) -> Array:
+def _corners(raw: bytes, path: Path, scale: float) -> Array:
     """The corners (n, 3) of the hull of a mesh file's content. Raises MeshError."""
+    triangles = parse_mesh(raw, path)
     import trimesh  # slow to import
 
-    # Handed over as bytes: nothing beside the file is looked for, such as materials and textures.
-    options: dict[str, Any] = {"skip_materials": True} if suffix == "obj" else {}
-    try:
-        loaded = trimesh.load(io.BytesIO(raw), suffix, force="mesh", **options)  # pyright: ignore[reportUnknownMemberType]
-        mesh = cast("trimesh.Trimesh", loaded)
-        vertices = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3) * scale
-        if not len(vertices):
-            raise MeshError(_DAMAGED)
-        if len(vertices) < 4 or not np.isfinite(vertices).all():
-            raise MeshError("the mesh has no four finite vertices")
-        mesh.vertices = vertices
-        if np.linalg.matrix_rank(vertices - vertices.mean(axis=0), tol=1e-6) < 3:
-            raise MeshError("the mesh is flat: it encloses no volume")
-        hull = mesh.convex_hull
-        volume, solid = float(hull.volume), float(mesh.volume)
-        points = np.asarray(hull.vertices, dtype=np.float64) - np.asarray(hull.center_mass, dtype=np.float64)
-        watertight = bool(mesh.is_watertight)
-    except MeshError:
-        raise
-    except (
-        ValueError, OSError, LookupError, TypeError, AttributeError, ArithmeticError,
-        RuntimeError, struct.error,
-    ) as error:  # fmt: skip
-        said = str(error).strip().partition("\n")[0] or type(error).__name__
-        raise MeshError(f"the mesh file cannot be read: {said}") from None
-    except ImportError:  # trimesh looks for a library that guesses the encoding of a damaged file
-        raise MeshError(_DAMAGED) from None
+    mesh = trimesh.Trimesh(triangles.vertices * scale, triangles.faces)
+    hull_corners(mesh.vertices)
+    hull = mesh.convex_hull
+    volume, solid = float(hull.volume), float(mesh.volume)
+    points = np.asarray(hull.vertices, dtype=np.float64) - np.asarray(hull.center_mass, dtype=np.float64)
     size = points.max(axis=0) - points.min(axis=0)
     if volume < 1e-12 or float(size.min()) < 1e-4:
-        raise MeshError("the mesh is flat: it encloses no volume")
+        raise FlatMesh
     if float(size.max()) > 1.0:
         hint = "is it in millimetres? then 'scale: 0.001'"
         raise MeshError(f"the mesh is {float(size.max()):.3g} m large", hint)
-    if not watertight:
+    if not mesh.is_watertight:
         hint = f"close it; its hull, which could stand for it, has {volume * 1e6:.1f} cm³"
         raise MeshError("the mesh is not closed: some of its edges do not belong to two faces", hint)
     if solid > 0 and volume > MAX_HULL_VOLUME_RATIO * solid:
