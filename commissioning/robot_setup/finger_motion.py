@@ -7,7 +7,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from ...robots.urdf_tree import MOVING, UrdfTree
+from ...robots.urdf_faults import MOVING
+from ...robots.urdf_tree import UrdfTree
 from ...world.values import Array
 from .joint_groups import HandGroup
 from .link_geometry import LinkGeometry, UnsuitableUrdf

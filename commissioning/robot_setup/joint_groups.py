@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ...files.value_wording import suggest_name
-from ...robots.urdf_tree import MOVING, UrdfJoint, UrdfTree
+from ...robots.urdf_faults import MOVING
+from ...robots.urdf_tree import UrdfJoint, UrdfTree
 from .link_geometry import UnsuitableUrdf
 
 MIN_ARM_JOINTS = 5

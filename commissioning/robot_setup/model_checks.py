@@ -12,7 +12,8 @@ from ...planning.collision.collision_checker import CollisionChecker
 from ...robots.description import RobotDescription
 from ...robots.finger_linkage import LinkageFingers
 from ...robots.model import RobotModel
-from ...robots.urdf_tree import UrdfTree, parsed_urdf, read_skeleton
+from ...robots.urdf_text import parsed_urdf
+from ...robots.urdf_tree import UrdfTree, read_skeleton
 from ...world.belief.planning_scene import PlanningScene
 from ...world.shapes import corners
 from ...world.values import Array, Pose, Vector3

@@ -18,7 +18,9 @@ from ...robots.description import RobotDescription
 from ...robots.gripper_mounting import GripperMount, LinkInertia, NamedUrdf, write_composed_urdf
 from ...robots.loading import parse_robot
 from ...robots.model import RobotModel
-from ...robots.urdf_tree import MOVING, UrdfError, UrdfTree, parsed_urdf, read_skeleton
+from ...robots.urdf_faults import MOVING, UrdfError
+from ...robots.urdf_text import parsed_urdf
+from ...robots.urdf_tree import UrdfTree, read_skeleton
 from ...world.belief.planning_scene import PlanningScene
 from ...world.values import Array, Pose
 from .arm_proposals import NamedPose, estimate, propose_limits, propose_poses
