@@ -269,6 +269,8 @@ def _check_against(check: DocumentChecker, robot: RobotFile, urdf: Path) -> Link
     with check.readable():
         _check_order(check, [name for name in robot.joints if name in skeleton.joints], skeleton)
     with check.readable():
+        _check_mimics(check, robot, skeleton)
+    with check.readable():
         if robot.gripper.linkage is not None and not check.faults:
             return _solved(check, robot, skeleton)
     return None
@@ -327,6 +329,19 @@ def _check_order(check: DocumentChecker, joints: list[str], skeleton: UrdfTree) 
                 key=True,
             )
             return
+
+
+def _check_mimics(check: DocumentChecker, robot: RobotFile, skeleton: UrdfTree) -> None:
+    """Report joints on the way to the hand that follow a joint of the arm: the model moves each alone."""
+    if robot.flange_joint not in skeleton.joints:
+        return
+    for name in skeleton.above(robot.flange_joint):
+        mimic = skeleton.joints[name].mimic
+        if mimic is not None and (name in robot.joints or mimic.joint in robot.joints):
+            loc: Location = ("joints", name) if name in robot.joints else ("flange_joint",)
+            hint = "remove <mimic> in a copy of the URDF if a motor of its own moves it"
+            message = f"{name!r} is inside of the arm and mimics {mimic.joint!r}"
+            check.fault(loc, message, hint, code="P505", key=name in robot.joints)
 
 
 def _link_names(check: DocumentChecker, robot: RobotFile) -> Iterator[tuple[Location, str]]:

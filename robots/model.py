@@ -250,7 +250,7 @@ def _bare(root: ElementTree.Element) -> ElementTree.Element:
     The library refuses what other readers take: a robot without a name, a lone <limit lower=…>, spaces
     around a number, a material without a name.
     """
-    bare = ElementTree.Element("robot", name="robot")
+    bare = ElementTree.Element("robot", name=root.get("name") or "robot")
     for link in root.findall("link"):
         kept = ElementTree.SubElement(bare, "link", name=link.get("name", ""))
         if (inertial := link.find("inertial")) is not None:

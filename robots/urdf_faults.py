@@ -6,7 +6,7 @@ import math
 import re
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from ..files.value_wording import describe, listed, suggest_name
 
@@ -17,8 +17,10 @@ MAX_ANGLE = 20.0
 """Greatest angle that counts as radians, three turns; more looks like degrees."""
 MAX_DEGREES = 900.0
 """Greatest limit that looks like degrees; more means a joint that turns without end, rad."""
-MAX_SLIDE, MAX_OFFSET = 10.0, 50.0
-"""Greatest limit of a slider and greatest offset of a joint that count as metres; more look like mm."""
+MAX_OFFSET = 50.0
+"""Greatest offset of a joint that counts as metres; more looks like millimetres."""
+MAX_HINTS = 8
+"""Greatest number of known names that a fault lists."""
 MAX_FAULTS = 20
 """Greatest number of faults that are reported of one file."""
 
@@ -44,7 +46,7 @@ def urdf_faults(root: ElementTree.Element) -> tuple[str, ...]:
     for joint in root.findall("joint"):
         found += _joint_faults(joint)
     found += _mimic_faults(root)
-    found = found or [*_tree_faults(root)]
+    found = found or [*_holder_faults(root)] or [*_ring_faults(root)]
     if len(found) > MAX_FAULTS:
         found = [*found[: MAX_FAULTS - 1], f"{len(found) - MAX_FAULTS + 1} more faults"]
     return tuple(found)
@@ -110,7 +112,7 @@ def _joint_faults(joint: ElementTree.Element) -> Iterator[str]:
     if kind is None:
         yield f"{where} has no type; known: {', '.join(JOINT_TYPES)}"
     elif kind not in JOINT_TYPES:
-        yield f"{where} has the type {describe(kind)}, which is none ({suggest_name(kind, JOINT_TYPES)})"
+        yield f"{where} has the type {describe(kind)}, which is none{_hint(kind, JOINT_TYPES)}"
     for end in ("parent", "child"):
         element = joint.find(end)
         if element is None or not element.get("link"):
@@ -173,11 +175,6 @@ def _limit_faults(where: str, kind: str, limit: ElementTree.Element | None) -> I
         yield (
             f"{where}: limits of {lower:g} … {upper:g} rad: are they degrees? Write "
             f"{math.radians(lower):.4g} … {math.radians(upper):.4g}"
-        )
-    if kind == "prismatic" and most > MAX_SLIDE:
-        yield (
-            f"{where}: limits of {lower:g} … {upper:g} m: are they millimetres? Write "
-            f"{lower / 1000:.4g} … {upper / 1000:.4g}"
         )
 
 
@@ -267,7 +264,7 @@ def _mimic_faults(root: ElementTree.Element) -> Iterator[str]:
         if not leader:
             yield f'{where}: <mimic> names no joint; name the one that it follows, as joint="finger_joint"'
         elif leader not in joints:
-            yield f"{where} mimics {describe(leader)}, which is no joint ({suggest_name(leader, joints)})"
+            yield f"{where} mimics {describe(leader)}, which is no joint{_hint(leader, joints)}"
         elif joints[leader].get("type") not in MOVING:
             yield f"{where} mimics {describe(leader)}, which does not move; name a joint that does"
         else:
@@ -279,32 +276,43 @@ def _mimic_faults(root: ElementTree.Element) -> Iterator[str]:
             yield f"joints {listed(map(describe, ring), 8)} mimic each other in a ring; one must mimic none"
 
 
-def _tree_faults(root: ElementTree.Element) -> Iterator[str]:
-    links = [link.get("name", "") for link in root.findall("link")]
-    parents: dict[str, str] = {}
+def _holder_faults(root: ElementTree.Element) -> Iterator[str]:
+    links = {link.get("name", "") for link in root.findall("link")}
     holders: dict[str, str] = {}
     for joint in root.findall("joint"):
-        name = joint.get("name", "")
-        parent, child = (_link_of(joint, end) for end in ("parent", "child"))
-        for end in (parent, child):
+        name, child = joint.get("name", ""), _link_of(joint, "child")
+        for end in (_link_of(joint, "parent"), child):
             if end not in links:
-                hint = suggest_name(end, links)
-                yield f"joint {describe(name)} holds the link {describe(end)}, which is not there ({hint})"
-        if child in parents:
+                yield (
+                    f"joint {describe(name)} holds the link {describe(end)}, which is not there"
+                    f"{_hint(end, sorted(links))}"
+                )
+        if child in holders:
             yield (
                 f"link {describe(child)} hangs on two joints, {describe(holders[child])} and "
                 f"{describe(name)}; remove one, or name another child"
             )
-        parents[child], holders[child] = parent, name
+        holders[child] = name
+
+
+def _ring_faults(root: ElementTree.Element) -> Iterator[str]:
+    parents = {_link_of(joint, "child"): _link_of(joint, "parent") for joint in root.findall("joint")}
     rings = _rings(parents)
     for ring in rings:
         yield f"links {listed(map(describe, ring), 8)} hang on each other in a ring; one must be the base"
-    bases = [link for link in links if link not in parents]
+    bases = [name for link in root.findall("link") if (name := link.get("name", "")) not in parents]
     if len(bases) != 1 and not rings:
         yield (
             f"one link must be the base of all others, not {len(bases)}: "
             f"{listed(map(describe, bases), 8)}; join them by fixed joints"
         )
+
+
+def _hint(name: str, known: Iterable[str]) -> str:
+    """Return the nearest known name in brackets, or all when they are few; else nothing."""
+    names = [*known]
+    hint = suggest_name(name, names)
+    return f" ({hint})" if hint and (len(names) <= MAX_HINTS or not hint.startswith("known")) else ""
 
 
 def _link_of(joint: ElementTree.Element, end: str) -> str:

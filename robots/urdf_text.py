@@ -47,6 +47,7 @@ _STARTS = (
     (b"\0<", "utf-16-be"),
 )
 """First bytes of XML without a byte order mark in encodings with several bytes a character."""
+_FIRST_LINE = re.compile(r"\A(\s*)<\?xml\s[^>]*\?>")
 _DECLARATION = re.compile(rb"""\s*<\?xml[^>]*?\sencoding\s*=\s*["']([^"']*)["']""")
 
 
@@ -78,7 +79,8 @@ def _text(raw: bytes, encoding: str, told: str) -> str:
 def _parsed(text: str) -> ElementTree.Element:
     reader = _Reader()
     try:
-        return reader.read(text)
+        # Editors and tools write lines before the declaration, which the standard forbids.
+        return reader.read(_FIRST_LINE.sub(r"\1", text))
     except expat.ExpatError as error:
         raise UrdfError(f"not readable as XML: {error}") from None
     except (UnicodeError, ValueError) as error:

@@ -33,6 +33,8 @@ MIN_OPENING = 0.010
 """Least opening of a gripper, m."""
 MAX_GRIP_FORCE, MAX_FINGER_SPEED = 60.0, 0.15
 """Greatest plausible grip force, N, and finger speed, m/s; higher values of the URDF are replaced."""
+MIN_GRIP_FORCE, DEFAULT_GRIP_FORCE = 2.0, 20.0
+"""Least plausible grip force, N, and the one that replaces a lower one."""
 MIN_SNAP_COSINE = np.cos(np.radians(8.0))
 """Least cosine to an axis of the hand's frame from which a direction is set to that axis."""
 EDGE_SAMPLES = 30
@@ -64,6 +66,7 @@ class MeasuredGripper:
     max_width: float
     max_force: float
     force_comment: str
+    force_guessed: bool
     speed: float
     pads: tuple[tuple[Box, Pose], tuple[Box, Pose]]
     hand: tuple[tuple[Box, Pose], ...]
@@ -220,7 +223,7 @@ class GripperMeter:
         reach = max(tips) - float(shift[2])
         sliders = self._sliders(closed, opened, widths)
         per_move = abs(widths[-1] - widths[0]) / abs(opened - closed) / 2
-        force, told = self._force(per_move)
+        force, told, guessed = self._force(per_move)
         joint = self._skeleton.joints[self.drive]
         speed = min((joint.velocity or 0.1) * per_move, MAX_FINGER_SPEED)
         static = [self._motion.static(link) @ axes - shift for link in self._behind if link in self._solids]
@@ -253,6 +256,7 @@ class GripperMeter:
             max_width=widths[-1],
             max_force=force,
             force_comment=told,
+            force_guessed=guessed,
             speed=max(speed, 0.01),
             pads=pads,
             hand=hand_boxes(static, swept, palm_top, widths[-1]),
@@ -292,19 +296,19 @@ class GripperMeter:
             return None
         return names if self._motion.branch(self.links[0]) == names[0] else (names[1], names[0])
 
-    def _force(self, per_move: float) -> tuple[float, str]:
+    def _force(self, per_move: float) -> tuple[float, str, bool]:
+        """Return the grip force, N, the origin of the value, and whether it is a guess."""
         effort = self._skeleton.joints[self.drive].effort or 0.0
-        if effort <= 0.0:
-            return 20.0, "The URDF gives none: a guess"
         force = effort / per_move if per_move > 0 else effort
         if self._skeleton.joints[self.drive].type == "prismatic":
             force = effort
+        if force < MIN_GRIP_FORCE:
+            told = f"The URDF's effort would be {force:g} N: a guess, see the data sheet"
+            return DEFAULT_GRIP_FORCE, told, True
         if force > MAX_GRIP_FORCE:
-            return (
-                MAX_GRIP_FORCE,
-                f"The URDF's effort would be {force:.0f} N: not believed, see the data sheet",
-            )
-        return force, "From the URDF's effort"
+            told = f"The URDF's effort would be {force:.0f} N: not believed, see the data sheet"
+            return MAX_GRIP_FORCE, told, True
+        return force, "From the URDF's effort", False
 
     def _pad(self, n: int, axes: Array, opened: float, side: float) -> tuple[Box, Pose]:
         """Return a pad's box in the frame of its finger link, with edges along the axes of the TCP."""

@@ -18,6 +18,7 @@ from ...world.belief.planning_scene import PlanningScene
 from ...world.shapes import corners
 from ...world.values import Array, Pose, Vector3
 from .inertias import check_inertias
+from .joint_limits import JointLoads, is_placeholder
 from .link_geometry import LinkGeometry, read_solids
 
 MIN_RANGE = np.radians(20.0)
@@ -103,8 +104,11 @@ def _limits(tested: RobotUnderTest) -> Verdict:
 
 
 def _beyond_urdf(tested: RobotUnderTest) -> Iterator[str]:
-    robot = tested.description
-    for name, limit in zip(robot.joints, robot.limits, strict=True):
+    robot, loads = tested.description, JointLoads.of(tested.model)
+    guesses = loads.torques(tested.model.velocity_limit).tolist()
+    for name, limit, weight, guess in zip(
+        robot.joints, robot.limits, loads.gravity.tolist(), guesses, strict=True
+    ):
         joint = tested.skeleton.joints[name]
         if limit.upper - limit.lower < MIN_RANGE:
             yield f"{name} turns {np.degrees(limit.upper - limit.lower):.1f} deg in all"
@@ -116,9 +120,10 @@ def _beyond_urdf(tested: RobotUnderTest) -> Iterator[str]:
                     f"{name} turns from {limit.lower:g} to {limit.upper:g} rad, beyond the URDF's "
                     f"{joint.lower:g} … {joint.upper:g} rad"
                 )
+        effort = None if is_placeholder(joint.effort or 0.0, weight, guess) else joint.effort
         for what, mine, theirs, unit in (
             ("moves at", limit.velocity, joint.velocity, "rad/s"),
-            ("exerts", limit.torque, joint.effort, "Nm"),
+            ("exerts", limit.torque, effort, "Nm"),
         ):
             if theirs is not None and 0.0 < theirs * (1 + SHARE_TOLERANCE) < mine:
                 yield f"{name} {what} {mine:g} {unit}, beyond the URDF's {theirs:g} {unit}"

@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from ...errors import PicktreeError
 from ...files.marks import FileError
-from ...planning.collision.collision_checker import CollisionChecker, robot_geometry
+from ...planning.collision.collision_checker import robot_geometry
 from ...robots.description import RobotDescription
 from ...robots.gripper_mounting import GripperMount, LinkInertia, NamedUrdf, write_composed_urdf
 from ...robots.loading import parse_robot
@@ -21,12 +21,13 @@ from ...robots.model import RobotModel
 from ...robots.urdf_faults import MOVING, UrdfError
 from ...robots.urdf_text import parsed_urdf
 from ...robots.urdf_tree import UrdfTree, read_skeleton
-from ...world.belief.planning_scene import PlanningScene
 from ...world.values import Array, Pose
-from .arm_proposals import NamedPose, estimate, propose_limits, propose_poses
+from .arm_poses import NamedPose, propose_poses
+from .free_space import SpaceOverTable
 from .gripper_measurement import GripperMeter
 from .inertias import check_inertias, read_inertia
 from .joint_groups import ArmGroup, HandGroup, find_groups, find_hand, require_link
+from .joint_limits import estimate, propose_limits
 from .link_geometry import (
     LinkGeometry,
     UnsuitableUrdf,
@@ -164,9 +165,16 @@ def propose(wish: ProposalRequest) -> Proposal:
     draft = replace(draft, collision=_sampled(model, draft, wish))
     second = _parsed(robot_file_text(replace(draft, poses=(_middle(draft),))), wish)
     model = RobotModel(second)
-    shut, opened = CollisionChecker(model), CollisionChecker(model)
-    opened.update(PlanningScene((), ()), second.gripper.max_width)
-    poses = propose_poses(model, lambda q: shut.free(q) and opened.free(q), wish.seed)
+    path = Path(second.urdf)
+    space = SpaceOverTable(model, read_skeleton(path), read_solids(path))
+    poses = propose_poses(model, space, wish.seed)
+    if poses is None:
+        raise UnsuitableUrdf(
+            wish.urdf,
+            f"an arm of {model.n} joints and a gripper; {space.obstacle(wish.seed)}",
+            "a free pose: above the table at z = 0, in front of the first joint, no links in each other",
+            "look at <collision> of both and at the joints between them, or at the height of the base",
+        )
     draft = replace(draft, poses=poses)
     text = robot_file_text(draft)
     return Proposal(draft, text, _parsed(text, wish))

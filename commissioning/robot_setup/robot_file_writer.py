@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from ...robots.gripper_mounting import GripperMount, LinkInertia
 from ...world.shapes import Box
 from ...world.values import Pose
-from .arm_proposals import ACCELERATION_TORQUE_SHARE, NamedPose, ProposedLimits
+from .arm_poses import NamedPose
 from .gripper_measurement import MeasuredGripper
 from .inertias import InertiaFinding
 from .joint_groups import ArmGroup, HandGroup
+from .joint_limits import ACCELERATION_TORQUE_SHARE, ProposedLimits
 from .self_collision import ALWAYS_COLLIDING_SHARE, COLLISION_DISTANCE, REASONS, SelfCollisionReport
 
 

@@ -117,7 +117,8 @@ def summary_of_new(proposal: Proposal, picture: str, test: RobotTestResult | Non
     draft = proposal.draft
     findings = [f"{f.link}: {f.sentence}" for f in draft.findings]
     findings += draft.notes
-    if draft.gripper.max_force and "not believed" in draft.gripper.force_comment:
+    findings += [f"torque of {limit.name}: {limit.guess}" for limit in draft.limits if limit.guess]
+    if draft.gripper.force_guessed:
         findings.append(f"max_force: {draft.gripper.force_comment}")
     collision = draft.collision
     return replace(
