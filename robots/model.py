@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -250,7 +251,7 @@ def _bare(root: ElementTree.Element) -> ElementTree.Element:
     The library refuses what other readers take: a robot without a name, a lone <limit lower=…>, spaces
     around a number, a material without a name.
     """
-    bare = ElementTree.Element("robot", name=root.get("name") or "robot")
+    bare = ElementTree.Element("robot", name=root.get("name", ""))
     for link in root.findall("link"):
         kept = ElementTree.SubElement(bare, "link", name=link.get("name", ""))
         if (inertial := link.find("inertial")) is not None:
@@ -276,7 +277,16 @@ def _with_numbers(element: ElementTree.Element, needed: Mapping[str, Sequence[st
 def _arm_only(full: pin.Model, description: RobotDescription) -> pin.Model:
     keep = list(description.joints)
     locked = [index for index, name in enumerate(full.names) if index > 0 and name not in keep]
-    arm = pin.buildReducedModel(full, locked, pin.neutral(full))
+    # The library finds frames by name alone, and a joint may have the name of a link.
+    known = Counter(frame.name for frame in full.frames)
+    whole, shared = full.copy(), dict[str, str]()
+    for index, frame in enumerate(whole.frames):
+        if known[frame.name] > 1 and frame.type not in (pin.JOINT, pin.FIXED_JOINT):
+            shared[f"{frame.name} {index}"] = frame.name
+            frame.name = f"{frame.name} {index}"
+    arm = pin.buildReducedModel(whole, locked, pin.neutral(full))
+    for frame in arm.frames:
+        frame.name = shared.get(frame.name, frame.name)
     order = list(arm.names)[1:]
     if order != keep:
         raise PicktreeError(f"{description.name}: the joints must be given in the order {', '.join(order)}")

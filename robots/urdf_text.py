@@ -20,7 +20,8 @@ def parsed_urdf(path: Path) -> ElementTree.Element:
     """Return the outermost element of a URDF file, without faults of links and joints.
 
     Raises UrdfError with all faults when the file cannot be read as XML, or no robot can be built of it.
-    Tags keep their namespace prefix, as in other readers of URDFs. Geometry is not checked here.
+    Tags keep their namespace prefix, as in other readers of URDFs. A robot without a name gets that of its
+    file. Geometry is not checked here.
     """
     try:
         raw = read_bytes(path, MAX_BYTES)
@@ -29,6 +30,9 @@ def parsed_urdf(path: Path) -> ElementTree.Element:
     root = _parsed(_decoded(raw))
     if faults := urdf_faults(root):
         raise UrdfError(*faults)
+    if not root.get("name"):
+        # Some libraries refuse a robot without a name.
+        root.set("name", path.stem)
     return root
 
 
