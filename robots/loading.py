@@ -183,7 +183,8 @@ def _urdf(check: DocumentChecker, loc: Location, text: str, source: Path) -> Nam
             check.fault(loc, message, code="P501")
             return None
     else:
-        path = source.parent / text
+        # Libraries for meshes have rules of their own for relative paths.
+        path = source.parent.absolute() / text
     if not is_file(path):
         check.fault(loc, f"there is no file {path}", code="P501")
         return None
