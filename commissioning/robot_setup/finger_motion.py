@@ -146,6 +146,24 @@ class FingerMotion:
         palm = self._skeleton.pose(self._hand.palm, {})
         return (palm.inverse() @ self._skeleton.pose(link, {})).apply(self._solids[link].points)
 
+    def back(self, behind: tuple[str, ...]) -> Array:
+        """Return a point (3,) behind the fingers in the palm's frame, m: the middle of the links `behind`
+        them, else of the links that carry the palm, else the last joint of the arm."""
+        known, joints = self._solids, self._skeleton.joints
+        above: list[str] = []
+        for name in reversed(self._skeleton.joints_to(self._hand.palm)):
+            above.append(joints[name].parent)
+            if joints[name].type in MOVING:
+                above.insert(0, joints[name].child)
+                break
+        for links in (behind, above[:-1]):
+            if points := [self.static(link) for link in links if link in known]:
+                return np.concatenate(points).mean(axis=0)
+        if not above:
+            return np.zeros(3)
+        palm = self._skeleton.pose(self._hand.palm, {})
+        return np.array((palm.inverse() @ self._skeleton.pose(above[0], {})).position)
+
     def refuse(self, found: str, missing: str, helps: str = "") -> NoReturn:
         """Raise UnsuitableUrdf; without `helps` it proposes another gripper."""
         link = self._hand.palm

@@ -23,6 +23,8 @@ MAX_LEVEL_DEVIATION = 0.5e-3
 """Greatest distance of a level face's corners from its middle plane, m."""
 MIN_PAD_AREA_SHARE = 0.15
 """Least area of the pad's level, as a share of all area that faces the other finger."""
+MIN_TCP_TIP_DISTANCE = 0.002
+"""Least distance of a frame of the URDF behind the tips where they reach least, m."""
 MAX_TCP_TIP_DISTANCE = 0.010
 """Greatest distance of the TCP from the finger tips where they reach furthest, m."""
 TCP_TIP_CLEARANCE = 0.006
@@ -37,6 +39,8 @@ MIN_GRIP_FORCE, DEFAULT_GRIP_FORCE = 2.0, 20.0
 """Least plausible grip force, N, and the one that replaces a lower one."""
 MIN_SNAP_COSINE = np.cos(np.radians(8.0))
 """Least cosine to an axis of the hand's frame from which a direction is set to that axis."""
+MIN_OUT_SNAP_COSINE = np.cos(np.radians(20.0))
+"""The same for the direction out of the hand, which the middle of a one-sided palm leaves uncertain."""
 EDGE_SAMPLES = 30
 """Number of points on each edge of a mesh when the rest of a finger is measured."""
 KNUCKLE_CLEARANCE = 0.002
@@ -63,6 +67,7 @@ class MeasuredGripper:
     tcp_comment: str
     tip: float
     palm: float
+    min_width: float
     max_width: float
     max_force: float
     force_comment: str
@@ -130,13 +135,11 @@ class GripperMeter:
         closing = _snapped(_unit(one.mean(axis=0) - other.mean(axis=0)))
         # The tips are furthest from the palm, which the middle of leaning fingers is not.
         out = (one.mean(axis=0) + other.mean(axis=0)) / 2
-        static = [self._motion.static(link) for link in self._behind if link in self._solids]
-        if static:
-            out = out - np.concatenate(static).mean(axis=0)
+        out = out - self._motion.back(self._behind)
         out = out - closing * float(out @ closing)
         if float(np.linalg.norm(out)) < 1e-4:
             out = np.array([0.0, 0.0, 1.0]) - closing * float(closing[2])
-        out = _snapped(_unit(out))
+        out = _snapped(_unit(out), MIN_OUT_SNAP_COSINE)
         out = _unit(out - closing * float(out @ closing))
         return np.column_stack([np.cross(closing, out), closing, out])
 
@@ -184,8 +187,11 @@ class GripperMeter:
     def _tcp(
         self, axes: Array, furthest: float, spread: float, near: _Level, far: _Level
     ) -> tuple[Pose, str]:
-        """Return the TCP in the palm's frame, with a comment. A frame of the URDF between the pads is used as
-        it is."""
+        """Return the TCP in the palm's frame, with a comment.
+
+        A frame of the URDF is used when it stays between the pads at each opening: a tool frame at the tips
+        of closed fingers on hinges is in front of them once they open.
+        """
         low = (
             max(float(near.low[2]), float(far.low[2]))
             + furthest
@@ -197,15 +203,20 @@ class GripperMeter:
         z = furthest - min(back, max((furthest - low) / 2, 0.002))
         x = (float(near.low[0] + near.high[0]) + float(far.low[0] + far.high[0])) / 4
         y = (near.y + far.y) / 2
-        comment = "Between the pads, measured on the meshes"
+        comment, beyond = "Between the pads, measured on the meshes", ""
         palm = self._skeleton.pose(self._hand.palm, {})
         for link in self._skeleton.below(self._hand.palm):
             if link in self._solids or any(n in self.ratios for n in self._skeleton.joints_to(link)):
                 continue
             at = np.array((palm.inverse() @ self._skeleton.pose(link, {})).position) @ axes
-            if abs(at[0] - x) < 0.005 and abs(at[1] - y) < 0.005 and low <= at[2] <= furthest - 0.002:
+            aligned = abs(at[0] - x) < 0.005 and abs(at[1] - y) < 0.005 and link != self._hand.palm
+            if aligned and low <= at[2] <= furthest - spread - MIN_TCP_TIP_DISTANCE:
                 z, comment = float(at[2]), f"Where the URDF has its frame {link!r}, between the pads"
                 break
+            if aligned and low <= at[2] and not beyond:
+                beyond = f"; the URDF has {link!r} {1000 * (at[2] - z):.0f} mm further out, at the tips"
+        else:
+            comment += beyond
         position = axes @ np.array([x, y, z])
         return Pose.from_rotation(_clean(position), axes), comment
 
@@ -253,6 +264,7 @@ class GripperMeter:
             tcp_comment=comment,
             tip=max(reach, 0.0),
             palm=max(-max([palm_top, *inside]), 0.005),
+            min_width=widths[0],
             max_width=widths[-1],
             max_force=force,
             force_comment=told,
@@ -360,10 +372,10 @@ def _unit(vector: Array) -> Array:
     return vector / max(float(np.linalg.norm(vector)), 1e-12)
 
 
-def _snapped(direction: Array) -> Array:
+def _snapped(direction: Array, least: float = MIN_SNAP_COSINE) -> Array:
     """Return the nearest axis of the frame when the direction is close to it, else the direction."""
     k = int(np.abs(direction).argmax())
-    if abs(float(direction[k])) < MIN_SNAP_COSINE:
+    if abs(float(direction[k])) < least:
         return direction
     axis = np.zeros(3)
     axis[k] = np.sign(direction[k])

@@ -187,7 +187,8 @@ def _pads(tested: RobotUnderTest, width: float) -> tuple[Array, Array]:
 def _fingers(tested: RobotUnderTest) -> Verdict:
     gripper = tested.description.gripper
     worst = 0.0
-    for width in np.linspace(0.1, 1.0, 5) * gripper.max_width:
+    least = max(gripper.min_width, 0.1 * gripper.max_width)
+    for width in np.linspace(least, gripper.max_width, 5):
         one, other = _pads(tested, float(width))
         if float(one[:, 1].mean()) < float(other[:, 1].mean()):
             told = f"{gripper.fingers[0]} is on the TCP's -y side at an opening of {1000 * width:.0f} mm"

@@ -240,7 +240,7 @@ def _draft(
 ) -> RobotDraft:
     skeleton = read_skeleton(path)
     solids = read_solids(path)
-    flange = _flange(wish.urdf, skeleton, arm, hand)
+    flange = _flange(wish.urdf, skeleton, arm, hand, solids)
     meter = GripperMeter(wish.urdf, skeleton, solids, hand, _behind(skeleton, flange, hand))
     measured = meter.measure()
     findings = check_inertias(parsed_urdf(path), skeleton, solids)
@@ -274,9 +274,13 @@ def _named(text: str, urdf: NamedUrdf, file: Path) -> str:
     return Path(os.path.relpath(urdf.path.resolve(), file.resolve().parent)).as_posix()
 
 
-def _flange(source: str, skeleton: UrdfTree, arm: ArmGroup, hand: HandGroup) -> str:
-    """Return the fixed joint nearest to the hand's palm, after the last joint of the arm. Raises
-    UnsuitableUrdf when there is none."""
+def _flange(
+    source: str, skeleton: UrdfTree, arm: ArmGroup, hand: HandGroup, solids: Mapping[str, LinkGeometry]
+) -> str:
+    """Return the fixed joint between arm and hand. Raises UnsuitableUrdf when there is none.
+
+    It is the one nearest to the palm beyond which the hand has a body, as the bar on which fingers slide.
+    """
     names = skeleton.joints_to(hand.palm)
     last = names.index(arm.joints[-1]) if arm.joints[-1] in names else -1
     fixed = [name for name in names[last + 1 :] if skeleton.joints[name].type == "fixed"]
@@ -287,7 +291,8 @@ def _flange(source: str, skeleton: UrdfTree, arm: ArmGroup, hand: HandGroup) -> 
             "a fixed joint between arm and hand, where a wrist sensor measures what is held",
             f"split {hand.palm!r} in the URDF: arm's flange, fixed joint, hand",
         )
-    return fixed[-1]
+    bodies = (name for name in reversed(fixed) if solids.keys() & {*_behind(skeleton, name, hand)})
+    return next(bodies, fixed[-1])
 
 
 def _behind(skeleton: UrdfTree, flange: str, hand: HandGroup) -> tuple[str, ...]:
@@ -347,6 +352,8 @@ def _sampled(model: RobotModel, draft: RobotDraft, wish: ProposalRequest) -> Sel
         geometry.addGeometryObject(piece)
     skeleton = read_skeleton(Path(model.description.urdf))
     hand = frozenset(skeleton.below(skeleton.joints[draft.flange_joint].child))
+    # No joint of the arm moves what is beyond its last one against each other.
+    beyond = frozenset(skeleton.below(skeleton.joints[draft.arm.joints[-1]].child))
     names = [model.full.frames[o.parentFrame].name for o in geometry.geometryObjects]
     pairs = {frozenset((a, b)) for a in names for b in names if a != b}
     widest = model.description.gripper.max_width
@@ -362,7 +369,11 @@ def _sampled(model: RobotModel, draft: RobotDraft, wish: ProposalRequest) -> Sel
             model.full,
             geometry,
             draw,
-            frozenset(pair for pair in pairs if _adjacent(skeleton, pair, frozenset(names))),
+            frozenset(
+                pair
+                for pair in pairs
+                if _adjacent(skeleton, pair, frozenset(names)) or (pair <= beyond and not pair <= hand)
+            ),
             model.full_q(middle, widest),
             frozenset(pair for pair in pairs if pair <= hand),
             frozenset(near),
