@@ -21,6 +21,8 @@ from .urdf_text import parsed_urdf
 from .urdf_tree import UrdfMesh, UrdfPrimitive, link_geometry
 
 TCP_FRAME = "picktree_tcp"
+MIN_UPRIGHT_COSINE = 0.99
+"""Least cosine between the vertical and the axis of a first joint whose link turns on its ground."""
 LIMIT_RESERVE = 0.03
 """Distance to the soft limits that planning keeps, rad: the arm overshoots a plan slightly."""
 
@@ -87,6 +89,17 @@ class RobotModel:
     def finger_links(self) -> tuple[str, ...]:
         """Names of the links that carry the pads."""
         return self.description.gripper.fingers
+
+    @property
+    def standing_links(self) -> tuple[str, ...]:
+        """Names of the links that the first joint alone moves, about the vertical; empty for another axis.
+
+        They may turn on what carries the arm.
+        """
+        if abs(float(self.jacobian(np.zeros(self.n))[5, 0])) < MIN_UPRIGHT_COSINE:
+            return ()
+        first = self.full.getJointId(self.description.joints[0])
+        return tuple(name for name, index in self._links if self.full.frames[index].parentJoint == first)
 
     def full_q(self, q: Array, width: float) -> Array:
         """Return the configuration of `full` for the arm at q and an opening of `width` m."""
