@@ -309,10 +309,12 @@ def _ring_faults(root: ElementTree.Element) -> Iterator[str]:
 
 
 def _hint(name: str, known: Iterable[str]) -> str:
-    """Return the nearest known name in brackets, or all when they are few; else nothing."""
+    """Return the nearest known name in brackets, or the first of them."""
     names = [*known]
     hint = suggest_name(name, names)
-    return f" ({hint})" if hint and (len(names) <= MAX_HINTS or not hint.startswith("known")) else ""
+    if hint.startswith("known"):
+        hint = f"known: {', '.join(names[:MAX_HINTS])}{', …' if len(names) > MAX_HINTS else ''}"
+    return f" ({hint})" if hint else ""
 
 
 def _link_of(joint: ElementTree.Element, end: str) -> str:

@@ -41,7 +41,7 @@ class UrdfPrimitive:
 
 def link_geometry(urdf: str, which: Literal["visual", "collision"]) -> tuple[UrdfMesh | UrdfPrimitive, ...]:
     """Return all visual or collision elements of a URDF file, in the order of the file."""
-    root = ElementTree.parse(urdf).getroot()
+    root = parsed_urdf(Path(urdf))
     found: list[UrdfMesh | UrdfPrimitive] = []
     for link in root.findall("link"):
         for element in link.findall(which):
@@ -94,7 +94,7 @@ def resolved_urdf(urdf: str) -> str:
 
     Raises PicktreeError for a mesh that is not there.
     """
-    root = ElementTree.parse(urdf).getroot()
+    root = parsed_urdf(Path(urdf))
     for mesh in root.iter("mesh"):
         mesh.set("filename", _resolved(urdf, mesh.get("filename", "")))
     return ElementTree.tostring(root, encoding="unicode")

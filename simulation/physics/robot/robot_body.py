@@ -14,7 +14,9 @@ from ....errors import PicktreeError
 from ....robots.description import GripperDescription, RobotDescription
 from ....robots.finger_linkage import fingers_of
 from ....robots.gripper_mounting import mount_tool, numbers_text
-from ....robots.urdf_tree import mesh_file
+from ....robots.mesh_files import mesh_file
+from ....robots.urdf_faults import UrdfError
+from ....robots.urdf_text import parsed_urdf
 from ....world.colours import COLOURS
 from ....world.values import Array, Pose
 from ...checkpoints import ArmCommand, GripperCommand, RobotReading
@@ -31,8 +33,8 @@ def patched_urdf(robot: RobotDescription) -> str:
     """
     path = Path(robot.urdf)
     try:
-        root = ElementTree.parse(path).getroot()
-    except (OSError, ElementTree.ParseError) as error:
+        root = parsed_urdf(path)
+    except UrdfError as error:
         raise PicktreeError(f"{robot.source or robot.name}: urdf {robot.urdf}: {error}") from None
     for link in root.findall("link"):
         for visual in link.findall("visual"):
