@@ -282,7 +282,11 @@ def _with_numbers(element: ElementTree.Element, needed: Mapping[str, Sequence[st
     """Return a copy without spaces around its values, in which the attributes `needed` by tag are 0 where
     they are missing."""
     plain = dict.fromkeys(needed.get(element.tag, ()), "0")
-    copied = ElementTree.Element(element.tag, plain | {k: v.strip() for k, v in element.attrib.items()})
+    given = {key: value.strip() for key, value in element.attrib.items()}
+    if element.tag == "limit":
+        # Some files write -1 for a limit that they do not know.
+        given |= {key: "0" for key in ("effort", "velocity") if given.get(key, "").startswith("-")}
+    copied = ElementTree.Element(element.tag, plain | given)
     copied.extend(_with_numbers(child, needed) for child in element)
     return copied
 
