@@ -196,8 +196,13 @@ def new(
     from ..errors import PicktreeError
     from ..files.atomic_write import whole
 
+    if output.is_dir():
+        raise PicktreeError(f"{output} is a folder; name the robot file in it, as {output / 'arm.yaml'}")
     if output.exists() and not force:
         raise PicktreeError(f"{output} is there already; --force writes over it")
+    for file in (output, *(f for f in (picture, page) if f is not None)):
+        if not file.parent.is_dir():
+            raise PicktreeError(f"there is no folder {file.parent} for {file.name}; make it first")
     if mount is not None and gripper is None:
         raise PicktreeError("--mount says where --gripper goes; give --gripper URDF[:LINK], too")
     proposal = propose(ProposalRequest(urdf, output, gripper, mount, base, tip, samples, seed))

@@ -17,14 +17,18 @@ from ..session.cell import CellSession
 from ..skills.grasp import Grasp
 from ..skills.observe import Observe
 from ..skills.place import Place
+from ..world import causes
 from ..world.causes import Failure
 from ..world.scene.description import MAX_HIDDEN_SHARE
 from ..world.trajectory import Trajectory
 from ..world.values import Array
 from .robot_setup.model_checks import RobotUnderTest, Verdict, check_model
 from .robot_test_result import RobotTestResult
+from .trial_advice import TargetPlace, advice, reach_advice
 
-SCENE = "self_test"
+SCENE, BIN = "self_test", "red_bin"
+HEIGHT_OVER_BIN = 0.1
+"""Height of the tool over the rim of a bin when it lets go, m."""
 REST_TIME = 1.0
 """Time for which the arm is held at `home`, s."""
 MAX_UNEXPLAINED_SHARE, MIN_UNEXPLAINED = 0.02, 0.3
@@ -36,7 +40,7 @@ MAX_TRACKING_ERROR = 0.02
 MAX_BRAKING_TIME = 1.0
 """Longest time in which the arm comes to rest from full speed, s."""
 SHUT_OPENING = 0.003
-"""Opening at which closed fingers have met, m."""
+"""Distance of closed fingers from where they meet, and of open ones from their full opening, m."""
 CLOSING_FORCE = 10.0
 """Force with which the empty fingers close, N."""
 
@@ -78,6 +82,7 @@ class Trials:
             ("camera's view", self._view),
             ("grasp a block", lambda cell: self._grasp(cell, "block")),
             ("grasp a can", lambda cell: self._grasp(cell, "can")),
+            ("grasp a plate", lambda cell: self._grasp(cell, "plate")),
         )
 
     def verdict(self, name: str, trial: Callable[[CellSession], Verdict]) -> Verdict:
@@ -94,9 +99,15 @@ class Trials:
             self._cell = None
         return verdict
 
-    def _failed(self, name: str, cause: str, message: str) -> Verdict:
-        place = _PLACES.get(cause.partition(".")[0], "'joints:'") if name not in _OWN else _OWN[name]
-        return Verdict(name, False, f"{cause}: {message}", f"look at {place} in {self._tested.file}")
+    def _failed(self, name: str, cause: str, message: str, places: tuple[TargetPlace, ...] = ()) -> Verdict:
+        told, file = f"{cause}: {message}", self._tested.file
+        if name in _OWN:
+            return Verdict(name, False, told, f"look at {_OWN[name]} in {file}")
+        if "reach" in message and (found := reach_advice(self._tested.model, places, file)) is not None:
+            return Verdict(name, False, f"{told}; {found[0]}", found[1])
+        scene = None if self._cell is None else self._cell.world.scene
+        bodies = () if scene is None else (*scene.fixtures, *scene.bins, *(str(o.id) for o in scene.objects))
+        return Verdict(name, False, told, advice(cause, message, file, self._tested.skeleton.links, bodies))
 
     def _rest(self, cell: CellSession) -> Verdict:
         world, model = cell.world, self._tested.model
@@ -197,7 +208,9 @@ class Trials:
         took = cell.time - begun
         cell.perform(hand.open())
         told = f"shut at {1000 * shut:.1f} mm after {took:.2f} s, open at {1000 * hand.width:.1f} mm"
-        good = shut <= SHUT_OPENING and abs(hand.width - gripper.max_width) <= SHUT_OPENING
+        good = shut <= gripper.min_width + SHUT_OPENING and (
+            abs(hand.width - gripper.max_width) <= SHUT_OPENING
+        )
         change = f"look at 'pads:', 'max_width' and 'linkage:' under 'gripper:' in {self._tested.file}"
         return Verdict("open and close", good, told, "" if good else change)
 
@@ -214,29 +227,36 @@ class Trials:
         )
 
     def _grasp(self, cell: CellSession, kind: str) -> Verdict:
+        """Grasp an item and put it into its bin. After a touch on the way it retreats and tries once more: a
+        hand that leaves a bin may meet what lies there."""
         name = f"grasp a {kind}"
+        verdict, cause = self._grasped(cell, kind, name)
+        if cause == causes.world.DISTURBED.name and cell.run(SafeRetreat()):
+            verdict, _ = self._grasped(cell, kind, name)
+        return verdict
+
+    def _grasped(self, cell: CellSession, kind: str, name: str) -> tuple[Verdict, str]:
+        """Return the verdict of one attempt, and the cause of its failure."""
         cell.run(Observe())
         found = next((o for o in cell.world.scene.objects if o.kind == kind), None)
         if found is None:
             change = f"see 'camera's view'; else look at 'base:' in {self._tested.file}"
-            return Verdict(name, False, f"no {kind} is seen", change)
-        for node in (Grasp(object=found.id), Place(object=found.id, into="red_bin")):
-            result = cell.run(node)
-            if not result:
-                return self._failed(name, result.cause, result.message)
-        return Verdict(name, True, f"held and put into its bin, {cell.time:.1f} s after the cell's start")
+            return Verdict(name, False, f"no {kind} is seen", change), ""
+        bin_ = next(b for b in cell.world.description.bins if b.id == BIN)
+        places = (
+            TargetPlace(found.id, np.array(found.pose.position)),
+            TargetPlace(BIN, bin_.pose.apply(np.array([0.0, 0.0, bin_.size[2] + HEIGHT_OVER_BIN]))),
+        )
+        steps = (Grasp(object=found.id), Place(object=found.id, into=BIN))
+        result = next((r for r in map(cell.run, steps) if not r), None)
+        if result is not None:
+            return self._failed(name, result.cause, result.message, places), result.cause
+        told = f"held and put into its bin, {cell.time:.1f} s after the cell's start"
+        return Verdict(name, True, told), ""
 
 
 _OWN = {"open and close": "'gripper:'", "camera's view": "'home' under 'poses:'"}
-_PLACES = {
-    "grasp": "'pads:', 'palm' and 'tip' under 'gripper:', and at 'tcp:'",
-    "place": "'pads:' under 'gripper:', and at 'tcp:'",
-    "planning": "'poses:', 'base:' and 'disabled_pairs:'",
-    "control": "'acceleration' and 'torque' under 'joints:', and at 'inertias:'",
-    "safety": "'inertias:', and at 'velocity' and 'torque' under 'joints:'",
-    "perception": "'home' under 'poses:', and at 'base:'",
-}
-"""Entry of a robot file that the causes of a failure most often go back to, by their group."""
+"""Entry of a robot file that the failure of a trial goes back to, whatever its cause is."""
 
 
 def cell_ticks(cell: CellSession, seconds: float) -> Generator[None]:

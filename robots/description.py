@@ -90,6 +90,11 @@ class GripperDescription:
     """Boxes of the first and the second finger in turn, behind their pads, each with its pose in its finger
     link; empty: unknown."""
 
+    @property
+    def min_width(self) -> float:
+        """Opening between the pads when shut, m: the fingers of some linkages do not meet."""
+        return 0.0 if self.linkage is None else max(self.linkage.widths[0], 0.0)
+
     def bodies_of(self, finger: int) -> tuple[tuple[Box, Pose], ...]:
         """Return the boxes behind the pad of the first (0) or second (1) finger."""
         return self.finger_bodies[finger::2]

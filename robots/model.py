@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -14,8 +17,12 @@ from .description import RobotDescription
 from .finger_linkage import fingers_of
 from .gripper_mounting import mount_tool
 from .link_shapes import LinkShape, link_shapes
+from .urdf_faults import MOVING, UrdfError
+from .urdf_text import parsed_urdf
 
 TCP_FRAME = "picktree_tcp"
+MIN_UPRIGHT_COSINE = 0.99
+"""Least cosine between the vertical and the axis of a first joint whose link turns on its ground."""
 LIMIT_RESERVE = 0.03
 """Distance to the soft limits that planning keeps, rad: the arm overshoots a plan slightly."""
 
@@ -29,6 +36,16 @@ def pose_of(placement: pin.SE3) -> Pose:
     """Convert pinocchio's rigid transform to a pose (a copy)."""
     x, y, z, qx, qy, qz, qw = pin.SE3ToXYZQUATtuple(placement)
     return Pose((x, y, z), (qx, qy, qz, qw) if qw >= 0.0 else (-qx, -qy, -qz, -qw))
+
+
+def link_frame(model: pin.Model, link: str) -> int:
+    """Return the index of a link's frame; a joint may have the same name."""
+    return model.getFrameId(link, pin.BODY)
+
+
+def joint_frame(model: pin.Model, joint: str) -> int:
+    """Return the index of a fixed joint's frame; a link may have the same name."""
+    return model.getFrameId(joint, pin.FIXED_JOINT)
 
 
 class RobotModel:
@@ -54,7 +71,7 @@ class RobotModel:
         """Every joint of the URDF, with the frame TCP_FRAME."""
         self.arm: pin.Model = _arm_only(self.full, description)
         """The arm's joints only, fingers locked at opening 0."""
-        self.tcp_frame = self.arm.getFrameId(TCP_FRAME)
+        self.tcp_frame = self.arm.getFrameId(TCP_FRAME, pin.OP_FRAME)
         self._data = self.arm.createData()
         self._full_data = self.full.createData()
         self._neutral: Array = pin.neutral(self.full)
@@ -63,17 +80,26 @@ class RobotModel:
         self._screws = _screws(self.arm)
         self._finger_q = [_q_index(self.full, name) for name in description.gripper.joints]
         self._links = tuple(
-            (frame.name, index)
-            for index, frame in enumerate(self.full.frames)
-            if frame.type == pin.BODY and frame.name != "universe"
+            (frame.name, index) for index, frame in enumerate(self.full.frames) if frame.type == pin.BODY
         )
-        self._flange = self.arm.getFrameId(description.flange_joint)
+        self._flange = joint_frame(self.arm, description.flange_joint)
         self.hand_mass, self.hand_com = _beyond_flange(self.full, description.flange_joint)
 
     @property
     def finger_links(self) -> tuple[str, ...]:
         """Names of the links that carry the pads."""
         return self.description.gripper.fingers
+
+    @property
+    def standing_links(self) -> tuple[str, ...]:
+        """Names of the links that the first joint alone moves, about the vertical; empty for another axis.
+
+        They may turn on what carries the arm.
+        """
+        if abs(float(self.jacobian(np.zeros(self.n))[5, 0])) < MIN_UPRIGHT_COSINE:
+            return ()
+        first = self.full.getJointId(self.description.joints[0])
+        return tuple(name for name, index in self._links if self.full.frames[index].parentJoint == first)
 
     def full_q(self, q: Array, width: float) -> Array:
         """Return the configuration of `full` for the arm at q and an opening of `width` m."""
@@ -175,7 +201,9 @@ def _whole_robot(description: RobotDescription) -> pin.Model:
     names = (*description.joints, *description.gripper.joints)
     missing = [name for name in names if not model.existJointName(name)]
     missing += [
-        name for name in (description.tcp_link, description.flange_joint) if not model.existFrame(name)
+        name
+        for name, kind in ((description.tcp_link, pin.BODY), (description.flange_joint, pin.FIXED_JOINT))
+        if not model.existFrame(name, kind)
     ]
     if missing:
         raise PicktreeError(f"{description.urdf}: the URDF has no {', '.join(missing)}")
@@ -187,48 +215,87 @@ def _whole_robot(description: RobotDescription) -> pin.Model:
     for index in range(1, len(model.names)):
         if model.parents[index] == 0:
             model.jointPlacements[index] = base * model.jointPlacements[index]
-    for frame in model.frames:
-        if frame.parentJoint == 0 and frame.name != "universe":
+    for index, frame in enumerate(model.frames):
+        if frame.parentJoint == 0 and index > 0:
             frame.placement = base * frame.placement
-    link = model.frames[model.getFrameId(description.tcp_link)]
+    link_id = link_frame(model, description.tcp_link)
+    link = model.frames[link_id]
     placement = link.placement * se3(description.tcp_in_link)
-    link_id = model.getFrameId(description.tcp_link)
     model.addFrame(pin.Frame(TCP_FRAME, link.parentJoint, link_id, placement, pin.OP_FRAME))
     return model
 
 
 def _built(description: RobotDescription) -> pin.Model:
     """Build the URDF's model. Continuous joints of the arm become hinges with the robot file's limits."""
-    root = ElementTree.parse(description.urdf).getroot()
+    try:
+        root = parsed_urdf(Path(description.urdf))
+    except UrdfError as error:
+        raise PicktreeError(f"{description.urdf}: {error}") from None
     mount_tool(root, description)
     limits = dict(zip(description.joints, description.limits, strict=False))
-    endless = [
-        joint
-        for joint in root.findall("joint")
-        if joint.get("type") == "continuous" and joint.get("name") in limits
-    ]
-    if not endless and description.tool == Pose():
-        return pin.buildModelFromUrdf(description.urdf)
-    for joint in endless:
-        limit = limits[joint.get("name", "")]
-        joint.set("type", "revolute")
-        for old in joint.findall("limit"):
-            joint.remove(old)
-        ElementTree.SubElement(
-            joint,
-            "limit",
-            lower=repr(limit.lower),
-            upper=repr(limit.upper),
-            velocity=repr(limit.velocity),
-            effort=repr(limit.torque),
-        )
-    return pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
+    for joint in root.findall("joint"):
+        limit = limits.get(joint.get("name", ""))
+        if limit is not None and joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            for old in joint.findall("limit"):
+                joint.remove(old)
+            ElementTree.SubElement(
+                joint,
+                "limit",
+                lower=repr(limit.lower),
+                upper=repr(limit.upper),
+                velocity=repr(limit.velocity),
+                effort=repr(limit.torque),
+            )
+    return pin.buildModelFromXML(ElementTree.tostring(_bare(root), encoding="unicode"))
+
+
+def _bare(root: ElementTree.Element) -> ElementTree.Element:
+    """Return a URDF's links with their inertials, and its joints: all that kinematics and dynamics need.
+
+    The library refuses what other readers take: a robot without a name, a lone <limit lower=…>, spaces
+    around a number, a material without a name.
+    """
+    bare = ElementTree.Element("robot", name=root.get("name", ""))
+    for link in root.findall("link"):
+        kept = ElementTree.SubElement(bare, "link", name=link.get("name", ""))
+        if (inertial := link.find("inertial")) is not None:
+            kept.append(_with_numbers(inertial, {"inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}))
+    for joint in root.findall("joint"):
+        kept = ElementTree.SubElement(bare, "joint", dict(joint.attrib))
+        for tag in ("origin", "parent", "child", "axis", "limit", "dynamics"):
+            element = joint.find(tag)
+            if element is not None and (tag != "limit" or joint.get("type") in MOVING):
+                kept.append(_with_numbers(element, {"limit": ("effort", "velocity")}))
+    return bare
+
+
+def _with_numbers(element: ElementTree.Element, needed: Mapping[str, Sequence[str]]) -> ElementTree.Element:
+    """Return a copy without spaces around its values, in which the attributes `needed` by tag are 0 where
+    they are missing."""
+    plain = dict.fromkeys(needed.get(element.tag, ()), "0")
+    given = {key: value.strip() for key, value in element.attrib.items()}
+    if element.tag == "limit":
+        # Some files write -1 for a limit that they do not know.
+        given |= {key: "0" for key in ("effort", "velocity") if given.get(key, "").startswith("-")}
+    copied = ElementTree.Element(element.tag, plain | given)
+    copied.extend(_with_numbers(child, needed) for child in element)
+    return copied
 
 
 def _arm_only(full: pin.Model, description: RobotDescription) -> pin.Model:
     keep = list(description.joints)
     locked = [index for index, name in enumerate(full.names) if index > 0 and name not in keep]
-    arm = pin.buildReducedModel(full, locked, pin.neutral(full))
+    # The library finds frames by name alone, and a joint may have the name of a link.
+    known = Counter(frame.name for frame in full.frames)
+    whole, shared = full.copy(), dict[str, str]()
+    for index, frame in enumerate(whole.frames):
+        if known[frame.name] > 1 and frame.type not in (pin.JOINT, pin.FIXED_JOINT):
+            shared[f"{frame.name} {index}"] = frame.name
+            frame.name = f"{frame.name} {index}"
+    arm = pin.buildReducedModel(whole, locked, pin.neutral(full))
+    for frame in arm.frames:
+        frame.name = shared.get(frame.name, frame.name)
     order = list(arm.names)[1:]
     if order != keep:
         raise PicktreeError(f"{description.name}: the joints must be given in the order {', '.join(order)}")
@@ -262,7 +329,7 @@ def beyond_flange(model: pin.Model, flange_joint: str) -> list[tuple[int, pin.In
 
     The inertia of one that moves is in its joint's frame, else in the frame itself.
     """
-    flange = model.getFrameId(flange_joint)
+    flange = joint_frame(model, flange_joint)
     beyond = [flange]
     for index, frame in enumerate(model.frames):
         if index not in beyond and frame.parentFrame in beyond:
@@ -282,7 +349,7 @@ def _beyond_flange(model: pin.Model, flange_joint: str) -> tuple[float, Vector3]
     """Return the mass beyond a fixed joint, kg, and its centre in that joint's frame, with closed fingers."""
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
-    flange = model.getFrameId(flange_joint)
+    flange = joint_frame(model, flange_joint)
     mass, moment = 0.0, np.zeros(3)
     for index, inertia, moves in beyond_flange(model, flange_joint):
         at = data.oMi[model.frames[index].parentJoint] if moves else data.oMf[index]

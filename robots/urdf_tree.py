@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
-import sys
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
-from importlib.util import find_spec
-from itertools import chain
 from pathlib import Path
 
-from ..files.shipped_files import is_file
-from ..files.yaml.file_text import Unreadable, read_bytes
 from ..world.values import Pose, Vector3, vector3
+from .urdf_faults import UrdfError, number_of, urdf_faults
+from .urdf_text import parsed_urdf
 
 
 def origin_pose(origin: ElementTree.Element | None) -> Pose:
@@ -33,16 +29,7 @@ def numbers_text(numbers: Vector3) -> str:
     return " ".join(repr(n) for n in numbers)
 
 
-MAX_BYTES = 5_000_000
-LIMITED = ("revolute", "prismatic")
-MOVING = ("revolute", "continuous", "prismatic")
-
-
 ORIGIN = Pose()
-
-
-class UrdfError(ValueError):
-    """URDF that cannot be used; the text is one sentence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,42 +129,19 @@ class UrdfTree:
 
 
 def read_skeleton(path: Path) -> UrdfTree:
-    """Read links and joints of a URDF file. Raises UrdfError when the file is no URDF, or its links are
-    not one tree."""
+    """Read links and joints of a URDF file. Raises UrdfError with all faults of the file."""
     return skeleton_of(parsed_urdf(path))
 
 
-def parsed_urdf(path: Path) -> ElementTree.Element:
-    """Return the file's outermost element. Raises UrdfError when it cannot be read as XML."""
-    try:
-        raw = read_bytes(path, MAX_BYTES)
-    except Unreadable as error:
-        raise UrdfError(error.message) from None
-    if b"<!ENTITY" in raw:
-        raise UrdfError("entities (<!ENTITY) are not read")
-    try:
-        return ElementTree.fromstring(raw)
-    except (ElementTree.ParseError, UnicodeError, LookupError, ValueError) as error:
-        raise UrdfError(f"not readable as XML: {error}") from None
-
-
 def skeleton_of(root: ElementTree.Element) -> UrdfTree:
-    """Return links and joints of a parsed URDF. Raises UrdfError when they are not one tree."""
-    if root.tag != "robot":
-        raise UrdfError(f"the outermost element is <{root.tag}>, not <robot>")
+    """Return links and joints of a parsed URDF without faults, as `parsed_urdf` returns it.
+
+    Raises UrdfError with all faults of one that was changed since.
+    """
+    if faults := urdf_faults(root):
+        raise UrdfError(*faults)
     links = tuple(link.get("name", "") for link in root.findall("link"))
-    joints = {joint.get("name", ""): _joint(joint) for joint in root.findall("joint")}
-    for name, joint in joints.items():
-        for end in (joint.parent, joint.child):
-            if end not in links:
-                raise UrdfError(f"joint {name!r} holds the link {end!r}, which is not there")
-    children = [joint.child for joint in joints.values()]
-    if twice := sorted({child for child in children if children.count(child) > 1}):
-        raise UrdfError(f"the link {twice[0]!r} hangs on two joints")
-    roots = [link for link in links if link not in children]
-    if len(roots) != 1:
-        raise UrdfError(f"one link must be the base of all others, not {len(roots)}")
-    return UrdfTree(links, joints)
+    return UrdfTree(links, {joint.get("name", ""): _joint(joint) for joint in root.findall("joint")})
 
 
 def _joint(element: ElementTree.Element) -> UrdfJoint:
@@ -189,8 +153,8 @@ def _joint(element: ElementTree.Element) -> UrdfJoint:
         child.get("link", "") if child is not None else "",
         limit is not None and all(_number(limit, key, "0") is not None for key in ("lower", "upper"))
         and all(_number(limit, key) is not None for key in ("effort", "velocity")),
-        _origin(element),
-        _axis(element),
+        origin_pose(element.find("origin")),
+        _axis(element.find("axis")),
         _number(limit, "lower", "0"),
         _number(limit, "upper", "0"),
         _number(soft, "soft_lower_limit"),
@@ -205,97 +169,11 @@ def _joint(element: ElementTree.Element) -> UrdfJoint:
     )  # fmt: skip
 
 
-def _origin(joint: ElementTree.Element) -> Pose:
-    origin = joint.find("origin")
-    if origin is None:
-        return Pose()
-    return Pose.from_rpy(*(_vector(joint, origin, key, (0.0, 0.0, 0.0)) for key in ("xyz", "rpy")))
-
-
-def _axis(joint: ElementTree.Element) -> Vector3:
-    axis = joint.find("axis")
-    x, y, z = (1.0, 0.0, 0.0) if axis is None else _vector(joint, axis, "xyz", (1.0, 0.0, 0.0))
+def _axis(axis: ElementTree.Element | None) -> Vector3:
+    x, y, z = _numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0"))
     length = math.sqrt(x * x + y * y + z * z)
     return (x / length, y / length, z / length) if length > 0.0 else (x, y, z)
 
 
-def _vector(joint: ElementTree.Element, element: ElementTree.Element, key: str, default: Vector3) -> Vector3:
-    text = element.get(key)
-    if text is None:
-        return default
-    try:
-        x, y, z = (float(word) for word in text.split())
-    except ValueError:
-        x = y = z = math.nan
-    if not math.isfinite(x + y + z):
-        name = joint.get("name", "")
-        raise UrdfError(f"joint {name!r}: <{element.tag} {key}={text!r}> is not three numbers")
-    return (x, y, z)
-
-
-def _number(element: ElementTree.Element | None, key: str, default: str = "") -> float | None:
-    if element is None:
-        return None
-    try:
-        number = float(element.get(key, default))
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None
-
-
-PACKAGE = "package://"
-
-
-SHARED_DATA = Path("cmeel.prefix", "share")
-"""Where packages that cmeel builds keep their data, beside the Python packages."""
-
-
-def package_folder(package: str) -> Path | None:
-    """Return the folder of an installed Python package, or of the data of a package that cmeel built.
-
-    None: there is no such package. It is located, not imported: an import may run anything.
-    """
-    return _package_folder(package, tuple(sys.path))
-
-
-@lru_cache(maxsize=64)
-def _package_folder(package: str, path: tuple[str, ...]) -> Path | None:
-    """Return the folder of a package; each mesh of a URDF names it again. `path`: where Python searches."""
-    try:
-        spec = find_spec(package) if package.isidentifier() else None
-    except ValueError:
-        spec = None
-    roots = list(spec.submodule_search_locations or ()) if spec else []
-    if not roots and package and "/" not in package and package not in (".", ".."):
-        shared = (Path(folder) / SHARED_DATA / package for folder in path)
-        roots = [str(folder) for folder in shared if folder.is_dir()]
-    return Path(roots[0]) if roots else None
-
-
-def mesh_file(urdf: Path, reference: str) -> Path | None:
-    """Return the file of a mesh that a URDF names; None when there is none.
-
-    A plain path counts from the URDF's folder. `package://name/path` is searched in the installed Python
-    package of that name, then from the URDF's folder upwards. There it may be `path` or `name/path`, as in
-    ROS packages on a disk.
-    """
-    plain = Path(reference.removeprefix(PACKAGE).removeprefix("file://"))
-    if not reference.startswith(PACKAGE):
-        file = urdf.parent / plain
-        return file if is_file(file) else None
-    if not plain.parts:
-        return None
-    package = package_folder(plain.parts[0])
-    if package is not None and is_file(inside := package.joinpath(*plain.parts[1:])):
-        return inside
-    inside = Path(*plain.parts[1:])
-    for folder in chain((urdf.parent,), _parents(urdf)):
-        for tail in (plain, inside):
-            if is_file(folder / tail):
-                return folder / tail
-    return None
-
-
-def _parents(file: Path) -> Iterator[Path]:
-    """Yield the folders above the file that the path leads to."""
-    yield from file.resolve().parents
+def _number(element: ElementTree.Element | None, key: str, default: str | None = None) -> float | None:
+    return None if element is None else number_of(element.get(key, default))

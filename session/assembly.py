@@ -13,6 +13,7 @@ from ..perception.pipeline import Perception
 from ..planning.collision.scene_queries import SceneQueries
 from ..planning.service.plan_service import PlanService
 from ..planning.service.trajectory_gate import JogCollisionCheck, TrajectoryGate
+from ..planning.standing_links import standing_pairs
 from ..robots.description import RobotDescription
 from ..robots.model import RobotModel
 from ..skill_world.vision import Vision
@@ -52,6 +53,7 @@ def assemble_world(
     belief = PlanningScene(
         scene.fixtures, scene.bins, destination_rule(scene.destinations), heap_regions(scene)
     )
+    belief.let_stand(standing_pairs(model, belief))
     journal = Journal()
     streams = RandomStreams(seed)
     thinking = ComputeTimeAccount(TICK_LENGTH)

@@ -25,7 +25,8 @@ from ..logs.schema.records import ResumedFrom
 from ..robots.description import RobotDescription
 from ..robots.link_shapes import mesh_paths
 from ..robots.loading import load_robot
-from ..robots.urdf_tree import mesh_file, parsed_urdf
+from ..robots.mesh_files import mesh_file
+from ..robots.urdf_text import parsed_urdf
 from ..simulation.backends import Backend
 from ..simulation.fault_files.fault_entries import FaultFile
 from ..simulation.fault_files.fault_loading import load_faults

@@ -7,10 +7,14 @@ from typing import NoReturn
 
 import numpy as np
 
-from ...robots.urdf_tree import MOVING, UrdfTree
+from ...robots.urdf_faults import MOVING
+from ...robots.urdf_tree import UrdfTree
 from ...world.values import Array
 from .joint_groups import HandGroup
 from .link_geometry import LinkGeometry, UnsuitableUrdf
+
+MAX_SLIDE = 1.0
+"""Greatest range of a finger that slides, m; more looks like millimetres."""
 
 
 class FingerMotion:
@@ -26,14 +30,15 @@ class FingerMotion:
 
     def _coupling(self) -> tuple[str, dict[str, tuple[float, float]]]:
         """Return the driven joint, and factor and offset with which every other joint follows it."""
-        joints = self._skeleton.joints
         drive = self._hand.drives[0]
         ratios = {drive: (1.0, 0.0)}
-        for name in self._hand.followers:
-            mimic = joints[name].mimic
-            if mimic is not None and mimic.joint in ratios:
-                by, offset = ratios[mimic.joint]
-                ratios[name] = (mimic.multiplier * by, mimic.multiplier * offset + mimic.offset)
+        waiting = [*self._hand.followers]
+        while waiting:
+            # A follower may stand in the file before the one that it follows.
+            late = [name for name in waiting if not self._follow(ratios, name)]
+            if len(late) == len(waiting):
+                break
+            waiting = late
         for name in self._hand.drives[1:]:
             # Two joints without a coupling are moved alike, each over the whole of its range.
             low, high = self.limits(drive)
@@ -45,6 +50,15 @@ class FingerMotion:
             ratios[name] = (by, 0.0)
         return drive, ratios
 
+    def _follow(self, ratios: dict[str, tuple[float, float]], name: str) -> bool:
+        """Enter a follower's factor and offset. Return whether the joint that it follows is known."""
+        mimic = self._skeleton.joints[name].mimic
+        if mimic is None or mimic.joint not in ratios:
+            return False
+        by, offset = ratios[mimic.joint]
+        ratios[name] = (mimic.multiplier * by, mimic.multiplier * offset + mimic.offset)
+        return True
+
     def limits(self, name: str) -> tuple[float, float]:
         """Return a joint's limits, rad or m. Raises UnsuitableUrdf when it has none."""
         joint = self._skeleton.joints[name]
@@ -53,6 +67,12 @@ class FingerMotion:
                 f"the finger joint {name!r} without limits",
                 "how far it moves",
                 '<limit lower="0" upper="0.04" effort="20" velocity="0.2"/> inside of that <joint>',
+            )
+        if joint.type == "prismatic" and joint.upper - joint.lower > MAX_SLIDE:
+            self.refuse(
+                f"the finger joint {name!r} that slides from {joint.lower:g} to {joint.upper:g} m",
+                "limits of a finger, in metres: are these millimetres?",
+                f'<limit lower="{joint.lower / 1000:g}" upper="{joint.upper / 1000:g}" …/> in that <joint>',
             )
         return joint.lower, joint.upper
 
@@ -125,6 +145,24 @@ class FingerMotion:
         """Return a static link's points (n, 3) in the palm's frame, m."""
         palm = self._skeleton.pose(self._hand.palm, {})
         return (palm.inverse() @ self._skeleton.pose(link, {})).apply(self._solids[link].points)
+
+    def back(self, behind: tuple[str, ...]) -> Array:
+        """Return a point (3,) behind the fingers in the palm's frame, m: the middle of the links `behind`
+        them, else of the links that carry the palm, else the last joint of the arm."""
+        known, joints = self._solids, self._skeleton.joints
+        above: list[str] = []
+        for name in reversed(self._skeleton.joints_to(self._hand.palm)):
+            above.append(joints[name].parent)
+            if joints[name].type in MOVING:
+                above.insert(0, joints[name].child)
+                break
+        for links in (behind, above[:-1]):
+            if points := [self.static(link) for link in links if link in known]:
+                return np.concatenate(points).mean(axis=0)
+        if not above:
+            return np.zeros(3)
+        palm = self._skeleton.pose(self._hand.palm, {})
+        return np.array((palm.inverse() @ self._skeleton.pose(above[0], {})).position)
 
     def refuse(self, found: str, missing: str, helps: str = "") -> NoReturn:
         """Raise UnsuitableUrdf; without `helps` it proposes another gripper."""

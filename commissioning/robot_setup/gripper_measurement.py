@@ -23,6 +23,8 @@ MAX_LEVEL_DEVIATION = 0.5e-3
 """Greatest distance of a level face's corners from its middle plane, m."""
 MIN_PAD_AREA_SHARE = 0.15
 """Least area of the pad's level, as a share of all area that faces the other finger."""
+MIN_TCP_TIP_DISTANCE = 0.002
+"""Least distance of a frame of the URDF behind the tips where they reach least, m."""
 MAX_TCP_TIP_DISTANCE = 0.010
 """Greatest distance of the TCP from the finger tips where they reach furthest, m."""
 TCP_TIP_CLEARANCE = 0.006
@@ -33,8 +35,12 @@ MIN_OPENING = 0.010
 """Least opening of a gripper, m."""
 MAX_GRIP_FORCE, MAX_FINGER_SPEED = 60.0, 0.15
 """Greatest plausible grip force, N, and finger speed, m/s; higher values of the URDF are replaced."""
+MIN_GRIP_FORCE, DEFAULT_GRIP_FORCE = 2.0, 20.0
+"""Least plausible grip force, N, and the one that replaces a lower one."""
 MIN_SNAP_COSINE = np.cos(np.radians(8.0))
 """Least cosine to an axis of the hand's frame from which a direction is set to that axis."""
+MIN_OUT_SNAP_COSINE = np.cos(np.radians(20.0))
+"""The same for the direction out of the hand, which the middle of a one-sided palm leaves uncertain."""
 EDGE_SAMPLES = 30
 """Number of points on each edge of a mesh when the rest of a finger is measured."""
 KNUCKLE_CLEARANCE = 0.002
@@ -61,9 +67,11 @@ class MeasuredGripper:
     tcp_comment: str
     tip: float
     palm: float
+    min_width: float
     max_width: float
     max_force: float
     force_comment: str
+    force_guessed: bool
     speed: float
     pads: tuple[tuple[Box, Pose], tuple[Box, Pose]]
     hand: tuple[tuple[Box, Pose], ...]
@@ -127,13 +135,11 @@ class GripperMeter:
         closing = _snapped(_unit(one.mean(axis=0) - other.mean(axis=0)))
         # The tips are furthest from the palm, which the middle of leaning fingers is not.
         out = (one.mean(axis=0) + other.mean(axis=0)) / 2
-        static = [self._motion.static(link) for link in self._behind if link in self._solids]
-        if static:
-            out = out - np.concatenate(static).mean(axis=0)
+        out = out - self._motion.back(self._behind)
         out = out - closing * float(out @ closing)
         if float(np.linalg.norm(out)) < 1e-4:
             out = np.array([0.0, 0.0, 1.0]) - closing * float(closing[2])
-        out = _snapped(_unit(out))
+        out = _snapped(_unit(out), MIN_OUT_SNAP_COSINE)
         out = _unit(out - closing * float(out @ closing))
         return np.column_stack([np.cross(closing, out), closing, out])
 
@@ -181,8 +187,11 @@ class GripperMeter:
     def _tcp(
         self, axes: Array, furthest: float, spread: float, near: _Level, far: _Level
     ) -> tuple[Pose, str]:
-        """Return the TCP in the palm's frame, with a comment. A frame of the URDF between the pads is used as
-        it is."""
+        """Return the TCP in the palm's frame, with a comment.
+
+        A frame of the URDF is used when it stays between the pads at each opening: a tool frame at the tips
+        of closed fingers on hinges is in front of them once they open.
+        """
         low = (
             max(float(near.low[2]), float(far.low[2]))
             + furthest
@@ -194,15 +203,20 @@ class GripperMeter:
         z = furthest - min(back, max((furthest - low) / 2, 0.002))
         x = (float(near.low[0] + near.high[0]) + float(far.low[0] + far.high[0])) / 4
         y = (near.y + far.y) / 2
-        comment = "Between the pads, measured on the meshes"
+        comment, beyond = "Between the pads, measured on the meshes", ""
         palm = self._skeleton.pose(self._hand.palm, {})
         for link in self._skeleton.below(self._hand.palm):
             if link in self._solids or any(n in self.ratios for n in self._skeleton.joints_to(link)):
                 continue
             at = np.array((palm.inverse() @ self._skeleton.pose(link, {})).position) @ axes
-            if abs(at[0] - x) < 0.005 and abs(at[1] - y) < 0.005 and low <= at[2] <= furthest - 0.002:
+            aligned = abs(at[0] - x) < 0.005 and abs(at[1] - y) < 0.005 and link != self._hand.palm
+            if aligned and low <= at[2] <= furthest - spread - MIN_TCP_TIP_DISTANCE:
                 z, comment = float(at[2]), f"Where the URDF has its frame {link!r}, between the pads"
                 break
+            if aligned and low <= at[2] and not beyond:
+                beyond = f"; the URDF has {link!r} {1000 * (at[2] - z):.0f} mm further out, at the tips"
+        else:
+            comment += beyond
         position = axes @ np.array([x, y, z])
         return Pose.from_rotation(_clean(position), axes), comment
 
@@ -220,7 +234,7 @@ class GripperMeter:
         reach = max(tips) - float(shift[2])
         sliders = self._sliders(closed, opened, widths)
         per_move = abs(widths[-1] - widths[0]) / abs(opened - closed) / 2
-        force, told = self._force(per_move)
+        force, told, guessed = self._force(per_move)
         joint = self._skeleton.joints[self.drive]
         speed = min((joint.velocity or 0.1) * per_move, MAX_FINGER_SPEED)
         static = [self._motion.static(link) @ axes - shift for link in self._behind if link in self._solids]
@@ -250,9 +264,11 @@ class GripperMeter:
             tcp_comment=comment,
             tip=max(reach, 0.0),
             palm=max(-max([palm_top, *inside]), 0.005),
+            min_width=widths[0],
             max_width=widths[-1],
             max_force=force,
             force_comment=told,
+            force_guessed=guessed,
             speed=max(speed, 0.01),
             pads=pads,
             hand=hand_boxes(static, swept, palm_top, widths[-1]),
@@ -292,19 +308,19 @@ class GripperMeter:
             return None
         return names if self._motion.branch(self.links[0]) == names[0] else (names[1], names[0])
 
-    def _force(self, per_move: float) -> tuple[float, str]:
+    def _force(self, per_move: float) -> tuple[float, str, bool]:
+        """Return the grip force, N, the origin of the value, and whether it is a guess."""
         effort = self._skeleton.joints[self.drive].effort or 0.0
-        if effort <= 0.0:
-            return 20.0, "The URDF gives none: a guess"
         force = effort / per_move if per_move > 0 else effort
         if self._skeleton.joints[self.drive].type == "prismatic":
             force = effort
+        if force < MIN_GRIP_FORCE:
+            told = f"The URDF's effort would be {force:g} N: a guess, see the data sheet"
+            return DEFAULT_GRIP_FORCE, told, True
         if force > MAX_GRIP_FORCE:
-            return (
-                MAX_GRIP_FORCE,
-                f"The URDF's effort would be {force:.0f} N: not believed, see the data sheet",
-            )
-        return force, "From the URDF's effort"
+            told = f"The URDF's effort would be {force:.0f} N: not believed, see the data sheet"
+            return MAX_GRIP_FORCE, told, True
+        return force, "From the URDF's effort", False
 
     def _pad(self, n: int, axes: Array, opened: float, side: float) -> tuple[Box, Pose]:
         """Return a pad's box in the frame of its finger link, with edges along the axes of the TCP."""
@@ -356,10 +372,10 @@ def _unit(vector: Array) -> Array:
     return vector / max(float(np.linalg.norm(vector)), 1e-12)
 
 
-def _snapped(direction: Array) -> Array:
+def _snapped(direction: Array, least: float = MIN_SNAP_COSINE) -> Array:
     """Return the nearest axis of the frame when the direction is close to it, else the direction."""
     k = int(np.abs(direction).argmax())
-    if abs(float(direction[k])) < MIN_SNAP_COSINE:
+    if abs(float(direction[k])) < least:
         return direction
     axis = np.zeros(3)
     axis[k] = np.sign(direction[k])

@@ -11,7 +11,8 @@ from typing import Literal
 import numpy as np
 
 from ...robots.gripper_mounting import LinkInertia
-from ...robots.urdf_tree import MOVING, UrdfTree, origin_pose
+from ...robots.urdf_faults import MOVING
+from ...robots.urdf_tree import UrdfTree, origin_pose
 from ...world.values import Array, Vector3, vector3
 from .link_geometry import LinkGeometry
 

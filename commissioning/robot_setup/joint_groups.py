@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ...files.value_wording import suggest_name
-from ...robots.urdf_tree import MOVING, UrdfJoint, UrdfTree
+from ...robots.urdf_faults import MOVING
+from ...robots.urdf_tree import UrdfJoint, UrdfTree
 from .link_geometry import UnsuitableUrdf
 
 MIN_ARM_JOINTS = 5
@@ -69,6 +70,7 @@ def find_groups(
     else:
         arm = _arm_to(source, skeleton, base, tip, hands)
     hand = next((h for h in hands if _carries(skeleton, arm.tip, h.palm)), None)
+    _refuse_mimics(source, skeleton, arm)
     _refuse_unfit(source, skeleton, arm, jaw_allowed=tip is not None or hand is not None)
     return PlanningGroups(arm, hand)
 
@@ -272,6 +274,19 @@ def _refuse_floating(source: str, skeleton: UrdfTree) -> None:
                 "an arm on a base that stands still",
                 f'make that joint type="fixed" in a copy of the URDF, if {joint.child!r} shall stand still',
             )
+
+
+def _refuse_mimics(source: str, skeleton: UrdfTree, arm: ArmGroup) -> None:
+    """Raise UnsuitableUrdf when a joint between the links of the arm follows another one."""
+    inside = skeleton.joints_between(arm.base, arm.tip) or arm.joints
+    mimics = [(name, mimic) for name in inside if (mimic := skeleton.joints[name].mimic) is not None]
+    if told := [f"{name} mimics {mimic.joint}" for name, mimic in mimics]:
+        raise UnsuitableUrdf(
+            source,
+            f"an arm of {len(arm.joints)} joints that move on their own, and in it {_listed(tuple(told))}",
+            "an arm without <mimic>: each of its joints has a motor of its own",
+            f"remove <mimic> from {mimics[0][0]} if a motor turns it; a parallelogram cannot be planned for",
+        )
 
 
 def _refuse_unfit(source: str, skeleton: UrdfTree, arm: ArmGroup, *, jaw_allowed: bool) -> None:

@@ -17,16 +17,14 @@ from ...files.shipped_files import is_file
 from ...files.yaml.file_text import Unreadable, read_bytes
 from ...robots.gripper_mounting import NamedUrdf
 from ...robots.link_shapes import UrdfMesh, UrdfPrimitive, link_geometry, link_shapes
+from ...robots.mesh_files import AMENT_PATH, ROS_PATH, mesh_file, package_folder
+from ...robots.urdf_faults import UrdfError
+from ...robots.urdf_text import MAX_BYTES, parsed_urdf
 from ...robots.urdf_tree import (
-    MAX_BYTES,
-    UrdfError,
     UrdfTree,
-    mesh_file,
-    package_folder,
-    parsed_urdf,
     read_skeleton,
 )
-from ...world.mesh_files import read_mesh
+from ...world.mesh_reader import read_mesh
 from ...world.shapes import Box, corners
 from ...world.values import Array, Pose
 
@@ -66,9 +64,9 @@ def find_source(text: str) -> UrdfSource:
     except UrdfError as error:
         raise UnsuitableUrdf(
             text,
-            f"a file that cannot be read as a URDF: {error}",
-            "an XML file <robot name=…> with <link> and <joint> elements that form one tree",
-            "`check_urdf FILE` of liburdfdom-tools tells more about a URDF",
+            "a file that cannot be used as a URDF: " + f"\n{' ' * 11}".join(error.faults),
+            "an XML file <robot> with <link> and <joint> elements that form one tree",
+            "mend it in a copy; `check_urdf FILE` of liburdfdom-tools tells more about a URDF",
         ) from None
 
 
@@ -154,7 +152,10 @@ def refuse_missing_meshes(source: str, urdf: Path) -> None:
     helps = f"put the meshes where the URDF names them; plain paths count from {urdf.parent}"
     if packages:
         listed = " and ".join(packages)
-        helps = f"put the ROS package {listed} beside {urdf.parent}, or into one of the folders above it"
+        helps = (
+            f"put the ROS package {listed} beside {urdf.parent} or into one of the folders above it, or name "
+            f"its folder in {ROS_PATH} or {AMENT_PATH}"
+        )
     raise UnsuitableUrdf(source, f"{len(missing)} meshes that are not there: {shown}", "their files", helps)
 
 

@@ -12,11 +12,13 @@ from ...planning.collision.collision_checker import CollisionChecker
 from ...robots.description import RobotDescription
 from ...robots.finger_linkage import LinkageFingers
 from ...robots.model import RobotModel
-from ...robots.urdf_tree import UrdfTree, parsed_urdf, read_skeleton
+from ...robots.urdf_text import parsed_urdf
+from ...robots.urdf_tree import UrdfTree, read_skeleton
 from ...world.belief.planning_scene import PlanningScene
 from ...world.shapes import corners
 from ...world.values import Array, Pose, Vector3
 from .inertias import check_inertias
+from .joint_limits import JointLoads, is_placeholder
 from .link_geometry import LinkGeometry, read_solids
 
 MIN_RANGE = np.radians(20.0)
@@ -102,8 +104,11 @@ def _limits(tested: RobotUnderTest) -> Verdict:
 
 
 def _beyond_urdf(tested: RobotUnderTest) -> Iterator[str]:
-    robot = tested.description
-    for name, limit in zip(robot.joints, robot.limits, strict=True):
+    robot, loads = tested.description, JointLoads.of(tested.model)
+    guesses = loads.torques(tested.model.velocity_limit).tolist()
+    for name, limit, weight, guess in zip(
+        robot.joints, robot.limits, loads.gravity.tolist(), guesses, strict=True
+    ):
         joint = tested.skeleton.joints[name]
         if limit.upper - limit.lower < MIN_RANGE:
             yield f"{name} turns {np.degrees(limit.upper - limit.lower):.1f} deg in all"
@@ -115,9 +120,10 @@ def _beyond_urdf(tested: RobotUnderTest) -> Iterator[str]:
                     f"{name} turns from {limit.lower:g} to {limit.upper:g} rad, beyond the URDF's "
                     f"{joint.lower:g} … {joint.upper:g} rad"
                 )
+        effort = None if is_placeholder(joint.effort or 0.0, weight, guess) else joint.effort
         for what, mine, theirs, unit in (
             ("moves at", limit.velocity, joint.velocity, "rad/s"),
-            ("exerts", limit.torque, joint.effort, "Nm"),
+            ("exerts", limit.torque, effort, "Nm"),
         ):
             if theirs is not None and 0.0 < theirs * (1 + SHARE_TOLERANCE) < mine:
                 yield f"{name} {what} {mine:g} {unit}, beyond the URDF's {theirs:g} {unit}"
@@ -181,7 +187,8 @@ def _pads(tested: RobotUnderTest, width: float) -> tuple[Array, Array]:
 def _fingers(tested: RobotUnderTest) -> Verdict:
     gripper = tested.description.gripper
     worst = 0.0
-    for width in np.linspace(0.1, 1.0, 5) * gripper.max_width:
+    least = max(gripper.min_width, 0.1 * gripper.max_width)
+    for width in np.linspace(least, gripper.max_width, 5):
         one, other = _pads(tested, float(width))
         if float(one[:, 1].mean()) < float(other[:, 1].mean()):
             told = f"{gripper.fingers[0]} is on the TCP's -y side at an opening of {1000 * width:.0f} mm"

@@ -13,18 +13,21 @@ import pinocchio as pin
 
 from ...errors import PicktreeError
 from ...files.marks import FileError
-from ...planning.collision.collision_checker import CollisionChecker, robot_geometry
+from ...planning.collision.collision_checker import robot_geometry
 from ...robots.description import RobotDescription
 from ...robots.gripper_mounting import GripperMount, LinkInertia, NamedUrdf, write_composed_urdf
 from ...robots.loading import parse_robot
 from ...robots.model import RobotModel
-from ...robots.urdf_tree import MOVING, UrdfError, UrdfTree, parsed_urdf, read_skeleton
-from ...world.belief.planning_scene import PlanningScene
+from ...robots.urdf_faults import MOVING, UrdfError
+from ...robots.urdf_text import parsed_urdf
+from ...robots.urdf_tree import UrdfTree, read_skeleton
 from ...world.values import Array, Pose
-from .arm_proposals import NamedPose, estimate, propose_limits, propose_poses
+from .arm_poses import NamedPose, propose_poses
+from .free_space import SpaceOverTable
 from .gripper_measurement import GripperMeter
 from .inertias import check_inertias, read_inertia
 from .joint_groups import ArmGroup, HandGroup, find_groups, find_hand, require_link
+from .joint_limits import estimate, propose_limits
 from .link_geometry import (
     LinkGeometry,
     UnsuitableUrdf,
@@ -162,9 +165,16 @@ def propose(wish: ProposalRequest) -> Proposal:
     draft = replace(draft, collision=_sampled(model, draft, wish))
     second = _parsed(robot_file_text(replace(draft, poses=(_middle(draft),))), wish)
     model = RobotModel(second)
-    shut, opened = CollisionChecker(model), CollisionChecker(model)
-    opened.update(PlanningScene((), ()), second.gripper.max_width)
-    poses = propose_poses(model, lambda q: shut.free(q) and opened.free(q), wish.seed)
+    path = Path(second.urdf)
+    space = SpaceOverTable(model, read_skeleton(path), read_solids(path))
+    poses = propose_poses(model, space, wish.seed)
+    if poses is None:
+        raise UnsuitableUrdf(
+            wish.urdf,
+            f"an arm of {model.n} joints and a gripper; {space.obstacle(wish.seed)}",
+            "a free pose: above the table at z = 0, in front of the first joint, no links in each other",
+            "look at <collision> of both and at the joints between them, or at the height of the base",
+        )
     draft = replace(draft, poses=poses)
     text = robot_file_text(draft)
     return Proposal(draft, text, _parsed(text, wish))
@@ -230,7 +240,7 @@ def _draft(
 ) -> RobotDraft:
     skeleton = read_skeleton(path)
     solids = read_solids(path)
-    flange = _flange(wish.urdf, skeleton, arm, hand)
+    flange = _flange(wish.urdf, skeleton, arm, hand, solids)
     meter = GripperMeter(wish.urdf, skeleton, solids, hand, _behind(skeleton, flange, hand))
     measured = meter.measure()
     findings = check_inertias(parsed_urdf(path), skeleton, solids)
@@ -264,9 +274,13 @@ def _named(text: str, urdf: NamedUrdf, file: Path) -> str:
     return Path(os.path.relpath(urdf.path.resolve(), file.resolve().parent)).as_posix()
 
 
-def _flange(source: str, skeleton: UrdfTree, arm: ArmGroup, hand: HandGroup) -> str:
-    """Return the fixed joint nearest to the hand's palm, after the last joint of the arm. Raises
-    UnsuitableUrdf when there is none."""
+def _flange(
+    source: str, skeleton: UrdfTree, arm: ArmGroup, hand: HandGroup, solids: Mapping[str, LinkGeometry]
+) -> str:
+    """Return the fixed joint between arm and hand. Raises UnsuitableUrdf when there is none.
+
+    It is the one nearest to the palm beyond which the hand has a body, as the bar on which fingers slide.
+    """
     names = skeleton.joints_to(hand.palm)
     last = names.index(arm.joints[-1]) if arm.joints[-1] in names else -1
     fixed = [name for name in names[last + 1 :] if skeleton.joints[name].type == "fixed"]
@@ -277,7 +291,8 @@ def _flange(source: str, skeleton: UrdfTree, arm: ArmGroup, hand: HandGroup) -> 
             "a fixed joint between arm and hand, where a wrist sensor measures what is held",
             f"split {hand.palm!r} in the URDF: arm's flange, fixed joint, hand",
         )
-    return fixed[-1]
+    bodies = (name for name in reversed(fixed) if solids.keys() & {*_behind(skeleton, name, hand)})
+    return next(bodies, fixed[-1])
 
 
 def _behind(skeleton: UrdfTree, flange: str, hand: HandGroup) -> tuple[str, ...]:
@@ -337,6 +352,8 @@ def _sampled(model: RobotModel, draft: RobotDraft, wish: ProposalRequest) -> Sel
         geometry.addGeometryObject(piece)
     skeleton = read_skeleton(Path(model.description.urdf))
     hand = frozenset(skeleton.below(skeleton.joints[draft.flange_joint].child))
+    # No joint of the arm moves what is beyond its last one against each other.
+    beyond = frozenset(skeleton.below(skeleton.joints[draft.arm.joints[-1]].child))
     names = [model.full.frames[o.parentFrame].name for o in geometry.geometryObjects]
     pairs = {frozenset((a, b)) for a in names for b in names if a != b}
     widest = model.description.gripper.max_width
@@ -352,7 +369,11 @@ def _sampled(model: RobotModel, draft: RobotDraft, wish: ProposalRequest) -> Sel
             model.full,
             geometry,
             draw,
-            frozenset(pair for pair in pairs if _adjacent(skeleton, pair, frozenset(names))),
+            frozenset(
+                pair
+                for pair in pairs
+                if _adjacent(skeleton, pair, frozenset(names)) or (pair <= beyond and not pair <= hand)
+            ),
             model.full_q(middle, widest),
             frozenset(pair for pair in pairs if pair <= hand),
             frozenset(near),

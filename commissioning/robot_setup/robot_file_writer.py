@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from ...robots.gripper_mounting import GripperMount, LinkInertia
 from ...world.shapes import Box
 from ...world.values import Pose
-from .arm_proposals import ACCELERATION_TORQUE_SHARE, NamedPose, ProposedLimits
+from .arm_poses import NamedPose
 from .gripper_measurement import MeasuredGripper
 from .inertias import InertiaFinding
 from .joint_groups import ArmGroup, HandGroup
+from .joint_limits import ACCELERATION_TORQUE_SHARE, ProposedLimits
 from .self_collision import ALWAYS_COLLIDING_SHARE, COLLISION_DISTANCE, REASONS, SelfCollisionReport
 
 
@@ -39,7 +40,7 @@ class RobotDraft:
 
 
 _REASON_TEXTS = {
-    "adjacent": "Adjacent: one joint between them, they may touch.",
+    "adjacent": "Adjacent: one joint between them, or none of the arm's; they may touch.",
     "default": "Default: two joints between them, and they touch with all joints in mid-range.",
     "always": f"Always in collision: in more than {100 * ALWAYS_COLLIDING_SHARE:.0f} % of the samples.",
     "never": "Never in collision in any sample.",
@@ -156,7 +157,8 @@ def _gripper(draft: RobotDraft) -> Iterator[str]:
     if g.sliders is not None:
         yield f"  max_width: {_mm(g.max_width)}"
     else:
-        yield f"  # It opens {1000 * g.max_width:.0f} mm: computed from the pads."
+        least = f"from {1000 * g.min_width:.0f} " if g.min_width > 1e-3 else ""
+        yield f"  # It opens {least}to {1000 * g.max_width:.0f} mm: computed from the pads."
     yield f"  max_force: {_n(round(g.max_force, 1))} N          # {g.force_comment}"
     yield f"  speed: {_mm(g.speed)}/s         # each finger, from the URDF"
     if g.sliders is not None:

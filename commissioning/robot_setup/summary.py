@@ -35,6 +35,8 @@ class RobotSummary:
     hand: str
     opening: float
     """Opening of the gripper, m."""
+    least_opening: float
+    """Opening of the shut gripper, m."""
     grip_force: float
     """Grip force, N."""
     hand_mass: float
@@ -63,9 +65,10 @@ class RobotSummary:
                 f"{joint.velocity:.2f} rad/s, {joint.acceleration:g} rad/s², {joint.torque:g} Nm"
             )
         x, y, z = self.tcp_at_home
+        least = f"{1000 * self.least_opening:.0f} … " if self.least_opening > 1e-3 else ""
         lines.append(
-            f"gripper     {self.hand}: opens {1000 * self.opening:.0f} mm, presses {self.grip_force:.0f} N, "
-            f"weighs {self.hand_mass:.2f} kg"
+            f"gripper     {self.hand}: opens {least}{1000 * self.opening:.0f} mm, "
+            f"presses {self.grip_force:.0f} N, weighs {self.hand_mass:.2f} kg"
         )
         lines.append(
             f"poses       {', '.join(self.poses)}; at home the tool is at {x:.2f}, {y:.2f}, {z:.2f} m"
@@ -104,6 +107,7 @@ def summary_of(robot: RobotDescription) -> RobotSummary:
         ),
         robot.tcp_link,
         robot.gripper.max_width,
+        robot.gripper.min_width,
         robot.gripper.max_force,
         model.hand_mass,
         model.tcp(model.named("home")).position,
@@ -117,7 +121,8 @@ def summary_of_new(proposal: Proposal, picture: str, test: RobotTestResult | Non
     draft = proposal.draft
     findings = [f"{f.link}: {f.sentence}" for f in draft.findings]
     findings += draft.notes
-    if draft.gripper.max_force and "not believed" in draft.gripper.force_comment:
+    findings += [f"torque of {limit.name}: {limit.guess}" for limit in draft.limits if limit.guess]
+    if draft.gripper.force_guessed:
         findings.append(f"max_force: {draft.gripper.force_comment}")
     collision = draft.collision
     return replace(

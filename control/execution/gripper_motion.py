@@ -163,7 +163,8 @@ class GripperControl:
     def _unsound(self, begun: float) -> Failure | None:
         state, told = self._gripper.read(), self._force
         moved, presses = begun - state.width, abs(state.force)
-        if presses >= MIN_FORCE_SHARE * told or state.width <= MAX_MET_OPENING:
+        met = state.width <= self._description.min_width + MAX_MET_OPENING
+        if presses >= MIN_FORCE_SHARE * told or met:
             return None
         evidence = {"width": state.width, "moved": moved, "force": presses, "told": told}
         if moved <= MIN_FINGER_TRAVEL:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from ...robots.model import RobotModel
+from ...robots.model import RobotModel, joint_frame
 from ...world.values import GRAVITY, Array, JointState, Wrench
 
 
@@ -24,8 +24,8 @@ def bare_arm(model: RobotModel) -> pin.Model:
     full, joint = model.full, model.description.flange_joint
     data = full.createData()
     pin.framesForwardKinematics(full, data, pin.neutral(full))
-    flange = full.frames[full.getFrameId(joint)]
-    beyond = {full.getFrameId(joint)}
+    flange = full.frames[joint_frame(full, joint)]
+    beyond = {joint_frame(full, joint)}
     hand = pin.Inertia.Zero()
     for index, frame in enumerate(full.frames):
         if index not in beyond:
@@ -39,7 +39,7 @@ def bare_arm(model: RobotModel) -> pin.Model:
         elif not moves:
             hand = hand + data.oMf[index].act(frame.inertia)
     arm = model.arm.copy()
-    last = arm.frames[arm.getFrameId(joint)].parentJoint
+    last = arm.frames[joint_frame(arm, joint)].parentJoint
     carried = data.oMi[flange.parentJoint].inverse().act(hand)
     arm.inertias[last] = arm.inertias[last] - carried
     return arm
@@ -56,7 +56,7 @@ class EffortCheck:
         self._model = model
         self._arm = bare_arm(model)
         self._data = self._arm.createData()
-        self._flange = self._arm.getFrameId(model.description.flange_joint)
+        self._flange = joint_frame(self._arm, model.description.flange_joint)
         self._limit = model.torque_limit
 
     def unexplained(self, state: JointState, acceleration: Array, wrench: Wrench) -> Array:

@@ -25,8 +25,8 @@ from ...robots.link_shapes import (
     refuse_size,
 )
 from ...robots.link_shapes import UrdfMesh as MeshFile
-from ...world import mesh_files, shapes, values
-from ...world.mesh_files import MeshError, hull_corners, material_library
+from ...world import mesh_reader, shapes, values
+from ...world.mesh_reader import MeshError, hull_corners, material_library
 from ...world.shapes import Box, ConvexMesh, Shape
 from ...world.values import Pose
 from ..schema.records import BodyRecord, LinkMesh
@@ -251,7 +251,7 @@ def link_meshes(urdf: str) -> tuple[LinkMesh, ...]:
 
 
 _MAKERS = (
-    *(urdf_tree, link_shapes_module, mesh_files, shapes, values, triangle_meshes, Path(__file__)),
+    *(urdf_tree, link_shapes_module, mesh_reader, shapes, values, triangle_meshes, Path(__file__)),
     *("fast-simplification", "numpy", "pycollada", "scipy", "trimesh"),
 )
 """Code that `link_meshes` depends on."""

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.mesh_files import DEFAULT_COLOUR, read_mesh
+from ...world.mesh_reader import DEFAULT_COLOUR, read_mesh
 from ...world.scene.description import Hole
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, convex_hull
 from ...world.values import Array, Pose, Vector3

@@ -29,7 +29,8 @@ from ...files.marks import FileError
 from ...files.yaml.document import Document, read_document
 from ...robots.description import RobotDescription
 from ...robots.loading import check_robot, parse_robot, robot_names
-from ...robots.urdf_tree import mesh_file
+from ...robots.mesh_files import mesh_file
+from ...robots.urdf_text import parse_urdf
 from ...simulation.backends import Backend
 from ...simulation.fault_files.fault_entries import FaultFile
 from ...simulation.fault_files.fault_loading import parse_faults
@@ -182,7 +183,7 @@ class Unpacking:
     def _with_meshes(self, urdf: bytes, folder: Path, installed: Path | None) -> bytes:
         """Return the URDF, with its meshes beside it: those of the log, else the same ones of the installed
         package."""
-        root = ElementTree.fromstring(urdf)
+        root = parse_urdf(urdf, "robot")
         for mesh in root.iter("mesh"):
             filename = mesh.get("filename", "")
             plain = plain_reference(filename)

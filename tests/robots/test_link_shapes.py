@@ -26,7 +26,8 @@ CASE = "<{kind}>{origin}<geometry>{shape}</geometry></{kind}>"
 
 def urdf(folder: Path, shape: str, kind: str = "collision", origin: str = "") -> str:
     """Write an arm of 1 m with this shape on its last link, and return the path."""
-    joint = '<joint name="j{n}" type="revolute"><parent link="l{n}"/><child link="l{m}"/>{origin}</joint>'
+    joint = '<joint name="j{n}" type="revolute"><parent link="l{n}"/><child link="l{m}"/>{origin}'
+    joint += '<limit lower="-1" upper="1" effort="9" velocity="1"/></joint>'
     links = [f'<link name="l{n}"/>' for n in range(2)]
     elements = CASE.format(kind=kind, origin=origin, shape=shape)
     links.append(f'<link name="l2">{elements}</link>')

@@ -126,6 +126,7 @@ class PlanningScene:
         self._destination = destination
         self._objects: dict[ObjectId, BeliefObject] = {}
         self._allowed: dict[frozenset[str], int] = {}
+        self._standing: frozenset[frozenset[str]] = frozenset()
         self._changes: list[BeliefChange] = []
         self._version = 0
         self._numbers: dict[str, int] = {}
@@ -140,7 +141,7 @@ class PlanningScene:
         return tuple(self._objects.values())
 
     def snapshot(self) -> SceneSnapshot:
-        return SceneSnapshot(self._version, self.objects, frozenset(self._allowed))
+        return SceneSnapshot(self._version, self.objects, self._standing.union(self._allowed))
 
     def find(self, object_id: str) -> BeliefObject | None:
         return self._objects.get(ObjectId(object_id))
@@ -220,8 +221,13 @@ class PlanningScene:
                 if not self._allowed[key]:
                     del self._allowed[key]
 
+    def let_stand(self, pairs: Iterable[tuple[str, str]]) -> None:
+        """Allow these pairs of a link and a fixture to touch from now on: the link stands on the fixture."""
+        self._standing |= {frozenset(pair) for pair in pairs}
+
     def allowed(self, a: str, b: str) -> bool:
-        return frozenset((a, b)) in self._allowed
+        key = frozenset((a, b))
+        return key in self._allowed or key in self._standing
 
     def supposing(
         self,
@@ -237,6 +243,7 @@ class PlanningScene:
         copy._destination = self._destination
         copy._objects = dict(self._objects)
         copy._allowed = self._allowed | {frozenset(pair): 1 for pair in allowed}
+        copy._standing = self._standing
         copy._version = self._version
         if held is not None:
             for other in copy.objects:

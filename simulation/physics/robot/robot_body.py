@@ -19,7 +19,7 @@ from ....robots.gripper_mounting import mount_tool
 from ....robots.link_shapes import LinkShape, link_shapes, read_geometry
 from ....robots.urdf_tree import numbers_text
 from ....world.colours import COLOURS
-from ....world.mesh_files import write_hull
+from ....world.mesh_reader import write_hull
 from ....world.shapes import Box, ConvexMesh, Cylinder, Sphere
 from ....world.values import Array, Pose
 from ...checkpoints import ArmCommand, GripperCommand, RobotReading

@@ -10,8 +10,8 @@ from ....files.disk_cache import cached_arrays
 from ....files.marks import Location
 from ....files.yaml.document_checker import DocumentChecker
 from ....files.yaml.file_text import Unreadable, read_bytes
-from ... import mesh_files
-from ...mesh_files import FlatMesh, MeshError, hull_corners, parse_mesh
+from ... import mesh_reader
+from ...mesh_reader import FlatMesh, MeshError, hull_corners, parse_mesh
 from ...shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...values import Array, ObjectId, Pose, Vector3
 from ..body_schema import FORMS, CatalogueFile, FixtureFile, UnknownFile
@@ -33,7 +33,7 @@ def load_convex(path: Path, scale: float) -> ConvexMesh:
         raw = read_bytes(path, MAX_MESH_BYTES)
     except Unreadable as error:
         raise MeshError(f"{path}: {error.message}") from None
-    makers = (Path(__file__), mesh_files, "numpy", "scipy", "trimesh", "pycollada")
+    makers = (Path(__file__), mesh_reader, "numpy", "scipy", "trimesh", "pycollada")
     inputs = (raw, path.suffix, repr(scale))
     points = cached_arrays("convex-mesh", inputs, makers, lambda: {"points": _corners(raw, path, scale)})
     return ConvexMesh(tuple((float(x), float(y), float(z)) for x, y, z in points["points"]), str(path))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.world.mesh_files import FlatMesh, MeshError, hull_corners, read_mesh, write_hull
+from picktree.world.mesh_reader import FlatMesh, MeshError, hull_corners, read_mesh, write_hull
 from picktree.world.values import Array
 
 CORNERS: Array = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.2, 0], [0, 0, 0.3]])

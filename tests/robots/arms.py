@@ -1,0 +1,99 @@
+"""A small arm of six joints with two sliding fingers: a URDF that is right, to be spoilt in one place."""
+
+from __future__ import annotations
+
+JOINTS = {
+    # name: parent, child, height over the parent, axis, range, effort
+    "j1": ("base", "l1", 0.12, "0 0 1", 2.9, 150),
+    "j2": ("l1", "l2", 0.18, "0 1 0", 2.0, 150),
+    "j3": ("l2", "l3", 0.40, "0 1 0", 2.6, 80),
+    "j4": ("l3", "l4", 0.30, "0 0 1", 2.9, 30),
+    "j5": ("l4", "l5", 0.10, "0 1 0", 2.2, 30),
+    "j6": ("l5", "l6", 0.065, "0 0 1", 2.9, 30),
+}
+LINKS = {
+    # name: mass, centre of its box, size of its box
+    "base": (4, "0 0 0.06", "0.14 0.14 0.12"),
+    "l1": (4, "0 0 0.09", "0.12 0.12 0.18"),
+    "l2": (4, "0 0.09 0.2", "0.08 0.06 0.46"),
+    "l3": (3, "0 0 0.15", "0.08 0.06 0.36"),
+    "l4": (1.2, "0 0 0.05", "0.07 0.07 0.12"),
+    "l5": (1.0, "0 0 0.02", "0.06 0.06 0.09"),
+    "l6": (0.5, "0 0 0.015", "0.06 0.06 0.03"),
+    "hand": (0.6, "0 0 0.03", "0.05 0.2 0.06"),
+    "left": (0.05, "0 0.006 0.025", "0.02 0.012 0.05"),
+    "right": (0.05, "0 -0.006 0.025", "0.02 0.012 0.05"),
+}
+FINGER = '<limit lower="0" upper="0.04" effort="30" velocity="0.2"/>'
+FINGERS = f"""\
+<joint name="flange" type="fixed"><parent link="l6"/><child link="hand"/><origin xyz="0 0 0.03"/></joint>
+<joint name="f1" type="prismatic"><parent link="hand"/><child link="left"/><origin xyz="0 0 0.06"/>
+  <axis xyz="0 1 0"/>{FINGER}</joint>
+<joint name="f2" type="prismatic"><parent link="hand"/><child link="right"/><origin xyz="0 0 0.06"/>
+  <axis xyz="0 -1 0"/>{FINGER}<mimic joint="f1"/></joint>
+"""
+
+
+def link(name: str, more: str = "") -> str:
+    """Return a link of the arm as an element, with `more` in it."""
+    mass, at, size = LINKS[name]
+    box = f'<origin xyz="{at}"/><geometry><box size="{size}"/></geometry>'
+    moment = 0.002 * mass
+    return (
+        f'<link name="{name}"><inertial><origin xyz="{at}"/><mass value="{mass}"/><inertia ixx="{moment}" '
+        f'ixy="0" ixz="0" iyy="{moment}" iyz="0" izz="{moment}"/></inertial><visual>{box}</visual>'
+        f"<collision>{box}</collision>{more}</link>"
+    )
+
+
+def joint(name: str) -> str:
+    """Return a joint of the arm as an element."""
+    parent, child, height, axis, most, effort = JOINTS[name]
+    return (
+        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="0 0 {height}"/><axis xyz="{axis}"/>'
+        f'<limit lower="{-most}" upper="{most}" effort="{effort}" velocity="2"/></joint>'
+    )
+
+
+def mini(*edits: tuple[str, str]) -> str:
+    """Return the arm's URDF after edits: in each, the first text becomes the second. Each text is in it."""
+    lines = [*map(link, LINKS), *map(joint, JOINTS), FINGERS]
+    text = '<?xml version="1.0"?>\n<robot name="mini">\n' + "\n".join(lines) + "</robot>\n"
+    for old, new in edits:
+        assert old in text, old
+        text = text.replace(old, new)
+    return text
+
+
+ROBOT = """\
+picktree: 1
+kind: robot
+urdf: mini.urdf
+joints:
+  j1: {lower: -2.8, upper: 2.8, velocity: 2, acceleration: 6, torque: 150}
+  j2: {lower: -1.9, upper: 1.9, velocity: 2, acceleration: 6, torque: 150}
+  j3: {lower: -2.5, upper: 2.5, velocity: 2, acceleration: 6, torque: 80}
+  j4: {lower: -2.8, upper: 2.8, velocity: 2, acceleration: 6, torque: 30}
+  j5: {lower: -2.1, upper: 2.1, velocity: 2, acceleration: 6, torque: 30}
+  j6: {lower: -2.8, upper: 2.8, velocity: 2, acceleration: 6, torque: 30}
+poses: {home: [0, -0.6, 1.9, 0, 1.8, 0]}
+tcp: {link: hand, at: [0, 0, 0.1]}
+flange_joint: flange
+gripper:
+  joints: [f1, f2]
+  links: [left, right]
+  max_width: 80 mm
+  max_force: 30 N
+  speed: 100 mm/s
+  gear: -1
+  tip: 10 mm
+  palm: 40 mm
+  pads:
+    - {box: [20 mm, 12 mm, 50 mm], at: [0, 6 mm, 25 mm]}
+    - {box: [20 mm, 12 mm, 50 mm], at: [0, -6 mm, 25 mm]}
+  hand: [{box: [50 mm, 200 mm, 60 mm], at: [0, 0, -70 mm]}]
+  finger: {box: [20 mm, 12 mm, 50 mm], at: [0, 6 mm, -15 mm]}
+disabled_pairs: []
+"""
+"""Robot file of the arm, which is written beside its URDF as `mini.urdf`."""
