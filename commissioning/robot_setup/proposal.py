@@ -13,9 +13,12 @@ import pinocchio as pin
 
 from ...errors import PicktreeError
 from ...files.marks import FileError
+from ...files.value_wording import listed
+from ...logs.meshes.binary_gltf import link_meshes
 from ...planning.collision.collision_checker import robot_geometry
 from ...robots.description import RobotDescription
 from ...robots.gripper_mounting import GripperMount, LinkInertia, NamedUrdf, write_composed_urdf
+from ...robots.link_shapes import links_seen_only
 from ...robots.loading import parse_robot
 from ...robots.model import RobotModel
 from ...robots.urdf_faults import MOVING, UrdfError
@@ -240,6 +243,7 @@ def _draft(
 ) -> RobotDraft:
     skeleton = read_skeleton(path)
     solids = read_solids(path)
+    link_meshes(str(path))  # raises for what is only seen, too
     flange = _flange(wish.urdf, skeleton, arm, hand, solids)
     meter = GripperMeter(wish.urdf, skeleton, solids, hand, _behind(skeleton, flange, hand))
     measured = meter.measure()
@@ -248,6 +252,8 @@ def _draft(
     if measured.sliders is None:
         inertias |= _rotors(parsed_urdf(path), skeleton, meter, solids, inertias)
     notes: list[str] = []
+    if seen_only := links_seen_only(str(path)):
+        notes.append(f"without <collision>, colliding as they are seen: {listed(seen_only, 6)}")
     if len(arm.joints) == 5:
         notes.append("the arm has five joints: it reaches poses with the tool upright, and few others")
     return RobotDraft(

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass, replace
 
+from ...files.value_wording import listed
 from ...robots.description import RobotDescription
+from ...robots.link_shapes import links_seen_only
 from ...robots.model import RobotModel
 from ..robot_test_result import RobotTestResult
 from .proposal import Proposal
@@ -50,6 +52,8 @@ class RobotSummary:
     unchecked: tuple[tuple[str, int], ...] = ()
     """Number of pairs without a check, by reason."""
     checked_pairs: int = 0
+    seen_only: tuple[str, ...] = ()
+    """Links without collision geometry, which collide as they are seen."""
     findings: tuple[str, ...] = ()
     picture: str = ""
     test: RobotTestResult | None = None
@@ -81,6 +85,9 @@ class RobotSummary:
             )
         else:
             lines.append(f"collision   {self.unchecked_pairs} pairs of links are not checked")
+        if self.seen_only:
+            links = listed(self.seen_only, 6)
+            lines.append(f"shapes      without <collision>, colliding as they are seen: {links}")
         for k, finding in enumerate(self.findings):
             lines.append(f"{'look at' if k == 0 else '':<12}{finding}")
         if self.picture:
@@ -113,6 +120,7 @@ def summary_of(robot: RobotDescription) -> RobotSummary:
         model.tcp(model.named("home")).position,
         tuple(robot.named),
         len(robot.disabled_pairs),
+        seen_only=links_seen_only(robot.urdf),
     )
 
 
@@ -127,6 +135,7 @@ def summary_of_new(proposal: Proposal, picture: str, test: RobotTestResult | Non
     collision = draft.collision
     return replace(
         summary_of(proposal.robot),
+        seen_only=(),  # among the findings
         samples=collision.samples if collision else 0,
         unchecked=tuple(summary(collision).items()) if collision else (),
         checked_pairs=len(collision.checked) if collision else 0,
