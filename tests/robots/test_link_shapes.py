@@ -18,7 +18,7 @@ from picktree.robots.loading import load_robot, robot_names
 from picktree.robots.model import RobotModel
 from picktree.simulation.engine import Client
 from picktree.simulation.physics.robot.robot_body import RobotBody
-from picktree.world.shapes import ConvexMesh, Cylinder, Sphere, corners
+from picktree.world.shapes import ConvexMesh, Cylinder, Sphere, corners, greatest_length
 from picktree.world.values import Pose
 
 CASE = "<{kind}>{origin}<geometry>{shape}</geometry></{kind}>"
@@ -198,6 +198,14 @@ def test_each_link_with_a_shape_collides_in_planner_and_physics_and_is_drawn(nam
         k: n for k, n in counts.items() if k not in fingers
     }
     assert all(taken[finger] for finger in fingers)
+    for link, link_name in body.links.items():
+        shapes = [part.shape for part in parts if part.link == link_name and link_name not in fingers]
+        if len(shapes) == 1 and isinstance(shapes[0], ConvexMesh):
+            # The engine keeps a hull in a frame of its own: lengths within it are compared.
+            _, kept = pybullet.getMeshData(body.body, link, collisionShapeIndex=0, physicsClientId=client.id)
+            points = np.array(kept)
+            longest = np.linalg.norm(points[:, None] - points[None], axis=2).max()
+            assert longest == pytest.approx(greatest_length(shapes[0]), abs=1e-6)
 
 
 def test_a_shape_that_the_engine_has_lost_is_told() -> None:
