@@ -21,7 +21,7 @@ def parsed_urdf(path: Path) -> ElementTree.Element:
 
     Raises UrdfError with all faults when the file cannot be read as XML, or no robot can be built of it.
     Tags keep their namespace prefix, as in other readers of URDFs. A robot without a name gets that of its
-    file. Geometry is not checked here.
+    file; products of inertia that are missing are 0. Geometry is not checked here.
     """
     try:
         raw = read_bytes(path, MAX_BYTES)
@@ -30,9 +30,12 @@ def parsed_urdf(path: Path) -> ElementTree.Element:
     root = _parsed(_decoded(raw))
     if faults := urdf_faults(root):
         raise UrdfError(*faults)
+    # Some libraries refuse a robot without a name, and an inertia without products.
     if not root.get("name"):
-        # Some libraries refuse a robot without a name.
         root.set("name", path.stem)
+    for inertia in root.iter("inertia"):
+        for key in ("ixy", "ixz", "iyz"):
+            inertia.attrib.setdefault(key, "0")
     return root
 
 
