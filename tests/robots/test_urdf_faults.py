@@ -146,6 +146,13 @@ FAULTS: dict[str, tuple[tuple[tuple[str, str], ...], tuple[str, ...]]] = {
         (('<origin xyz="0 0 0.4"/>', '<origin xyz="0 0 0.4" rpy="0 0 90"/>'),),
         ("joint 'j3': <origin rpy=\"0 0 90\"> is in rad: are these degrees? Write \"0 0 1.5708\"",),
     ),
+    "misspelt elements": (
+        (('<origin xyz="0 0 0.4"/>', '<orgin xyz="0 0 0.4"/>'), (L3, L3.replace("inertial>", "Inertial>"))),
+        (
+            "link 'l3': <Inertial> is not read; write <inertial>",
+            "joint 'j3': <orgin> is not read; write <origin>",
+        ),
+    ),
     "xacro left over": (
         (('<origin xyz="0 0 0.4"/>', '<origin xyz="0 0 %{length}"/>'.replace("%", "$")),),
         ("joint 'j3': <origin xyz=\"0 0 ${length}\"> is a xacro expression; expand the file with `xacro`",),
