@@ -95,6 +95,8 @@ def _name_faults(root: ElementTree.Element) -> Iterator[str]:
         for name, count in Counter(named).items():
             if count > 1 and name:
                 yield f"{count} {tag}s have the name {describe(name)}; give each a name of its own"
+            if name == "universe" and tag == "joint":
+                yield "joint 'universe' has the name of the world; give it another one"
     if not root.findall("link"):
         yield "<robot> has no <link>"
 

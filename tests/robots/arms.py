@@ -115,8 +115,8 @@ HINGED = """\
   <origin xyz="0 0 0.05"/><axis xyz="1 0 0"/><limit lower="-0.8" upper="0" effort="2" velocity="2"/>
   <mimic joint="k2" multiplier="-1"/></joint>
 """
-"""Fingers on hinges that stay parallel, instead of FINGERS. The frame `tool` is 5 mm behind the tips of closed
-ones; open ones reach 15 mm less far."""
+"""Fingers on hinges that stay parallel, instead of FINGERS. The frame `tool` is 5 mm behind the tips
+of closed fingers; open fingers reach 15 mm less far."""
 HINGED_HAND = (
     (FINGERS, HINGED),
     ('"0 0.006 0.025"', '"0 -0.014 0.025"'),

@@ -97,6 +97,10 @@ FAULTS: dict[str, tuple[tuple[tuple[str, str], ...], tuple[str, ...]]] = {
         ((L3, L3 + L3),),
         ("2 links have the name 'l3'; give each a name of its own",),
     ),
+    "joint of the world's name": (
+        (('joint name="j5"', 'joint name="universe"'),),
+        ("joint 'universe' has the name of the world; give it another one",),
+    ),
     "joint without a name": (
         (('joint name="j5"', "joint"),),
         ("the <joint> behind 'j4' has no name",),
