@@ -224,10 +224,10 @@ def test(
     page: RobotTestPage = None,
     json: JsonResult = False,
 ) -> None:
-    """Test a robot in physics: its model, motions, gripper, and two grasps.
+    """Test a robot in physics: its model, motions, gripper, and three grasps.
 
     The tests: masses, limits, home, fingers, tool frame; effort at rest, tracking, braking, a soft retreat,
-    the gripper, the camera's view. Then a block and a can are grasped.
+    the gripper, the camera's view. Then a block, a can and a flat plate are grasped.
     What fails says what to change in which file. Exit code 0: all tests are passed; 1: one failed.
     """
     answer = keep_stdout() if json else None

@@ -22,6 +22,8 @@ def standing_pairs(model: RobotModel, scene: PlanningScene) -> tuple[tuple[str, 
     Such a link turns about the vertical alone, so that its gap to the ground under it never changes. Links
     that no joint moves are never checked against the surroundings.
     """
+    if not model.standing_links:
+        return ()
     lowest = _lowest(model)
     under = [f.id for f in scene.fixtures.values() if lowest - MAX_GAP <= _top(f) <= lowest + MAX_DEPTH]
     if not under:
@@ -33,9 +35,7 @@ def standing_pairs(model: RobotModel, scene: PlanningScene) -> tuple[tuple[str, 
 
 
 def _lowest(model: RobotModel) -> float:
-    """Return the height of the lowest point of the links that turn on their ground, m; inf without one."""
-    if not model.standing_links:
-        return np.inf
+    """Return the height of the lowest point of the links that turn on their ground, m."""
     first = model.full.getJointId(model.description.joints[0])
     # All of them turn about the vertical: their heights are the same at each configuration.
     joint = pose_of(model.full.jointPlacements[first])

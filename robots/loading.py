@@ -130,8 +130,8 @@ def _whole_urdf(check: DocumentChecker, robot: RobotFile, source: Path) -> Path 
     if mount is None and not robot.inertias and not robot.attachments:
         return arm.path
     named: tuple[tuple[Location, NamedUrdf | None], ...] = ((("urdf",), arm), (("mount", "urdf"), hand))
-    usable = [_is_usable(check, loc, part.path) for loc, part in named if part is not None]
-    if not all(usable):
+    trees = [_skeleton(check, loc, part.path) for loc, part in named if part is not None]
+    if None in trees:
         return None
     mounting = _mounting(mount, hand) if mount is not None and hand is not None else None
     inertias = {
@@ -152,15 +152,14 @@ def _whole_urdf(check: DocumentChecker, robot: RobotFile, source: Path) -> Path 
     return None if unknown else write_composed_urdf(arm, mounting, inertias, attachments)
 
 
-def _is_usable(check: DocumentChecker, loc: Location, urdf: Path) -> bool:
-    """Whether a URDF is free of faults; each one is reported where the robot file names the URDF."""
+def _skeleton(check: DocumentChecker, loc: Location, urdf: Path) -> UrdfTree | None:
+    """Read a URDF. None: it has faults, each of which is reported where the robot file names it."""
     try:
-        read_skeleton(urdf)
+        return read_skeleton(urdf)
     except UrdfError as error:
         for fault in error.faults:
             check.fault(loc, f"{urdf}: {fault}", code="P502")
-        return False
-    return True
+        return None
 
 
 def _mounting(mount: MountFile, hand: NamedUrdf) -> GripperMount:
@@ -252,9 +251,9 @@ def _check_pose(check: DocumentChecker, name: str, robot: RobotFile) -> None:
 
 def _check_against(check: DocumentChecker, robot: RobotFile, urdf: Path) -> Linkage | None:
     """Report where robot file and URDF disagree. Return the gripper's linkage, None without one."""
-    if not _is_usable(check, ("urdf",), urdf):
+    skeleton = _skeleton(check, ("urdf",), urdf)
+    if skeleton is None:
         return None
-    skeleton = read_skeleton(urdf)
     for text in geometry_faults(str(urdf)):
         check.fault(("urdf",), f"{urdf}: the geometry cannot be used: {text}", code="P511")
     for loc, name in _link_names(check, robot):

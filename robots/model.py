@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -260,26 +259,25 @@ def _bare(root: ElementTree.Element) -> ElementTree.Element:
     for link in root.findall("link"):
         kept = ElementTree.SubElement(bare, "link", name=link.get("name", ""))
         if (inertial := link.find("inertial")) is not None:
-            kept.append(_with_numbers(inertial, {"inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}))
+            kept.append(_with_numbers(inertial))
     for joint in root.findall("joint"):
         kept = ElementTree.SubElement(bare, "joint", dict(joint.attrib))
         for tag in ("origin", "parent", "child", "axis", "limit", "dynamics"):
             element = joint.find(tag)
             if element is not None and (tag != "limit" or joint.get("type") in MOVING):
-                kept.append(_with_numbers(element, {"limit": ("effort", "velocity")}))
+                kept.append(_with_numbers(element))
     return bare
 
 
-def _with_numbers(element: ElementTree.Element, needed: Mapping[str, Sequence[str]]) -> ElementTree.Element:
-    """Return a copy without spaces around its values, in which the attributes `needed` by tag are 0 where
-    they are missing."""
-    plain = dict.fromkeys(needed.get(element.tag, ()), "0")
+def _with_numbers(element: ElementTree.Element) -> ElementTree.Element:
+    """Return a copy without spaces around its values, and with an effort and a velocity for a <limit>."""
     given = {key: value.strip() for key, value in element.attrib.items()}
     if element.tag == "limit":
         # Some files write -1 for a limit that they do not know.
-        given |= {key: "0" for key in ("effort", "velocity") if given.get(key, "").startswith("-")}
-    copied = ElementTree.Element(element.tag, plain | given)
-    copied.extend(_with_numbers(child, needed) for child in element)
+        unknown = (key for key in ("effort", "velocity") if given.get(key, "-").startswith("-"))
+        given |= dict.fromkeys(unknown, "0")
+    copied = ElementTree.Element(element.tag, given)
+    copied.extend(map(_with_numbers, element))
     return copied
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
 import xml.etree.ElementTree as ElementTree
@@ -19,6 +20,8 @@ MAX_DEGREES = 900.0
 """Greatest limit that looks like degrees; more means a joint that turns without end, rad."""
 MAX_OFFSET = 50.0
 """Greatest offset of a joint that counts as metres; more looks like millimetres."""
+MIN_TAG_LIKENESS = 0.85
+"""Least likeness of a misspelt element to a known one, as difflib measures it."""
 MAX_HINTS = 8
 """Greatest number of known names that a fault lists."""
 MAX_FAULTS = 20
@@ -40,10 +43,12 @@ def urdf_faults(root: ElementTree.Element) -> tuple[str, ...]:
     """
     if root.tag != "robot":
         return (f"the outermost element is <{root.tag}>, not <robot>",)
-    found = [*_name_faults(root)]
+    found = [*_name_faults(root), *_tag_faults("the robot", root)]
     for link in root.findall("link"):
+        found += _tag_faults(f"link {describe(link.get('name', ''))}", link)
         found += _inertial_faults(link)
     for joint in root.findall("joint"):
+        found += _tag_faults(f"joint {describe(joint.get('name', ''))}", joint)
         found += _joint_faults(joint)
     found += _mimic_faults(root)
     found = found or [*_holder_faults(root)] or [*_ring_faults(root)]
@@ -66,6 +71,12 @@ def numbers_of(text: str) -> tuple[float, ...] | None:
     return None if None in numbers else tuple(number for number in numbers if number is not None)
 
 
+_TAGS: Mapping[str, tuple[str, ...]] = {
+    "robot": ("link", "joint"),
+    "link": ("inertial", "visual", "collision"),
+    "joint": ("origin", "parent", "child", "axis", "limit", "mimic", "dynamics", "safety_controller"),
+}
+"""Elements of a robot, a link and a joint that are read."""
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _COMMA = re.compile(r"(?<=\d),(?=\d)")
 _UNIT = re.compile(
@@ -84,8 +95,20 @@ def _name_faults(root: ElementTree.Element) -> Iterator[str]:
         for name, count in Counter(named).items():
             if count > 1 and name:
                 yield f"{count} {tag}s have the name {describe(name)}; give each a name of its own"
+            if name == "universe" and tag == "joint":
+                yield "joint 'universe' has the name of the world; give it another one"
     if not root.findall("link"):
         yield "<robot> has no <link>"
+
+
+def _tag_faults(where: str, element: ElementTree.Element) -> Iterator[str]:
+    """Report elements with a misspelt name, which no reader takes. Other unknown ones are of other tools."""
+    known = _TAGS[element.tag]
+    present = {child.tag for child in element}
+    for tag in sorted(present.difference(known)):
+        meant = difflib.get_close_matches(tag.lower(), known, n=1, cutoff=MIN_TAG_LIKENESS)
+        if meant and (meant[0] not in present or tag.lower() == meant[0]):
+            yield f"{where}: <{tag}> is not read; write <{meant[0]}>"
 
 
 def _inertial_faults(link: ElementTree.Element) -> Iterator[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import re
 import xml.etree.ElementTree as ElementTree
+from functools import lru_cache
 from pathlib import Path
 from xml.parsers import expat
 
@@ -21,7 +22,7 @@ def parsed_urdf(path: Path) -> ElementTree.Element:
 
     Raises UrdfError with all faults when the file cannot be read as XML, or no robot can be built of it.
     Tags keep their namespace prefix, as in other readers of URDFs. A robot without a name gets that of its
-    file. Geometry is not checked here.
+    file; products of inertia that are missing are 0. Geometry is not checked here.
     """
     try:
         raw = read_bytes(path, MAX_BYTES)
@@ -33,12 +34,21 @@ def parsed_urdf(path: Path) -> ElementTree.Element:
 def parse_urdf(raw: bytes, name: str) -> ElementTree.Element:
     """Return the outermost element of a URDF's content, as `parsed_urdf` does; `name` if it has none."""
     root = _parsed(_decoded(raw))
-    if faults := urdf_faults(root):
+    if faults := _faults_of(raw):
         raise UrdfError(*faults)
+    # Some libraries refuse a robot without a name, and an inertia without products.
     if not root.get("name"):
-        # Some libraries refuse a robot without a name.
         root.set("name", name)
+    for inertia in root.iter("inertia"):
+        for key in ("ixy", "ixz", "iyz"):
+            inertia.attrib.setdefault(key, "0")
     return root
+
+
+@lru_cache(maxsize=16)
+def _faults_of(raw: bytes) -> tuple[str, ...]:
+    """Return the faults of a file; it is read several times for one robot, and checked once."""
+    return urdf_faults(_parsed(_decoded(raw)))
 
 
 _MARKS = (
@@ -103,28 +113,23 @@ class _Reader:
 
     def __init__(self) -> None:
         self._builder = ElementTree.TreeBuilder()
-        self._depth = 0
         self._parser = expat.ParserCreate("utf-8")
         self._parser.buffer_text = True
-        self._parser.StartElementHandler = self._start
-        self._parser.EndElementHandler = self._end
+        self._parser.StartElementHandler = self._builder.start
+        self._parser.EndElementHandler = self._builder.end
         self._parser.CharacterDataHandler = self._builder.data
         self._parser.EntityDeclHandler = self._entity
         self._parser.SkippedEntityHandler = self._skipped
 
     def read(self, text: str) -> ElementTree.Element:
         self._parser.Parse(text.encode(), True)
-        return self._builder.close()
-
-    def _start(self, tag: str, attributes: dict[str, str]) -> None:
-        self._depth += 1
-        if self._depth > MAX_DEPTH:
+        root = self._builder.close()
+        level, depth = [root], 0
+        while level:
+            level, depth = [child for element in level for child in element], depth + 1
+        if depth > MAX_DEPTH:
             raise UrdfError(f"elements are more than {MAX_DEPTH} levels deep in each other")
-        self._builder.start(tag, attributes)
-
-    def _end(self, tag: str) -> None:
-        self._depth -= 1
-        self._builder.end(tag)
+        return root
 
     def _entity(self, name: str, *_: object) -> None:
         raise UrdfError(

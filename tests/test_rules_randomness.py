@@ -263,6 +263,7 @@ def test_every_generator_is_keyed() -> None:
         "commissioning/robot_setup/joint_limits.py": ["np.random.default_rng([seed, 3])"],
         "commissioning/robot_setup/free_space.py": ["np.random.default_rng([seed, 4])"],
         "commissioning/robot_setup/model_checks.py": ["np.random.default_rng(0)"],
+        "commissioning/trial_advice.py": ["np.random.default_rng(0)"],
         "commissioning/robot_setup/self_collision.py": ["np.random.default_rng([seed, 0])"],
         "world/random_streams.py": ["np.random.default_rng([self.seed, zlib.crc32(stream.encode()), n])"],
     }

@@ -20,6 +20,7 @@ from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 
 PANDA = "pybullet_data:franka_panda/panda.urdf"
+URDF = "an XML file <robot> with <link> and <joint> elements that form one tree"
 LIMIT = '<limit lower="-2" upper="2" effort="20" velocity="2"/>'
 
 
@@ -157,13 +158,14 @@ def test_a_hand_is_mounted_on_an_arm_without(tmp_path: Path, capsys: pytest.Capt
         ),
         (
             chain(*["revolute"] * 6).replace(LIMIT, "", 1),
-            "an arm of 6 joints",
-            "limits of j1",
+            "a file that cannot be used as a URDF: joint 'j1' is revolute and has no <limit>; write it, as "
+            '<limit lower="-3" upper="3" effort="50" velocity="2"/>',
+            URDF,
         ),
         (
             "<robot",
-            "a file that cannot be read as a URDF: not readable as XML: unclosed token: line 1, column 0",
-            "an XML file <robot name=…> with <link> and <joint> elements that form one tree",
+            "a file that cannot be used as a URDF: not readable as XML: unclosed token: line 1, column 0",
+            URDF,
         ),
         (
             '<robot xmlns:xacro="x"><xacro:arm/></robot>',

@@ -97,3 +97,51 @@ gripper:
 disabled_pairs: []
 """
 """Robot file of the arm, which is written beside its URDF as `mini.urdf`."""
+
+HINGED = """\
+<link name="left_knuckle"/><link name="right_knuckle"/><link name="tool"/>
+<joint name="flange" type="fixed"><parent link="l6"/><child link="hand"/><origin xyz="0 0 0.03"/></joint>
+<joint name="tool" type="fixed"><parent link="hand"/><child link="tool"/><origin xyz="0 0 0.155"/></joint>
+<joint name="k1" type="revolute"><parent link="hand"/><child link="left_knuckle"/>
+  <origin xyz="0 0.02 0.06"/><axis xyz="-1 0 0"/>
+  <limit lower="0" upper="0.8" effort="2" velocity="2"/></joint>
+<joint name="k2" type="revolute"><parent link="hand"/><child link="right_knuckle"/>
+  <origin xyz="0 -0.02 0.06"/><axis xyz="1 0 0"/><limit lower="0" upper="0.8" effort="2" velocity="2"/>
+  <mimic joint="k1"/></joint>
+<joint name="t1" type="revolute"><parent link="left_knuckle"/><child link="left"/>
+  <origin xyz="0 0 0.05"/><axis xyz="-1 0 0"/><limit lower="-0.8" upper="0" effort="2" velocity="2"/>
+  <mimic joint="k1" multiplier="-1"/></joint>
+<joint name="t2" type="revolute"><parent link="right_knuckle"/><child link="right"/>
+  <origin xyz="0 0 0.05"/><axis xyz="1 0 0"/><limit lower="-0.8" upper="0" effort="2" velocity="2"/>
+  <mimic joint="k2" multiplier="-1"/></joint>
+"""
+"""Fingers on hinges that stay parallel, instead of FINGERS. The frame `tool` is 5 mm behind the tips
+of closed fingers; open fingers reach 15 mm less far."""
+HINGED_HAND = (
+    (FINGERS, HINGED),
+    ('"0 0.006 0.025"', '"0 -0.014 0.025"'),
+    ('"0 -0.006 0.025"', '"0 0.014 0.025"'),
+)
+BAR = """\
+<link name="bar"><inertial><mass value="0.2"/><inertia ixx="0.001" iyy="0.001" izz="0.001"/></inertial>
+<collision><origin xyz="0 0 0.05"/><geometry><box size="0.03 0.16 0.02"/></geometry></collision></link>
+<link name="prop"><inertial><mass value="0.01"/><inertia ixx="1e-5" iyy="1e-5" izz="1e-5"/></inertial>
+<collision><geometry><box size="0.02 0.04 0.004"/></geometry></collision></link>
+<joint name="flange" type="fixed"><parent link="l6"/><child link="bar"/><origin xyz="0 0 0.03"/></joint>
+<joint name="motor" type="continuous"><parent link="l6"/><child link="prop"/><origin xyz="0 0 0.11"/>
+  <axis xyz="0 0 1"/><limit effort="1" velocity="2"/></joint>
+<joint name="slide" type="fixed"><parent link="bar"/><child link="hand"/><origin xyz="0 0 0.07"/></joint>
+<joint name="f1" type="prismatic"><parent link="hand"/><child link="left"/>
+  <axis xyz="0 1 0"/><limit lower="0.015" upper="0.037" effort="1" velocity="1"/></joint>
+<joint name="f2" type="prismatic"><parent link="hand"/><child link="right"/>
+  <axis xyz="0 1 0"/><limit lower="-0.037" upper="-0.015" effort="1" velocity="1"/>
+  <mimic joint="f1" multiplier="-1"/></joint>
+"""
+"""Fingers on a bar that is fixed to the arm, instead of FINGERS. They do not meet, and the link that carries
+them has no body. A wheel that a motor turns is between them, and touches shut ones."""
+BAR_HAND = (
+    (link("hand"), '<link name="hand"/>'),
+    (FINGERS, BAR),
+    ('"0 0.006 0.025"', '"0 -0.003 0.025"'),
+    ('"0 -0.006 0.025"', '"0 0.003 0.025"'),
+)

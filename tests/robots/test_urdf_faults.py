@@ -97,6 +97,10 @@ FAULTS: dict[str, tuple[tuple[tuple[str, str], ...], tuple[str, ...]]] = {
         ((L3, L3 + L3),),
         ("2 links have the name 'l3'; give each a name of its own",),
     ),
+    "joint of the world's name": (
+        (('joint name="j5"', 'joint name="universe"'),),
+        ("joint 'universe' has the name of the world; give it another one",),
+    ),
     "joint without a name": (
         (('joint name="j5"', "joint"),),
         ("the <joint> behind 'j4' has no name",),
@@ -145,6 +149,13 @@ FAULTS: dict[str, tuple[tuple[tuple[str, str], ...], tuple[str, ...]]] = {
     "angles in degrees": (
         (('<origin xyz="0 0 0.4"/>', '<origin xyz="0 0 0.4" rpy="0 0 90"/>'),),
         ("joint 'j3': <origin rpy=\"0 0 90\"> is in rad: are these degrees? Write \"0 0 1.5708\"",),
+    ),
+    "misspelt elements": (
+        (('<origin xyz="0 0 0.4"/>', '<orgin xyz="0 0 0.4"/>'), (L3, L3.replace("inertial>", "Inertial>"))),
+        (
+            "link 'l3': <Inertial> is not read; write <inertial>",
+            "joint 'j3': <orgin> is not read; write <origin>",
+        ),
     ),
     "xacro left over": (
         (('<origin xyz="0 0 0.4"/>', '<origin xyz="0 0 %{length}"/>'.replace("%", "$")),),

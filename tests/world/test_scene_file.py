@@ -495,7 +495,7 @@ def test_shipped_scenes_are_read_and_their_logged_text_gives_them_again(name: st
         "thin": 10,
         "tall": 8,
         "calibrating": 0,
-        "self_test": 2,
+        "self_test": 3,
         "tote": 18,
         "tote_of_items": 18,
         "pile": 8,

@@ -1,0 +1,262 @@
+"""picktree robot new: home, torques, hands and paths of proposals for a small arm."""
+
+from __future__ import annotations
+
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from picktree.cli.app import answer
+from picktree.commissioning.robot_setup.joint_limits import is_placeholder
+from picktree.commissioning.robot_setup.model_checks import RobotUnderTest, check_model
+from picktree.commissioning.robot_setup.proposal import Proposal, ProposalRequest, propose
+from picktree.commissioning.trial_advice import TargetPlace, advice, reach_advice
+from picktree.errors import PicktreeError
+from picktree.planning.collision.collision_checker import CollisionChecker
+from picktree.planning.standing_links import standing_pairs
+from picktree.robots.mesh_files import mesh_file
+from picktree.robots.model import RobotModel
+from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.scene.description import Fixture
+from picktree.world.shapes import Box
+from picktree.world.values import ObjectId, Pose
+
+from ..robots.arms import BAR_HAND, HINGED_HAND, JOINTS, link, mini
+
+WITHOUT_BASE = ((link("base"), '<link name="base"/>'), ('<origin xyz="0 0 0.12"/>', '<origin xyz="0 0 0"/>'))
+"""The first link stands where the base stood, and turns there."""
+
+
+def proposed(folder: Path, *edits: tuple[str, str]) -> Proposal:
+    (folder / "mini.urdf").write_text(mini(*edits), encoding="utf-8")
+    return propose(ProposalRequest(str(folder / "mini.urdf"), folder / "mini.yaml", samples=100))
+
+
+def test_a_robot_file_is_written_to_a_relative_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "urdf"
+    folder.mkdir()
+    trimesh.creation.box((0.08, 0.06, 0.36)).export(folder / "l3.stl")
+    (folder / "mini.urdf").write_text(
+        mini(('<box size="0.08 0.06 0.36"/>', '<mesh filename="l3.stl"/>')), encoding="utf-8"
+    )
+    monkeypatch.chdir(tmp_path)
+    asked = ["robot", "new", "urdf/mini.urdf", "--samples", "100", "--no-test", "-o"]
+    assert answer([*asked, "mini.yaml"]) == 0
+    assert "\nurdf: urdf/mini.urdf\n" in (tmp_path / "mini.yaml").read_text(encoding="utf-8")
+    assert answer([*asked, "urdf/../other.yaml"]) == 0
+    assert answer(["robot", "show", "other.yaml"]) == 0
+    capsys.readouterr()
+    assert answer([*asked, "gone/mini.yaml"]) == 2
+    assert capsys.readouterr().err == "there is no folder gone for mini.yaml; make it first\n"
+    assert answer([*asked, "urdf"]) == 2
+    assert capsys.readouterr().err == "urdf is a folder; name the robot file in it, as urdf/arm.yaml\n"
+
+
+def test_home_is_in_front_of_a_shoulder_beside_the_base(tmp_path: Path) -> None:
+    torso = '<link name="torso"/><joint name="mount" type="fixed"><parent link="torso"/><child link="base"/>'
+    moved = ('<robot name="mini">', f'<robot name="mini">{torso}<origin xyz="-0.1 0.6 0.3"/></joint>')
+    beside = proposed(tmp_path, moved)
+    tool = RobotModel(beside.robot).tcp(np.array(beside.draft.poses[0].joints))
+    assert tool.position[1] == pytest.approx(0.6, abs=0.02)
+    assert 0.1 < tool.position[0] < 0.5
+    # Turned aside, the tool is nearer to the middle of the table than at home.
+    aside = RobotModel(beside.robot).tcp(np.array(beside.draft.poses[1].joints))
+    assert aside.position[1] < 0.4
+
+
+def test_each_pose_is_above_the_table(tmp_path: Path) -> None:
+    # The upper arm goes on behind the shoulder, beside the base.
+    made = proposed(tmp_path, ('"0.08 0.06 0.46"', '"0.08 0.06 1.2"'), ('"0 0.09 0.2"', '"0 0.14 0.2"'))
+    model = RobotModel(made.robot)
+    box = np.array(list(product((-0.04, 0.04), (0.11, 0.17), (0.2 - 0.6, 0.2 + 0.6))))
+    for pose in made.draft.poses:
+        upper_arm = model.link_poses(np.array(pose.joints), 0.0)["l2"]
+        assert upper_arm.apply(box)[:, 2].min() >= 0.009
+
+
+BURIED = (('<origin xyz="0 0 0.12"/>', '<origin xyz="0 0 -2"/>'),)
+BULKY = (('"0.08 0.06 0.36"', '"0.08 0.06 1.2"'), ('"0.07 0.07 0.12"', '"1.2 1.2 0.12"'))
+
+
+@pytest.mark.parametrize(
+    ("edits", "told"),
+    [
+        (BURIED, "l2 and the table touch in 63 % of them, at best 1850 mm in each other"),
+        (BULKY, "l3 and l6 touch in "),
+    ],
+    ids=["under the table", "in itself"],
+)
+def test_without_a_free_pose_no_file_is_made(
+    edits: tuple[tuple[str, str], ...], told: str, tmp_path: Path
+) -> None:
+    with pytest.raises(PicktreeError) as caught:
+        proposed(tmp_path, *edits)
+    lines = str(caught.value).splitlines()
+    assert lines[1].startswith("  found    an arm of 6 joints and a gripper; ")
+    assert told in lines[1]
+    assert lines[2] == "  missing  " + (
+        "a free pose: above the table at z = 0, in front of the first joint, no links in each other"
+    )
+
+
+@pytest.mark.parametrize("effort", ["0", "1", "1000000", "-1"])
+def test_torques_that_no_motor_has_are_guessed(effort: str, tmp_path: Path) -> None:
+    efforts = [(f'effort="{most}" velocity="2"', f'effort="{effort}" velocity="2"') for most in (150, 80, 30)]
+    made = proposed(tmp_path, *efforts)
+    model = RobotModel(made.robot)
+    for k, limit in enumerate(made.draft.limits):
+        told = f"{limit.torque:g} Nm are a guess from gravity and inertia, for the URDF's effort of "
+        assert limit.guess.startswith(told)
+        assert f"# the URDF's limits less 2.0 deg; torque: {limit.guess}" in made.text
+        # It carries the arm and takes each joint to its speed in 0.3 s.
+        assert limit.acceleration == pytest.approx(limit.velocity / 0.3, rel=0.02)
+        q = np.array([0.0, 1.5, 0.0, 0.0, 0.0, 0.0])
+        needed = np.abs(model.inverse_dynamics(q, np.zeros(6), np.eye(6)[k] * limit.acceleration))[k]
+        assert needed < limit.torque < 20 * needed + 5
+    assert [v for v in check_model(RobotUnderTest.of(made.robot)) if not v.good] == []
+
+
+def test_torques_of_the_urdf_are_kept(tmp_path: Path) -> None:
+    made = proposed(tmp_path)
+    assert [limit.torque for limit in made.draft.limits] == [effort for *_, effort in JOINTS.values()]
+    assert [limit.guess for limit in made.draft.limits] == [""] * 6
+    assert not is_placeholder(0.5, gravity=0.2, guess=1.2)
+    assert is_placeholder(0.5, gravity=0.7, guess=2.2)
+
+
+def test_the_tcp_stays_between_fingers_on_hinges(tmp_path: Path) -> None:
+    gripper = proposed(tmp_path, *HINGED_HAND).draft.gripper
+    # Closed tips are at 160 mm, open ones at 60 + 50 · cos 0.8 + 50 mm.
+    assert gripper.tcp_in_palm.position == pytest.approx((0, 0, 0.1388), abs=1e-3)
+    assert gripper.tcp_comment == (
+        "Between the pads, measured on the meshes; the URDF has 'tool' 16 mm further out, at the tips"
+    )
+    assert gripper.max_width == pytest.approx(2 * 0.05 * np.sin(0.8), abs=1e-3)
+
+
+def test_a_tool_frame_between_the_pads_is_kept(tmp_path: Path) -> None:
+    at = ('<origin xyz="0 0 0.155"/>', '<origin xyz="0 0 0.135"/>')
+    gripper = proposed(tmp_path, *HINGED_HAND, at).draft.gripper
+    assert gripper.tcp_in_palm.position == pytest.approx((0, 0, 0.135))
+    assert gripper.tcp_comment == "Where the URDF has its frame 'tool', between the pads"
+
+
+def test_a_hand_whose_bar_carries_the_fingers_is_measured(tmp_path: Path) -> None:
+    made = proposed(tmp_path, *BAR_HAND)
+    gripper = made.draft.gripper
+    assert made.draft.flange_joint == "flange"
+    assert (gripper.min_width, gripper.max_width) == pytest.approx((0.012, 0.056), abs=1e-6)
+    assert gripper.tcp_in_palm.rotation()[:, 2] == pytest.approx([0, 0, 1])
+    assert gripper.tcp_in_palm.position == pytest.approx((0, 0, 0.04))
+    # The bar ends 10 mm before the fingers' frame.
+    assert (gripper.palm, gripper.tip) == pytest.approx((0.05, 0.01), abs=1e-6)
+    for box, _ in gripper.pads:
+        assert box.size == pytest.approx((0.02, 0.012, 0.05), abs=1e-6)
+    assert "  # It opens from 12 to 56 mm: computed from the pads." in made.text
+    assert gripper.force_comment == "The URDF's effort would be 1 N: a guess, see the data sheet"
+    # No joint of the arm moves the wheel against the fingers.
+    assert {"prop", "left"} in [{*pair} for pair in made.robot.disabled_pairs]
+    assert [v.name for v in check_model(RobotUnderTest.of(made.robot)) if not v.good] == ["tool frame"]
+
+
+def test_a_turret_may_touch_the_table_on_which_it_stands(tmp_path: Path) -> None:
+    made = proposed(tmp_path, *WITHOUT_BASE)
+    model = RobotModel(made.robot)
+    assert model.standing_links == ("l1",)
+    ground = Fixture(ObjectId("ground"), Box((1.0, 1.0, 0.04)), Pose((0.5, 0.0, -0.02)))
+    wall = Fixture(ObjectId("wall"), Box((0.02, 1.0, 0.6)), Pose((-0.07, 0.0, 0.3)))
+    scene = PlanningScene((ground, wall), ())
+    assert standing_pairs(model, scene) == (("l1", "ground"),)
+    checker = CollisionChecker(model)
+    checker.update(scene, 0.0)
+    touching = {(c.a, c.b) for c in checker.contacts(model.named("home"))}
+    assert {("l1", "ground"), ("l1", "wall")} <= touching
+    scene.let_stand(standing_pairs(model, scene))
+    for belief in (scene, scene.supposing()):
+        with belief.allow(("arm", "something")):
+            pass
+        checker.update(belief, 0.0)
+        assert {(c.a, c.b) for c in checker.contacts(model.named("home"))} == touching - {("l1", "ground")}
+    scene.restore(*scene.state())
+    assert scene.allowed("ground", "l1")
+    # A link that swings is checked against what is under it.
+    assert standing_pairs(RobotModel(proposed(tmp_path).robot), scene) == ()
+
+
+def test_the_advice_for_a_place_out_of_reach_measures_the_reach(tmp_path: Path) -> None:
+    model = RobotModel(proposed(tmp_path).robot)
+    near, far = TargetPlace("red_block_1", np.array([0.5, 0.0, 0.1])), np.array([1.2, 0.0, 0.1])
+    assert reach_advice(model, (near,), "arm.yaml") is None
+    found = reach_advice(model, (near, TargetPlace("red_bin", far)), "arm.yaml")
+    assert found is not None
+    assert found[0].startswith("its reach is 0.")
+    assert found[0].endswith("; red_bin is 1.20 m from its first joint")
+    reached = float(found[0].split()[3])
+    assert found[1] == (
+        f"move 'base:' in arm.yaml by {1.25 - reached:.2f} m, nearer to red_bin; or lay out a scene for that "
+        "reach"
+    )
+    high = reach_advice(model, (TargetPlace("lamp", np.array([0.4, 0.0, 2.5])),), "arm.yaml")
+    assert high is not None
+    assert high[0] == "with the tool down it reaches nothing 2500 mm above the table"
+
+
+@pytest.mark.parametrize(
+    ("cause", "message", "change"),
+    [
+        (
+            "planning.goal_in_collision",
+            "at the goal l3 is 6.6 mm deep in red_bin",
+            "choose other 'poses:' in arm.yaml, or move its 'base:', so that l3 keeps away from red_bin",
+        ),
+        (
+            "planning.goal_in_collision",
+            "at the goal l3 is 6.6 mm deep in l1",
+            "look at the collision geometry of l1 and l3 in the URDF, and at 'disabled_pairs:' in arm.yaml",
+        ),
+        (
+            "safety.stop",
+            "a safety stop is not acknowledged: the tool is 3 mm outside the workspace",
+            "choose 'poses:' in arm.yaml with the tool inside of the scene's workspace, or move 'base:'",
+        ),
+        (
+            "safety.torque_limit",
+            "j1 has exerted 1.0 Nm for 0.5 s, of 1 Nm that it bears",
+            "compare 'torque' under 'joints:' in arm.yaml with the data sheet, and masses under 'inertias:'",
+        ),
+        ("world.disturbed", "touched something", "look at 'joints:' in arm.yaml"),
+    ],
+)
+def test_the_advice_fits_the_cause(cause: str, message: str, change: str) -> None:
+    assert advice(cause, message, "arm.yaml", ("base", "l1", "l3"), ("table", "red_bin")) == change
+
+
+def test_meshes_are_found_in_ros_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def placed(file: Path, text: str = "") -> Path:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+        return file
+
+    urdf = tmp_path / "here" / "mini.urdf"
+    named = "<package><name>arm_description</name></package>"
+    placed(tmp_path / "ws" / "src" / "folder" / "package.xml", named)
+    mesh = placed(tmp_path / "ws" / "src" / "folder" / "meshes" / "a.stl")
+    placed(tmp_path / "ws" / "off" / "COLCON_IGNORE")
+    placed(tmp_path / "ws" / "off" / "lost" / "package.xml", "<package><name>lost</name></package>")
+    placed(tmp_path / "ws" / "off" / "lost" / "a.stl")
+    shared = placed(tmp_path / "jazzy" / "share" / "hand_description" / "meshes" / "b.stl")
+    assert mesh_file(urdf, "package://arm_description/meshes/a.stl") is None
+    monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path}/gone:{tmp_path}/ws")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{tmp_path}/jazzy")
+    assert mesh_file(urdf, "package://arm_description/meshes/a.stl") == mesh
+    assert mesh_file(urdf, "package://hand_description/meshes/b.stl") == shared
+    assert mesh_file(urdf, "package://folder/meshes/a.stl") is None
+    assert mesh_file(urdf, "package://lost/a.stl") is None
+    # What is beside the URDF comes first: the environment changes no robot that works without it.
+    own = placed(tmp_path / "arm_description" / "meshes" / "a.stl")
+    assert mesh_file(urdf, "package://arm_description/meshes/a.stl") == own
