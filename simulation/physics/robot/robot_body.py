@@ -27,7 +27,8 @@ def patched_urdf(robot: RobotDescription) -> str:
 
     Every link shows its *collision* geometry: the camera sees what can be touched, which also renders ten
     times faster than the visual meshes. A link without <inertial> gets one of no mass, as the planner's
-    dynamics take it: the engine would give it 1 kg.
+    dynamics take it: the engine would give it 1 kg. No joint keeps its <dynamics>: damping and friction are in
+    neither simulation nor controller.
     """
     path = Path(robot.urdf)
     try:
@@ -37,6 +38,10 @@ def patched_urdf(robot: RobotDescription) -> str:
     for link in root.findall("link"):
         for visual in link.findall("visual"):
             link.remove(visual)
+    for joint in root.findall("joint"):
+        # The engine adds damping explicitly, which spins light links up, and has no joint friction.
+        for dynamics in joint.findall("dynamics"):
+            joint.remove(dynamics)
     for mesh in root.iter("mesh"):
         mesh.set("filename", str(_mesh_path(mesh.get("filename", ""), path, robot)))
     mount_tool(root, robot)
@@ -170,17 +175,16 @@ class RobotBody:
         self._fingers = [joints[name] for name in robot.gripper.joints]
         self._flange = joints[robot.flange_joint]
         self._read_joints = [*self._arm, *self._fingers, self._flange]
-        for link in self.links:
-            # pybullet's default of 0.04 would damp the arm as if it moved in oil.
-            pb.changeDynamics(
-                self.body,
-                link,
-                linearDamping=0.0,
-                angularDamping=0.0,
-                jointDamping=0.0,
-                collisionMargin=0.0,
-                physicsClientId=self._client,
-            )
+        # pybullet's default of 0.04 would damp the arm as if it moved in oil. All three are of the whole body,
+        # or of its base, whatever link the call names.
+        pb.changeDynamics(
+            self.body,
+            -1,
+            linearDamping=0.0,
+            angularDamping=0.0,
+            collisionMargin=0.0,
+            physicsClientId=self._client,
+        )
         pb.enableJointForceTorqueSensor(self.body, self._flange, 1, self._client)
         if robot.gripper.linkage is not None:
             self._linkage = LinkageMotors(self.body, joints, robot.gripper, self._client)
