@@ -27,8 +27,8 @@ def patched_urdf(robot: RobotDescription) -> str:
 
     Every link shows its *collision* geometry: the camera sees what can be touched, which also renders ten
     times faster than the visual meshes. A link without <inertial> gets one of no mass, as the planner's
-    dynamics take it: the engine would give it 1 kg. No joint keeps its <dynamics>: damping and friction are in
-    neither simulation nor controller.
+    dynamics take it: the engine would give it 1 kg. No joint keeps its <dynamics>: damping and friction are
+    in neither simulation nor controller.
     """
     path = Path(robot.urdf)
     try:
@@ -175,8 +175,8 @@ class RobotBody:
         self._fingers = [joints[name] for name in robot.gripper.joints]
         self._flange = joints[robot.flange_joint]
         self._read_joints = [*self._arm, *self._fingers, self._flange]
-        # pybullet's default of 0.04 would damp the arm as if it moved in oil. All three are of the whole body,
-        # or of its base, whatever link the call names.
+        # pybullet's default of 0.04 would damp the arm as if it moved in oil. All three concern the whole
+        # body or its base, whatever link the call names.
         pb.changeDynamics(
             self.body,
             -1,
