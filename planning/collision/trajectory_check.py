@@ -261,10 +261,6 @@ class StartTolerance:
         room = self._collision.room
         return np.append(joints, 0.0 if room is None else room.excess(np.array(self.model.tcp(q).position)))
 
-    def leads_out(self, a: Array, b: Array) -> bool:
-        """Whether a joint or the tool is further outside at b (n,) than at a."""
-        return bool((self.excess_at(b) > self.excess_at(a) + LIMIT_ROUNDING).any())
-
     def _near_start(self, q: Array) -> MarginChecker | None:
         away = float(np.abs(q - self._start).max())
         return next((checker for zone, checker in self._zones if away <= zone), None)

@@ -54,7 +54,7 @@ def plan_line(
             ended_by = "reach"
         elif np.abs(q - at).max() > MAX_JOINT_JUMP:
             ended_by = "jump"
-        elif not way.free(q) or (way.excess is not None and way.leads_out(at, q)):
+        elif not way.free(q):
             ended_by, blocked = "collision", q
         else:
             path.append(q)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...robots.joint_limits import format_joint_value
 from ...robots.model import RobotModel
 from ...world.causes import Cause, Failure, planning, safety
 from ...world.trajectory import Trajectory
@@ -90,7 +91,7 @@ class TrajectoryGate:
         lower = np.minimum(model.lower, trajectory.start) - LIMIT_ROUNDING
         upper = np.maximum(model.upper, trajectory.start) + LIMIT_ROUNDING
         self._within(
-            trajectory, times, np.maximum(lower - q, q - upper), q, safety.JOINT_LIMIT, "rad beyond its limit"
+            trajectory, times, np.maximum(lower - q, q - upper), q, safety.JOINT_LIMIT, "beyond its limit"
         )
         for values, limit, cause, unit in (
             (v, model.velocity_limit, safety.SPEED_LIMIT, "rad/s above its speed limit"),
@@ -108,9 +109,11 @@ class TrajectoryGate:
         if by <= 0.0:
             return
         at, name = float(times[row]), self._model.description.joints[int(joint)]
+        is_position = cause is safety.JOINT_LIMIT
+        size = format_joint_value(self._model, int(joint), by) if is_position else f"{by:.3f}"
         raise Failure(
             cause,
-            f"the trajectory is refused: {name} would be {by:.3f} {what} {_time_words(at, trajectory)}",
+            f"the trajectory is refused: {name} would be {size} {what} {_time_words(at, trajectory)}",
             joint=name,
             value=float(values[row, joint]),
             beyond=by,
