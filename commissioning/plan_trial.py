@@ -12,7 +12,6 @@ import numpy as np
 
 from ..analysis.render.viewpoint import PictureView
 from ..planning.failures.planning_failures import contact_lines
-from ..planning.kinematics.levenberg_marquardt import is_hinge
 from ..planning.requests import (
     DEFAULT_CHECK_BUDGET,
     Constraint,
@@ -21,6 +20,7 @@ from ..planning.requests import (
     Request,
     UprightConstraint,
 )
+from ..robots.joint_limits import is_hinge
 from ..robots.loading import load_robot
 from ..session.assembly import assemble_world
 from ..simulation.backends import build_hardware

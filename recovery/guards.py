@@ -104,9 +104,9 @@ class WouldARetreatHelp(WouldHelp):
 
     cause: In[str] = port(_WHICH)
     helps = (
-        "safety.*", "control.*", "planning.start_in_collision", "planning.blocked", "grasp.missed",
-        "grasp.slipped", "world.disturbed", "feed.obstructed", "insert.jammed", "push.stalled",
-        "tree.timeout", "internal.*",
+        "safety.*", "control.*", "planning.start_in_collision", "planning.start_outside", "planning.blocked",
+        "grasp.missed", "grasp.slipped", "world.disturbed", "feed.obstructed", "insert.jammed",
+        "push.stalled", "tree.timeout", "internal.*",
     )  # fmt: skip
 
 

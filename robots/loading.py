@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -246,7 +247,13 @@ def _check_pose(check: DocumentChecker, name: str, robot: RobotFile) -> None:
                 upper = check.written(("joints", joint, "upper"), limit.upper, "rad")
                 loc: Location = ("poses", name, n)
                 message = f"{check.written(loc, value, 'rad')} is outside the limits of {joint}"
-                check.fault(loc, message, f"{lower} … {upper}", code="P509")
+                beyond = max(limit.lower - value, value - limit.upper)
+                degrees = (
+                    "; degrees? Numbers without a unit are in rad, of a slider in m"
+                    if beyond > math.tau
+                    else ""
+                )
+                check.fault(loc, message, f"{lower} … {upper}{degrees}", code="P509")
 
 
 def _check_against(check: DocumentChecker, robot: RobotFile, urdf: Path) -> Linkage | None:

@@ -54,6 +54,11 @@ class planning:
     START_IN_COLLISION = Cause(
         "planning.start_in_collision", "The arm is believed to touch something where it is.", "retreat safely"
     )
+    START_OUTSIDE = Cause(
+        "planning.start_outside",
+        "The arm starts beyond a joint limit or the workspace, and no motion leads back in.",
+        "retreat safely",
+    )
     GOAL_IN_COLLISION = Cause(
         "planning.goal_in_collision",
         "Every way to reach the goal touches something.",

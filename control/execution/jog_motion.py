@@ -18,7 +18,8 @@ from .control_loop import ControlLoop
 
 StoppedBy: TypeAlias = Literal["done", "contact", "collision", "joint_limit", "singularity", "workspace"]
 Lookout: TypeAlias = Callable[[Array], tuple[str, ...]]
-"""Collision query of the look-ahead: names of bodies touched on configurations (k, n), rad. Empty: free."""
+"""Collision query of the look-ahead: pairs that touch on configurations (k, n), rad, as `panda_hand at
+table`. Empty: free."""
 
 TWIST_SHARES = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.05)
 """Shares of the commanded twist, tried in this order until the path to a stop is free."""
@@ -44,8 +45,8 @@ class JogFeedback:
     share: float
     """Share of the last twist that the arm follows, 0 … 1."""
     held_by: str
-    """Reason for a slower motion: `collision NAME`, `joint_limit NAME`, `singularity`, `workspace`, or
-    empty."""
+    """Reason for a slower motion: `collision PART at BODY`, `joint_limit NAME`, `singularity`, `workspace`,
+    or empty."""
 
 
 Twists: TypeAlias = "Twist | Callable[[JogFeedback], Twist | None]"
@@ -58,7 +59,7 @@ class JogResult:
 
     stopped_by: StoppedBy
     detail: str
-    """Names of the bodies, or the joint, that stopped the jog."""
+    """Pairs that would touch, or the joint, that stopped the jog."""
     travelled: float
     """Path length of the TCP, m."""
     elapsed: float
@@ -83,7 +84,7 @@ class JogResult:
 
 _STOP_SENTENCES: dict[str, tuple[Cause, str]] = {
     "contact": (world.DISTURBED, "touched something at {force:.0f} N{above}"),
-    "collision": (planning.BLOCKED, "stopped before {detail}"),
+    "collision": (planning.BLOCKED, "stopped before a collision ({detail})"),
     "joint_limit": (safety.JOINT_LIMIT, "{detail} came to its limit"),
     "singularity": (safety.SINGULARITY, "the arm came to a singular configuration"),
     "workspace": (safety.WORKSPACE, "the tool came to the edge of the workspace"),

@@ -8,12 +8,14 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from ...robots.joint_limits import joint_excesses
 from ...robots.model import RobotModel
 from ...world.causes import FailureReport, control, safety
 from ...world.journal import Journal, JournalEvent
 from ...world.protocols import SensorStamps
 from ...world.scene.description import SafetyLimits
 from ...world.values import Array, JointState, Vector3
+from ...world.workspace_excess import workspace_excess
 from .sensor_silence import STALE_SENSOR_NAME, check_silence
 from .stop_latch import Latch, LatchState
 
@@ -74,6 +76,7 @@ class SafetyMonitor:
     """
 
     def __init__(self, model: RobotModel, limits: SafetyLimits, journal: Journal) -> None:
+        self._model = model
         self._names = model.description.joints
         self._limits = limits
         self._latch = Latch(journal)
@@ -198,15 +201,17 @@ class SafetyMonitor:
                 self._limits.workspace.min, position, self._limits.workspace.max, strict=True
             )
         )
-        if outside > 0.0:
-            at = ", ".join(f"{p:.3f}" for p in position)
+        excess = workspace_excess(self._limits.workspace, position) if outside > 0.0 else None
+        if excess is not None:
             self._latch.violated(
                 safety.WORKSPACE.name,
                 safety.WORKSPACE,
                 outside,
                 TOOL_SLACK,
-                f"the tool is {outside * 1000:.0f} mm outside the workspace, at ({at})",
+                f"the tool is {outside * 1000:.0f} mm outside the workspace: {excess.side}",
                 position=list(position),
+                axis=excess.axis,
+                by=round(excess.by, 6),
             )
         elif self._latch.busy:
             self._latch.within(safety.WORKSPACE.name, -outside, TOOL_SLACK)
@@ -315,7 +320,8 @@ class SafetyMonitor:
                 continue
             joint = self._names[k]
             if cause is safety.JOINT_LIMIT:
-                message = f"{joint} is {worst + JOINT_TOLERANCE:.3f} rad beyond its limit"
+                beyond_limit = joint_excesses(self._model, state.position)
+                message = str(next(one for one in beyond_limit if one.joint == joint))
             elif cause is safety.SPEED_LIMIT:
                 message = f"{joint} moves at {float(state.velocity[k]):.2f} rad/s"
             else:

@@ -23,7 +23,7 @@ from ...world.values import Array, ObjectId, Pose
 from ..grasp.grasp_candidates import GraspCandidate
 
 if TYPE_CHECKING:
-    from ...planning.service.solver import ReachResult
+    from ...planning.service.reachability import ReachResult
     from ...robots.model import RobotModel
 
 

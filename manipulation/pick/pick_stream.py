@@ -51,7 +51,7 @@ from .transfer_requests import SLOW_DESCENT_COST, approach, touchable
 
 if TYPE_CHECKING:
     from ...control.execution.trajectory_motion import Doing
-    from ...planning.service.solver import ReachResult
+    from ...planning.service.reachability import ReachResult
     from ...skill_world.world import World
     from ...world.scene.description import Hole
 

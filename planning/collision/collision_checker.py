@@ -18,7 +18,7 @@ from ...robots.link_shapes import LinkShape, fingerprint
 from ...robots.model import TCP_FRAME, RobotModel, se3
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.scene.description import Bin, Fixture
-from ...world.values import Array, Bounds, Vector3
+from ...world.values import Array, Bounds
 from ..requests import ContactPair
 from . import collision_bodies
 from .collision_bodies import (
@@ -38,9 +38,8 @@ from .robot_geometry import (
     MarginChecker,
     RobotCollisionGeometry,
 )
+from .tool_room import ToolRoom
 
-WORKSPACE_MARGIN = 0.002
-"""Distance of the tool to the edges of the workspace that planning keeps, m."""
 DISTANCE_DECIMALS = 9
 """Number of decimals to which distances in m are rounded."""
 MAX_CACHED_MODELS = 2
@@ -102,7 +101,9 @@ class CollisionChecker:
         self, model: RobotModel, margins: CollisionMargins | None = None, workspace: Bounds | None = None
     ) -> None:
         self.model = model
-        self._room = None if workspace is None else _narrowed(workspace)
+        self.workspace = workspace
+        self.room = None if workspace is None else ToolRoom.of(workspace)
+        """Box in which the tool may be; None: anywhere."""
         self.checks = 0
         self._shapes = CoalShapes()
         self._robot = _robot(model, margins or CollisionMargins())
@@ -167,8 +168,10 @@ class CollisionChecker:
 
     # ---- questions
 
-    def free(self, q: Array) -> bool:
-        """Whether the arm at q keeps all margins, and its tool the workspace."""
+    def free(self, q: Array, room: ToolRoom | None = None) -> bool:
+        """Whether the arm at q keeps all margins, and its tool the workspace, or another `room`."""
+        if room is not None:
+            return self.asked(self._now.full, q, room)
         return self._count_until((q,), hit=True) == 1
 
     def count_free(self, configurations: Array) -> int:
@@ -181,17 +184,15 @@ class CollisionChecker:
 
     def _count_until(self, configurations: Collection[Array], *, hit: bool) -> int:
         checker = self._now.full
-        inside = None if self._room is None else partial(self._inside, checker)
+        inside = None if self.room is None else partial(self._inside, checker, self.room)
         count = checker.count_until(configurations, self._full_q, self._arm_q, hit=hit, inside=inside)
         self.checks += min(count + 1, len(configurations))
         return count
 
-    def nearly_free(self, q: Array) -> bool:
+    def nearly_free(self, q: Array, room: ToolRoom | None = None) -> bool:
         """Whether the arm at q keeps halved positive margins: for samples between configurations found
-        free."""
-        self.checks += 1
-        checker = self._now.halved
-        return all(map(checker.free, self._at(q))) and self._inside(checker)
+        free. `room`: as in `free`."""
+        return self.asked(self._now.halved, q, room or self.room)
 
     def excusing(self, contacts: tuple[ContactPair, ...], slack: float) -> MarginChecker:
         """Return a checker in which the pairs of `contacts` may come as close as they are, and `slack` m
@@ -203,16 +204,14 @@ class CollisionChecker:
                 margins[i, j] = margin if abs(margin) > MIN_MARGIN else -MIN_MARGIN
         return self._now.checker(margins)
 
-    def asked(self, checker: MarginChecker, q: Array, *, within: bool = False) -> bool:
-        """Whether q is free by another checker of this robot, counted. `within`: the workspace counts,
-        too."""
+    def asked(self, checker: MarginChecker, q: Array, room: ToolRoom | None = None) -> bool:
+        """Whether q is free by another checker of this robot, counted. `room`: the tool is to be in it."""
         self.checks += 1
-        return all(map(checker.free, self._at(q))) and not (within and not self._inside(checker))
+        return all(map(checker.free, self._at(q))) and (room is None or self._inside(checker, room))
 
-    def within(self, q: Array) -> bool:
-        """Whether the tool is within the workspace at q."""
-        pin.forwardKinematics(self.model.full, self._now.full.data, self._at(q)[0])
-        return self._inside(self._now.full)
+    def room_at(self, q: Array) -> ToolRoom | None:
+        """Return the room of the tool, widened where it is outside at q (n,); None without a workspace."""
+        return None if self.room is None else self.room.widened(np.array(self.model.tcp(q).position))
 
     def believed(self, name: str) -> BeliefObject | None:
         """Return the object of that id as last taken over; None for fixtures, bins and links."""
@@ -275,15 +274,11 @@ class CollisionChecker:
         pieces = list(enumerate(self._now.pieces))
         return [(i, j) for i, p in pieces for j, q in pieces[i + 1 :] if (p.name, q.name) == (a, b)]
 
-    def _inside(self, checker: MarginChecker) -> bool:
-        """Whether the tool is within the workspace at the configuration that `checker` tested last."""
-        if self._room is None:
-            return True
+    def _inside(self, checker: MarginChecker, room: ToolRoom) -> bool:
+        """Whether the tool is in the room at the configuration that `checker` tested last."""
         # In most configurations the joint alone tells, which takes a third of the time.
         at, reach = checker.tool_joint.translation, self._tcp_reach
-        return _is_within(self._room, at, reach) or _is_within(
-            self._room, checker.tool_joint.act(self._tcp_offset), 0.0
-        )
+        return room.holds(at, reach) or room.holds(checker.tool_joint.act(self._tcp_offset))
 
     def _at(self, q: Array) -> tuple[Array, ...]:
         for full_q in self._full_q:
@@ -369,27 +364,6 @@ def _robot(model: RobotModel, margins: CollisionMargins) -> RobotCollisionGeomet
     joint, placement = _tcp(model.full)
     pairs = _self_pairs(model, objects, pieces)
     return RobotCollisionGeometry(model.full, geometry, pieces, pairs, joint, placement, margins.table())
-
-
-def _narrowed(room: Bounds) -> tuple[Vector3, Vector3]:
-    """Return the corners of the box in which the tool may be."""
-    (left, front, low), (right, back, high) = room.min, room.max
-    return (left + WORKSPACE_MARGIN, front + WORKSPACE_MARGIN, low + WORKSPACE_MARGIN), (
-        right - WORKSPACE_MARGIN,
-        back - WORKSPACE_MARGIN,
-        high - WORKSPACE_MARGIN,
-    )
-
-
-def _is_within(room: tuple[Vector3, Vector3], point: Array, reach: float) -> bool:
-    """Whether everything up to `reach` m from a point (3,) is within the box between two corners."""
-    (left, front, low), (right, back, high) = room
-    x, y, z = point.tolist()
-    return (
-        left + reach <= x <= right - reach
-        and front + reach <= y <= back - reach
-        and low + reach <= z <= high - reach
-    )
 
 
 def _q_index(model: pin.Model, joint: str) -> int:

@@ -19,6 +19,7 @@ from ...world.values import Array
 from ..requests import ContactPair
 from .collision_checker import CollisionChecker
 from .robot_geometry import MarginChecker
+from .tool_room import StartExcess, start_excess
 
 EDGE_RESOLUTION = 0.03
 """Greatest step along an edge, rad (Euclidean over the joints)."""
@@ -200,7 +201,8 @@ class StartTolerance:
     near it.
 
     Excused pairs may not come closer near the start, and must have come apart further away. `stuck` has the
-    pairs that penetrate by more than the belief may be wrong: from there no plan may start.
+    pairs that penetrate by more than the belief may be wrong: from there no plan may start. A tool that
+    starts outside of the workspace may be as far outside as it is at the start.
     """
 
     def __init__(self, collision: CollisionChecker, start: Array) -> None:
@@ -208,11 +210,18 @@ class StartTolerance:
         self._collision = collision
         self._start = start
         self.excused: tuple[ContactPair, ...] = ()
+        self.excess: StartExcess | None = start_excess(self.model, collision.workspace, start)
+        """Excess of the start over soft limits and workspace; None: it is within both."""
         self._zones: list[tuple[float, MarginChecker]] = []
-        self._within = False
+        model = self.model
+        beyond = (start < model.lower) | (start > model.upper)
+        self.lower: Array = np.where(beyond, model.planned_lower, np.minimum(model.planned_lower, start))
+        """Lower limits (n,) within which a return path ends, rad."""
+        self.upper: Array = np.where(beyond, model.planned_upper, np.maximum(model.planned_upper, start))
+        outside = self.excess is not None and self.excess.tool is not None
+        self._widened = collision.room_at(start) if outside else None
         if not collision.free(start):
             self.excused = collision.contacts(start)
-            self._within = collision.within(start)
             self._zones.append((START_ZONE, collision.excusing(self.excused, APPROACH_SLACK)))
             loose = tuple(c for c in self.excused if self._loose(c))
             if loose:
@@ -223,8 +232,8 @@ class StartTolerance:
         """Whether q keeps the full margins."""
         checker = self._near_start(q) if self._zones else None
         if checker is not None:
-            return self._collision.asked(checker, q, within=self._within)
-        return self._collision.free(q)
+            return self._collision.asked(checker, q, self._widened or self._collision.room)
+        return self._collision.free(q, self._widened)
 
     def count_free(self, configurations: Array) -> int:
         """Return the number of configurations (m, n) before the first that is not free."""
@@ -242,8 +251,15 @@ class StartTolerance:
         """Whether q keeps halved margins: for samples between configurations that were found free."""
         checker = self._near_start(q) if self._zones else None
         if checker is not None:
-            return self._collision.asked(checker, q, within=self._within)
-        return self._collision.nearly_free(q)
+            return self._collision.asked(checker, q, self._widened or self._collision.room)
+        return self._collision.nearly_free(q, self._widened)
+
+    def excess_at(self, q: Array) -> Array:
+        """Return the excess of each joint over `lower` and `upper`, rad, and of the tool over its room, m:
+        (n + 1,)."""
+        joints = np.maximum(np.maximum(self.lower - q, q - self.upper), 0.0)
+        room = self._collision.room
+        return np.append(joints, 0.0 if room is None else room.excess(np.array(self.model.tcp(q).position)))
 
     def _near_start(self, q: Array) -> MarginChecker | None:
         away = float(np.abs(q - self._start).max())

@@ -13,7 +13,9 @@ import numpy as np
 
 from ...robots.model import RobotModel
 from ...world.values import Array, Bounds, Vector3
-from ..collision.collision_checker import WORKSPACE_MARGIN, CollisionChecker
+from ...world.workspace_excess import WorkspaceExcess, workspace_excess
+from ..collision.collision_checker import CollisionChecker
+from ..collision.tool_room import WORKSPACE_MARGIN
 from ..collision.trajectory_check import EDGE_RESOLUTION, StartTolerance
 from ..path_constraints import ConstraintViolation, PathConstraints
 from ..requests import ContactPair
@@ -39,6 +41,8 @@ class BlockingBodies:
     """Bodies by how often they were in the way, the most frequent first; links of the robot among them."""
 
     by: tuple[str, ...] = ()
+    pairs: tuple[str, ...] = ()
+    """Each of these bodies with the part that touches it most often, as `panda_hand at wall`."""
     share: float = 0.0
     """Share of the examined configurations that the first body blocks, 0 … 1."""
 
@@ -128,30 +132,21 @@ class ObstructionSearch:
             return BlockingBodies()
         picked = np.unique(np.linspace(0, len(hit) - 1, min(len(hit), MAX_EXAMINED)).astype(int))
         names: Counter[str] = Counter()
+        touching: dict[str, Counter[str]] = {}
         for k in picked:
             contacts = self._collision.contacts(hit[int(k)])
             if contacts:
                 names.update((contacts[0].b,))
+                touching.setdefault(contacts[0].b, Counter()).update((contacts[0].a,))
             elif not self._constraints.hold(hit[int(k)]):
                 names.update((CONSTRAINT_NAME,))
         if not names:
             return BlockingBodies()
-        return BlockingBodies(
-            tuple(name for name, _ in names.most_common()), names.most_common(1)[0][1] / len(picked)
+        by = tuple(name for name, _ in names.most_common())
+        pairs = tuple(
+            f"{touching[name].most_common(1)[0][0]} at {name}" if name in touching else name for name in by
         )
-
-
-@dataclass(frozen=True, slots=True)
-class WorkspaceExcess:
-    """Excess of the tool over the space in which planning may bring it: axis, excess over the workspace, m,
-    and position.
-
-    A negative excess: the tool is within the workspace, but nearer to its edge than planning goes.
-    """
-
-    axis: str
-    by: float
-    at: Vector3
+        return BlockingBodies(by, pairs, names.most_common(1)[0][1] / len(picked))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,14 +184,4 @@ class GoalInspection:
 
     def outside(self, tool: Vector3) -> WorkspaceExcess | None:
         """Return how far a point in the world is outside the planned workspace; None: it is inside."""
-        if self._workspace is None:
-            return None
-        low = np.array(self._workspace.min) + WORKSPACE_MARGIN - np.array(tool)
-        high = np.array(tool) - np.array(self._workspace.max) + WORKSPACE_MARGIN
-        over = np.maximum(low, high)
-        axis = int(np.argmax(over))
-        return (
-            WorkspaceExcess("xyz"[axis], float(over[axis]) - WORKSPACE_MARGIN, tool)
-            if over[axis] > 0
-            else None
-        )
+        return None if self._workspace is None else workspace_excess(self._workspace, tool, WORKSPACE_MARGIN)

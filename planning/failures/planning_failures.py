@@ -8,12 +8,13 @@ from math import degrees
 
 import numpy as np
 
+from ...robots.joint_limits import DEGREES_HINT, format_joint_value, joint_excesses
 from ...robots.model import LIMIT_RESERVE, RobotModel
 from ...world.causes import Failure, planning
 from ...world.values import Array, Pose, Vector3
+from ...world.workspace_excess import WorkspaceExcess
 from ..kinematics.cartesian_lines import LineResult, interpolate_pose
 from ..kinematics.inverse_kinematics import InverseKinematics
-from ..kinematics.levenberg_marquardt import is_hinge
 from ..kinematics.unreachable_poses import NearestReach
 from ..path_constraints import ConstraintViolation
 from ..requests import (
@@ -29,26 +30,7 @@ from ..requests import (
     Target,
     UprightConstraint,
 )
-from .obstructions import BlockingBodies, Enclosure, GoalRejection, WorkspaceExcess
-
-
-def format_joint_value(model: RobotModel, joint: int, value: float) -> str:
-    """Format a joint's position or a part of it: in deg, for a slider in mm."""
-    if is_hinge(model.arm.joints[joint + 1]):
-        return f"{degrees(value):.1f} deg"
-    return f"{value * 1000:.1f} mm"
-
-
-def beyond_limits(model: RobotModel, q: Array) -> list[str]:
-    """Describe each joint beyond its limit at q (n,): its position, the excess, and the limit."""
-    told: list[str] = []
-    for joint, (name, at) in enumerate(zip(model.description.joints, q.tolist(), strict=True)):
-        low, high = float(model.lower[joint]), float(model.upper[joint])
-        if not low <= at <= high:
-            limit = low if at < low else high
-            value, excess, bound = (format_joint_value(model, joint, x) for x in (at, abs(at - limit), limit))
-            told.append(f"{name} at {value} is {excess} beyond its limit of {bound}")
-    return told
+from .obstructions import BlockingBodies, Enclosure, GoalRejection
 
 
 def describe_shortfall(model: RobotModel, nearest: NearestReach) -> str:
@@ -126,26 +108,15 @@ def _kept(contact: ContactPair) -> str:
     return f" ({contact.margin * 1000:.1f} mm to keep)" if 0 <= contact.distance < contact.margin else ""
 
 
-def start_in_collision(q: Array, contacts: Sequence[ContactPair], *, believed: bool = True) -> Failure:
-    """Build the failure of a start in collision. `believed`: the start q (n,) is the arm's, not one that the
-    request gave."""
-    worst = contacts[0]
-    return Failure(
-        planning.START_IN_COLLISION,
-        f"{_start(believed)} {worst.a} is {how_near(worst)} {worst.b}",
-        pairs=contact_lines(contacts),
-        depth=-worst.distance,
-        configuration=q.tolist(),
-    )
-
-
 def outside_limits(model: RobotModel, q: Array) -> Failure:
     """Build the failure of a requested configuration with joints beyond their limits."""
-    beyond = beyond_limits(model, q)
+    excesses = joint_excesses(model, q)
+    beyond = [str(one) for one in excesses]
     more = f" (and {len(beyond) - 1} more)" if len(beyond) > 1 else ""
+    hint = f"; {DEGREES_HINT}" if any(one.more_than_a_turn for one in excesses) else ""
     return Failure(
         planning.NO_IK,
-        f"the configuration lies outside the joint limits: {beyond[0]}{more}",
+        f"the configuration lies outside the joint limits: {beyond[0]}{more}{hint}",
         configuration=q.tolist(),
         joints=beyond,
     )
@@ -220,11 +191,9 @@ def how_rejected(rejection: GoalRejection, verb: str = "is") -> str:
 
 def how_outside(outside: WorkspaceExcess) -> str:
     """Describe the excess, with the axis."""
-    at = dict(zip("xyz", outside.at, strict=True))[outside.axis]
-    where = f"{outside.axis} = {at * 1000:.0f} mm"
     if outside.by <= 0:
-        return f"only {-outside.by * 1000:.1f} mm from the edge of the workspace ({where})"
-    return f"{outside.by * 1000:.1f} mm outside of the workspace ({where})"
+        return f"only {-outside.by * 1000:.1f} mm from the edge of the workspace ({outside.side})"
+    return f"{outside.by * 1000:.1f} mm outside of the workspace ({outside.side})"
 
 
 def constraint_violated(where: str, broken: Sequence[ConstraintViolation]) -> Failure:
@@ -272,12 +241,12 @@ def not_found(
         else "every path that was found comes too close to something when it is timed"
     )
     if enclosed is not None:
-        by = f" by {join_words(enclosed.blocked.by[:4])}" if enclosed.blocked.by else ""
+        by = f" by {join_words(enclosed.blocked.pairs[:4])}" if enclosed.blocked.pairs else ""
         sentence += f": the {enclosed.where} seems enclosed{by}, a search from there gets no further than "
         sentence += f"{degrees(enclosed.radius):.0f} deg"
-    elif between.by:
-        are = "is" if len(between.by) == 1 else "are"
-        sentence += f": in the way of the straight motion {are} {join_words(between.by[:3])}"
+    elif between.pairs:
+        are = "is" if len(between.pairs) == 1 else "are"
+        sentence += f": in the way of the straight motion {are} {join_words(between.pairs[:3])}"
     return Failure(
         planning.BUDGET if used_up and enclosed is None else planning.NO_PATH,
         sentence,
@@ -331,10 +300,6 @@ def how_near(contact: ContactPair) -> str:
 def join_words(names: Sequence[str]) -> str:
     """Join names as `a, b and c`."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
-
-
-def _start(believed: bool) -> str:
-    return "where the arm is," if believed else "where the motion starts,"
 
 
 def _point(point: Sequence[float]) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pinocchio as pin
 
+from ...robots.joint_limits import is_hinge
 from ...robots.model import RobotModel
 from ...world.values import Array, Pose
 from .levenberg_marquardt import (
@@ -16,7 +17,6 @@ from .levenberg_marquardt import (
     MAX_STALLED_STEPS,
     IkDescent,
     IkSeeds,
-    is_hinge,
     pose_key,
     target_of,
 )

@@ -157,12 +157,6 @@ def target_of(pose: Pose) -> pin.SE3:
     return pin.XYZQUATToSE3(np.array((*pose.position, *pose.orientation)))
 
 
-def is_hinge(joint: pin.JointModel) -> bool:
-    """Whether the joint turns (else it slides): pinocchio has a type for each axis."""
-    name = joint.shortname()
-    return "Prismatic" not in name and not name.startswith("JointModelP")
-
-
 SEED_COUNT = 2048
 """Number of configurations. Finding the nearest takes as long as two steps of a descent; twice as many save
 no step."""

@@ -9,9 +9,10 @@ from typing import Literal
 import numpy as np
 import pinocchio as pin
 
+from ...robots.joint_limits import is_hinge
 from ...robots.model import RobotModel, pose_of
 from ...world.values import Array, Pose
-from .levenberg_marquardt import FULL_TURN, IkDescent, IkResult, IkSeeds, is_hinge, pose_key, target_of
+from .levenberg_marquardt import FULL_TURN, IkDescent, IkResult, IkSeeds, pose_key, target_of
 
 EXPLANATION_SEEDS = 12
 """Number of seeds for each answer; the best result counts."""

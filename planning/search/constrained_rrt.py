@@ -82,7 +82,7 @@ class ConstrainedPlanner:
         for k in sorted(range(len(goals)), key=effort):
             if self.edge(self._start, goals[k], EDGE_RESOLUTION):
                 path = np.array([self._start, goals[k]])
-                trajectory = self._timed(path)
+                trajectory = self.timed(path)
                 if trajectory is not None:
                     return FoundPath(path, "direct", k, trajectory)
         return None
@@ -104,7 +104,7 @@ class ConstrainedPlanner:
             if path is None:
                 return None
             path = search.shortened(path)
-            trajectory = self._timed(path)
+            trajectory = self.timed(path)
             if trajectory is not None:
                 nearest = [float(np.abs(goal - path[-1]).max()) for goal in goals]
                 return FoundPath(
@@ -143,7 +143,7 @@ class ConstrainedPlanner:
         """Whether the straight segment from a (exclusive) to b is free and keeps the constraints."""
         return edge_free(self.free, a, b, resolution)
 
-    def _timed(self, path: Array) -> Trajectory | None:
+    def timed(self, path: Array) -> Trajectory | None:
         """Return the fastest of the timings that stay free and keep the constraints; None: there is none."""
         found: list[Trajectory] = []
         for radius in CORNER_RADII if len(path) > 2 else CORNER_RADII[:1]:

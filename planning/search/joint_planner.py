@@ -219,21 +219,29 @@ class JointPlanner:
     def _edge(self, a: Array, b: Array) -> bool:
         return self._strides.free(self._count_free, a, b)
 
-    def _timed(self, path: Array, planner: str, goal: int) -> FoundPath | None:
-        """Time a path. None: no trajectory on it is free."""
+    def timed(self, path: Array) -> Trajectory | None:
+        """Return the trajectory on a path (m, n) with its corners cut as far as that is free. None: none is
+        free, or the request has no scaling."""
         if self._scaling is None:
-            return FoundPath(path, planner, goal, None)
+            return None
         for radius in CORNER_RADII if len(path) > 2 else CORNER_RADII[:1]:
             trajectory = time_corners(self._model, path, self._scaling, radius)
             if trajectory is None:
                 continue
             hit = first_collision(self._way, trajectory)
             if hit is None:
-                return FoundPath(path, planner, goal, trajectory)
+                return trajectory
             if _distance_to_path(path, hit) < ON_PATH_DISTANCE:
                 # On a straight part, cutting less of the corners helps nothing.
                 return None
         return None
+
+    def _timed(self, path: Array, planner: str, goal: int) -> FoundPath | None:
+        """Time a path where the request has a scaling. None: no trajectory on it is free."""
+        if self._scaling is None:
+            return FoundPath(path, planner, goal, None)
+        trajectory = self.timed(path)
+        return None if trajectory is None else FoundPath(path, planner, goal, trajectory)
 
 
 def _distance_to_path(path: Array, q: Array) -> float:

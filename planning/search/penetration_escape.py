@@ -71,6 +71,8 @@ class EscapeSearch:
         self._start = start
         self._lower = np.minimum(model.planned_lower, start)
         self._upper = np.maximum(model.planned_upper, start)
+        self._room = collision.room_at(start)
+        """Box in which the tool stays, m: from outside of the workspace it goes no further out."""
 
     def way(self, direction: Direction, reach: float, *, until_free: bool = True) -> EscapePath:
         """Search in that direction until the arm is free, or, without `until_free`, for `reach` m of the
@@ -90,6 +92,9 @@ class EscapeSearch:
             for step in self._steps(q, near, direction):
                 tried = np.clip(q + step, self._lower, self._upper)
                 if float(np.abs(tried - q).max()) < MIN_ESCAPE_STEP:
+                    continue
+                if not self._in_room(tried):
+                    ended_by = "the tool would leave the workspace"
                     continue
                 after = self._collision.separations(tried, WATCHED_DISTANCE)
                 worse = _pair_too_close(after, allowed)
@@ -139,8 +144,11 @@ class EscapeSearch:
         `out`."""
         return np.zeros(3) if direction == "out" else self._along(self._start, direction)
 
+    def _in_room(self, q: Array) -> bool:
+        return self._room is None or self._room.holds(np.array(self._model.tcp(q).position))
+
     def _free(self, q: Array) -> bool:
-        return self._collision.free(q)
+        return self._collision.free(q, self._room)
 
     def _steps(self, q: Array, near: tuple[Separation, ...], direction: Direction) -> Iterator[Array]:
         """Yield the steps to try: the wanted one, then smaller ones.

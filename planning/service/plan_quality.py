@@ -16,7 +16,7 @@ from ...world.values import Array
 from ..collision.collision_checker import CollisionChecker
 from ..failures import planning_failures
 from ..requests import ContactPair, MotionPlan, Request
-from .solver import MeasuredCost
+from .cost_meter import MeasuredCost
 
 QUALITY_STEP = 0.05
 """Greatest distance in joint space between two measured configurations, rad."""

@@ -35,6 +35,7 @@ from ..requests import (
 )
 from ..search.goal_configurations import SOLUTIONS_PER_POSE
 from ..search.penetration_escape import EscapeSearch
+from .cost_meter import CostMeter, MeasuredCost
 from .lookahead_planning import (
     CheckedBelief,
     LookaheadOutcome,
@@ -46,7 +47,8 @@ from .lookahead_planning import (
 from .motion_chain import DEFAULT_LINE_ROUNDING, MotionChain, split_into_legs
 from .plan_quality import PlanQuality, PlanQualityMeter, combine_qualities, plan_entry
 from .planning_worker import ChainAnswer, ChainOrder, ChainSolver, PlanningWorker, solve_chain
-from .solver import CostMeter, MeasuredCost, ReachResult, RequestSolver, check_reach, free_postures
+from .reachability import ReachResult, check_reach, free_postures
+from .solver import RequestSolver
 
 if TYPE_CHECKING:
     from ..collision.trajectory_judge import TrajectoryVerifier
@@ -143,7 +145,8 @@ class PlanService:
     def solve(self, request: Request, *, node: str = "") -> Generator[None, None, MotionPlan]:
         """Plan the trajectory of a request; `node` keys the planner's randomness.
 
-        Fails with planning.no_ik, .goal_in_collision, .start_in_collision, .constraint, .budget or .no_path.
+        Fails with planning.no_ik, .goal_in_collision, .start_in_collision, .start_outside, .constraint,
+        .budget or .no_path.
         """
         request = self._manner.of(request)
         seed = self._seed(request, node)
@@ -174,8 +177,8 @@ class PlanService:
         """Plan a straight motion of the TCP to a pose or by an offset; as much of it as is free and
         reachable.
 
-        Fails with planning.no_path when that is less than `least_fraction`, or .start_in_collision. A line
-        draws nothing at random: `node` exists so that all requests are called alike.
+        Fails with planning.no_path when that is less than `least_fraction`, .start_in_collision or
+        .start_outside. A line draws nothing at random: `node` exists so that all requests are called alike.
         """
         return (yield from self.solve(Request(line, start, scaling=scaling or Scaling()), node=node))
 

@@ -1,31 +1,25 @@
-"""Request solver: one plan or one typed failure for one request, without charges, records and verification.
-
-Beside it: its cost in simulated time, and the reachability of a pose, as the cheap test before planning.
-"""
+"""Request solver: one plan or one typed failure for one request; charges and records are elsewhere."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...robots.model import RobotModel
 from ...world.belief.planning_scene import PlanningScene
-from ...world.causes import Failure
-from ...world.computing_time import ComputeTimeAccount
+from ...world.causes import Failure, planning
 from ...world.planner_names import AUTO
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Bounds, Pose
 from ..collision.collision_bodies import CollisionMargins
 from ..collision.collision_checker import CollisionChecker
 from ..collision.trajectory_check import StartTolerance, is_trajectory_free
-from ..failures import planning_failures
+from ..failures import planning_failures, start_failures
 from ..failures.obstructions import GoalInspection, ObstructionSearch
 from ..failures.planning_failures import explain_line_stop
 from ..kinematics.cartesian_lines import LineResult, plan_line
-from ..kinematics.configuration_cost import configuration_cost
 from ..kinematics.inverse_kinematics import InverseKinematics
 from ..path_constraints import PathConstraints
 from ..requests import (
@@ -36,21 +30,18 @@ from ..requests import (
     MotionPlan,
     OffsetGoal,
     PlannedPath,
-    PoseGoal,
     Request,
     check_request,
 )
 from ..search.constrained_rrt import ConstrainedPlanner
-from ..search.goal_configurations import (
-    HOME_CONFIGURATION,
-    SOLUTIONS_PER_POSE,
-    UNCOMFORTABLE_COST,
-    GoalConfiguration,
-    GoalSet,
-)
+from ..search.goal_configurations import HOME_CONFIGURATION, GoalConfiguration, GoalSet
 from ..search.joint_planner import PLANNER_NAME, CheckBudget, FoundPath, JointPlanner, load_planner
 from ..search.path_search import PathPlanner
+from ..search.return_path import ReturnSearch
 from ..timing.time_parameterization import time_smooth
+
+RETURN_ATTEMPTS = 4
+"""Number of return paths that are tried: a straight one, then others."""
 
 
 class RequestSolver:
@@ -135,14 +126,51 @@ class RequestSolver:
     def _begun(self, request: Request) -> _Begun:
         start = self.start(request)
         way = StartTolerance(self.collision, start)
+        believed = request.start is None
+        if way.excess is not None and (way.stuck or way.excess.more_than_a_turn):
+            raise start_failures.start_outside(start, way.excess, way.stuck, believed=believed)
         if way.stuck:
-            raise planning_failures.start_in_collision(start, way.stuck, believed=request.start is None)
+            raise start_failures.start_in_collision(start, way.stuck, believed=believed)
         constraints = PathConstraints(self.model, request.constraints)
         if broken := constraints.broken(start):
             raise planning_failures.constraint_violated("where the motion starts", broken)
         return _Begun(request, start, way, constraints, self.collision.checks)
 
     def _plan(self, begun: _Begun, goal: Goal, seed: int, *, timed: bool) -> PlannedPath:
+        """Plan to a goal; from a start beyond limits or workspace by a return path first."""
+        excess, way = begun.way.excess, begun.way
+        if excess is None:
+            return self._plan_inside(begun, goal, seed, timed=timed)
+        search = ReturnSearch(self.model, self.collision, self.ik, way, begun.start, begun.constraints.hold)
+        home = self.model.named(HOME_CONFIGURATION)
+        why = ""
+        for attempt in range(RETURN_ATTEMPTS):
+            back = search.around(seed + attempt, begun.request.budget) if attempt else search.straight([home])
+            if back is None:
+                continue
+            inside = replace(begun, start=back[-1], way=StartTolerance(self.collision, back[-1]))
+            try:
+                found = self._plan_inside(inside, goal, seed, timed=timed)
+            except Failure as failure:
+                if failure.cause not in (planning.NO_PATH, planning.BUDGET) or _goal_enclosed(failure):
+                    raise
+                why = f"a motion leads back in, but not on from there: {failure.message}"
+                continue
+            path = np.concatenate([back[:-1], found.path])
+            trajectory = self._planner(begun, None, timed=True).timed(path) if timed else None
+            if trajectory is not None or not timed:
+                checks = self.collision.checks - begun.checks
+                return _planned(trajectory, PlannedPath(path, found.planner, checks, found.goal_index))
+            why = "each motion that leads back in comes too close to something when it is timed"
+        inner = np.clip(begun.start, way.lower, way.upper)
+        between = ObstructionSearch(self.model, self.collision, way, begun.constraints).between(
+            begun.start, [inner, home]
+        )
+        why = why or start_failures.no_way_back(between)
+        raise start_failures.start_outside(begun.start, excess, why=why, believed=begun.request.start is None)
+
+    def _plan_inside(self, begun: _Begun, goal: Goal, seed: int, *, timed: bool) -> PlannedPath:
+        """Plan from a start within limits and workspace."""
         constraints = begun.constraints
         chosen = self._chosen(begun.request)
         planner = self._planner(begun, chosen, timed=timed)
@@ -219,7 +247,15 @@ class RequestSolver:
         if self.finds_nothing:
             found = LineResult(found.path[:1], 0.0, "reach", ended_at=target)
         if found.fraction < line.least_fraction:
-            raise self._line_ended(found, line.least_fraction, target)
+            ended = self._line_ended(found, line.least_fraction, target)
+            if way.excess is None:
+                raise ended
+            raise start_failures.start_outside(
+                start,
+                way.excess,
+                why=f"no straight motion leads back in, a free one may: {ended.message}",
+                believed=begun.request.start is None,
+            )
         trajectory = self._timed_line(begun, found) if timed else None
         checks = self.collision.checks - begun.checks
         return _planned(trajectory, PlannedPath(found.path, "line", checks, fraction=found.fraction))
@@ -270,6 +306,11 @@ class _Begun:
     checks: int
 
 
+def _goal_enclosed(failure: Failure) -> bool:
+    """Whether a search failed for its goal's sake, whatever its start."""
+    return failure.evidence.get("enclosed") == "goal"
+
+
 def _planned(trajectory: Trajectory | None, path: PlannedPath) -> PlannedPath:
     """Return a path with its trajectory; the path alone where it has none."""
     if trajectory is None:
@@ -277,114 +318,3 @@ def _planned(trajectory: Trajectory | None, path: PlannedPath) -> PlannedPath:
     return MotionPlan(
         path.path, path.planner, path.checks, path.goal_index, path.fraction, trajectory=trajectory
     )
-
-
-@dataclass(slots=True)
-class MeasuredCost:
-    """Cost of a measured block, filled in when it ends: collision checks and simulated s."""
-
-    checks: int = 0
-    seconds: float = 0.0
-
-
-class CostMeter:
-    """Meter that charges the use of `collision` and `ik` within `measure` to the thinking account."""
-
-    def __init__(
-        self, collision: CollisionChecker, ik: InverseKinematics, thinking: ComputeTimeAccount, cost: float
-    ) -> None:
-        self._collision = collision
-        self._ik = ik
-        self._thinking = thinking
-        self._cost = cost
-
-    @contextmanager
-    def measure(self) -> Generator[MeasuredCost]:
-        spent = MeasuredCost()
-        checks, solves = self._collision.checks, self._ik.solves
-        try:
-            yield spent
-        finally:
-            spent.checks = self._collision.checks - checks
-            spent.seconds = (spent.checks + self._ik.solves - solves) * self._cost
-            self._thinking.spend(spent.seconds)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ReachResult:
-    """Result of a reachability test: `q` (n,) rad reaches the pose and is free.
-
-    If `q` is None, `contact` is in the way at the best of `solutions` solutions, or the pose is out of reach.
-    """
-
-    q: Array | None
-    solutions: int
-    contact: ContactPair | None = None
-
-    @property
-    def why_not(self) -> str:
-        """Reason in a few words; empty when the pose is reached."""
-        if self.q is not None:
-            return ""
-        if self.contact is None:
-            return "out of reach" if not self.solutions else "outside the workspace"
-        depth = -self.contact.distance * 1000
-        near = f"{depth:.1f} mm deep in" if depth > 0 else f"only {-depth:.1f} mm from"
-        return f"{self.contact.a} would be {near} {self.contact.b}"
-
-
-def check_reach(
-    solver: RequestSolver, request: Request, rng: Callable[[], np.random.Generator]
-) -> ReachResult:
-    """Find a free configuration for the first pose of a request's goal, near the request's start.
-
-    The scene is as the request supposes it. The path in between is not checked. `rng` is called where
-    solutions from random seeds are needed.
-    """
-    assert isinstance(request.target, PoseGoal), "a pose is asked for"
-    pose = request.target.tcp_in_world[0]
-    near = solver.start(request)
-    solver.look(request)
-    solutions: list[Array] = []
-    for seed in (near, solver.model.named(HOME_CONFIGURATION)):
-        q = solver.ik.descend(pose, seed)
-        if q is not None:
-            solutions.append(q)
-            if solver.collision.free(q) and configuration_cost(solver.model, q) < UNCOMFORTABLE_COST:
-                return ReachResult(q, len(solutions))
-    if not any(solver.collision.free(q) for q in solutions):
-        blocked = next((c for q in solutions[:1] for c in solver.collision.contacts(q)), None)
-        if blocked is not None and _is_hand_contact(solver, request, blocked):
-            return ReachResult(None, len(solutions), blocked)
-        solutions += solver.ik.solutions(pose, rng(), near, SOLUTIONS_PER_POSE)
-    free = [q for q in solutions if solver.collision.free(q)]
-    if free:
-        best = min(free, key=lambda q: float(np.linalg.norm(q - near)) + configuration_cost(solver.model, q))
-        return ReachResult(best, len(solutions))
-    worst = [contacts[0] for q in solutions if (contacts := solver.collision.contacts(q))]
-    least = max(worst, key=lambda contact: contact.distance, default=None)
-    return ReachResult(None, len(solutions), least)
-
-
-def free_postures(solver: RequestSolver, request: Request, rng: np.random.Generator) -> list[Array]:
-    """Return free, comfortable configurations (n,) at the first pose of a request's goal, the nearest to its
-    start first."""
-    assert isinstance(request.target, PoseGoal), "a pose is asked for"
-    solver.look(request)
-    near = solver.start(request)
-    found = solver.ik.solutions(request.target.tcp_in_world[0], rng, near, SOLUTIONS_PER_POSE)
-    return [
-        q
-        for q in found
-        if configuration_cost(solver.model, q) < UNCOMFORTABLE_COST and solver.collision.free(q)
-    ]
-
-
-def _is_hand_contact(solver: RequestSolver, request: Request, contact: ContactPair) -> bool:
-    """Whether the hand or the held object touches a surrounding body. It then does so at this pose in any
-    posture of the arm."""
-    description, scene = solver.model.description, solver.scene(request)
-    held = scene.held
-    hand = (*description.gripper.fingers, description.tcp_link, *(() if held is None else (held.id,)))
-    around = (*scene.fixtures, *scene.bins, *(o.id for o in scene.objects))
-    return contact.a in hand and contact.b.split("/")[0] in around

@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...robots.joint_limits import format_joint_value
 from ...robots.model import RobotModel
 from ...world.causes import Cause, Failure, planning, safety
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Bounds
+from ...world.workspace_excess import workspace_excess
 from ..collision.trajectory_check import StartTolerance, first_collision, sampled_configurations
 from ..failures import planning_failures
 from ..requests import ContactPair, JointGoal, Request
@@ -89,7 +91,7 @@ class TrajectoryGate:
         lower = np.minimum(model.lower, trajectory.start) - LIMIT_ROUNDING
         upper = np.maximum(model.upper, trajectory.start) + LIMIT_ROUNDING
         self._within(
-            trajectory, times, np.maximum(lower - q, q - upper), q, safety.JOINT_LIMIT, "rad beyond its limit"
+            trajectory, times, np.maximum(lower - q, q - upper), q, safety.JOINT_LIMIT, "beyond its limit"
         )
         for values, limit, cause, unit in (
             (v, model.velocity_limit, safety.SPEED_LIMIT, "rad/s above its speed limit"),
@@ -107,9 +109,11 @@ class TrajectoryGate:
         if by <= 0.0:
             return
         at, name = float(times[row]), self._model.description.joints[int(joint)]
+        is_position = cause is safety.JOINT_LIMIT
+        size = format_joint_value(self._model, int(joint), by) if is_position else f"{by:.3f}"
         raise Failure(
             cause,
-            f"the trajectory is refused: {name} would be {by:.3f} {what} {_time_words(at, trajectory)}",
+            f"the trajectory is refused: {name} would be {size} {what} {_time_words(at, trajectory)}",
             joint=name,
             value=float(values[row, joint]),
             beyond=by,
@@ -131,7 +135,7 @@ class TrajectoryGate:
         raise Failure(
             safety.WORKSPACE,
             f"the trajectory is refused: the tool would be {outside[worst] * 1000:.0f} mm outside the "
-            f"workspace {_time_words(at, trajectory)}",
+            f"workspace{_side(self._workspace, tool[worst])} {_time_words(at, trajectory)}",
             position=[round(float(c), 4) for c in tool[worst]],
             beyond=float(outside[worst]),
             time=at,
@@ -232,6 +236,13 @@ def _between(trajectory: Trajectory) -> tuple[Array, Array, Array, Array]:
     return np.concatenate(times), np.concatenate(q), np.concatenate(v), np.concatenate(a)
 
 
+def _side(workspace: Bounds, tool: Array) -> str:
+    """Return the side of the workspace that a point (3,) is beyond, in words."""
+    x, y, z = tool.tolist()
+    excess = workspace_excess(workspace, (x, y, z))
+    return "" if excess is None else f" ({excess.side})"
+
+
 def _time_of(trajectory: Trajectory, q: Array) -> float:
     """Return the time at which a trajectory is nearest to a configuration (n,), s."""
     return float(trajectory.times[int(np.abs(trajectory.position - q).max(axis=1).argmin())])
@@ -256,8 +267,8 @@ class JogCollisionCheck:
         self._plans = plans
 
     def __call__(self, path: Array) -> tuple[str, ...]:
-        """Return the names of bodies that are touched on configurations (k, n) and halfway between them; ():
-        it is free."""
+        """Return the pairs that touch on configurations (k, n) and halfway between them, as `panda_hand at
+        table`; (): it is free."""
         solver = self._plans.solver
         solver.look()
         collision = solver.collision
@@ -270,8 +281,8 @@ class JogCollisionCheck:
 
 
 def _names(contacts: tuple[ContactPair, ...], excused: tuple[ContactPair, ...]) -> tuple[str, ...]:
-    """Return the names of touched bodies or links of the robot, without those that the arm was near
+    """Return the touching pairs as `panda_hand at table`, without those that were near each other
     already."""
     left = {(c.a, c.b): c.distance for c in excused}
     met = [c for c in contacts if c.distance < left.get((c.a, c.b), 1.0)]
-    return tuple(dict.fromkeys(c.b for c in met)) or ("the edge of the workspace",)
+    return tuple(dict.fromkeys(f"{c.a} at {c.b}" for c in met)) or ("the edge of the workspace",)

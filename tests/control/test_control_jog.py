@@ -59,13 +59,14 @@ def test_down_until_the_table_stops_it_and_up_again(backend: Backend) -> None:
     cell = Cell(backend)
     for speed in (0.5, 0.1):
         result = jog(cell, Twist((0.0, 0.0, -speed)))
-        assert (result.stopped_by, result.detail) == ("collision", "table")
+        pads = "panda_leftfinger at table, panda_rightfinger at table"
+        assert (result.stopped_by, result.detail) == ("collision", pads)
         assert 0.0005 < result.pose.position[2] - TIP < 0.004
         assert abs(cell.world.control.wrist.force[2]) < 2.0
         failure = result.failure()
         assert failure is not None
         after = f"{result.travelled * 1000:.0f} mm of a jog"
-        assert str(failure) == f"planning.blocked: stopped before table after {after}"
+        assert str(failure) == f"planning.blocked: stopped before a collision ({pads}) after {after}"
         assert jog(cell, Twist((0.0, 0.0, 0.2)), distance=0.1).stopped_by == "done"
 
 

@@ -35,7 +35,12 @@ def test_each_limit_stops_with_its_cause() -> None:
     beyond[3] = 0.0
     cases = [
         (state(velocity=fast), HOME, CALM, "safety.speed_limit: panda_joint5 moves at -3.20 rad/s"),
-        (state(beyond), beyond, CALM, "safety.joint_limit: panda_joint4 is 0.070 rad beyond its limit"),
+        (
+            state(beyond),
+            beyond,
+            CALM,
+            "safety.joint_limit: panda_joint4 at 0.0 deg is 4.0 deg beyond its limit of -4.0 deg",
+        ),
         (
             state(),
             HOME + 0.06 * np.eye(7)[5],
@@ -63,7 +68,7 @@ def test_workspace() -> None:
     assert not watch.check_tool((0.4, 0.0, 0.3))
     assert watch.check_tool((0.4, 0.53, 0.3))
     assert watch.stopped is not None
-    assert watch.stopped.message == "the tool is 30 mm outside the workspace, at (0.400, 0.530, 0.300)"
+    assert watch.stopped.message == "the tool is 30 mm outside the workspace: y = 530 mm, at most 500 mm"
 
 
 def test_a_short_blow_is_no_stop_but_a_push_is() -> None:

@@ -131,7 +131,7 @@ def test_the_tool_stays_in_the_workspace_on_every_side(axis: int) -> None:
             assert watch.check_tool((at[0], at[1], at[2])) is bool(stops)
             assert cause(watch) == stops
     assert watch.stopped is not None
-    assert watch.stopped.evidence == {"position": at}
+    assert watch.stopped.evidence == {"position": at, "axis": "xyz"[axis], "by": 0.001}
 
 
 @pytest.mark.parametrize(("share", "trips"), [(0.94, False), (0.96, True)])

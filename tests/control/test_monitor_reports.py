@@ -129,7 +129,7 @@ def test_each_limit_of_the_joints_has_its_own_words() -> None:
     q = HOME.copy()
     q[3] = MODEL.upper[3] + 0.05
     reads(watch, position=q)
-    assert message(watch) == "panda_joint4 is 0.050 rad beyond its limit"
+    assert message(watch) == "panda_joint4 at -1.1 deg is 2.9 deg beyond its limit of -4.0 deg"
     watch = monitor()
     reads(watch, velocity=one(2, -5.0))
     assert message(watch) == "panda_joint3 moves at -5.00 rad/s"

@@ -202,7 +202,7 @@ def test_each_limit_is_told_with_joint_time_and_amount() -> None:
     cases = [
         (
             away(5, 2.5, 4.0),
-            "safety.joint_limit: the trajectory is refused: panda_joint6 would be 0.318 rad beyond its limit "
+            "safety.joint_limit: the trajectory is refused: panda_joint6 would be 18.2 deg beyond its limit "
             "after 4.00 s, 100 % of the way",
         ),
         (

@@ -169,7 +169,8 @@ def test_the_budget_ends_the_search() -> None:
     failure = fails(cell, PoseGoal((IN_RIGHT,)), budget=150)
     assert failure.cause == planning.BUDGET
     assert failure.message == (
-        "no path within 150 collision checks: in the way of the straight motion are middle, roof and floor"
+        "no path within 150 collision checks: in the way of the straight motion are "
+        "panda_hand at middle, panda_hand at roof and panda_link7 at floor"
     )
     assert isinstance(failure.evidence["checks"], int) and 150 <= failure.evidence["checks"] < 200
 
@@ -258,7 +259,7 @@ def test_the_judge_catches_a_blind_planner(
 ) -> None:
     cell = Cell(table_scene(item("tall", Box((0.2, 0.2, 0.7)), Pose((0.35, 0.0, 0.35)))))
 
-    def blind(_: CollisionChecker, __: Array) -> bool:
+    def blind(_: CollisionChecker, __: Array, ___: object = None) -> bool:
         return True
 
     monkeypatch.setattr(CollisionChecker, "free", blind)

@@ -171,9 +171,14 @@ def test_8_the_goal_is_outside_of_the_workspace() -> None:
     box = Bounds((0.2, -0.5, 0.0), (0.6, 0.5, 0.8))
     found = failure(table_scene(), Request(PoseGoal((down(0.7, 0.0, 0.2),))), box=box)
     assert found.cause == planning.WORKSPACE
-    assert found.message == "at the goal the tool is 100.0 mm outside of the workspace (x = 700 mm)"
+    assert (
+        found.message
+        == "at the goal the tool is 100.0 mm outside of the workspace (x = 700 mm, at most 600 mm)"
+    )
     near = failure(table_scene(), Request(PoseGoal((down(0.599, 0.0, 0.2),))), box=box)
-    assert near.message == "at the goal the tool is only 1.0 mm from the edge of the workspace (x = 599 mm)"
+    assert near.message == (
+        "at the goal the tool is only 1.0 mm from the edge of the workspace (x = 599 mm, at most 600 mm)"
+    )
 
 
 @pytest.mark.parametrize("where", ["at the goal", "where the motion starts"])
@@ -259,8 +264,9 @@ def test_16_start_or_goal_is_enclosed(where: str) -> None:
     far = number(found, "gets")
     assert far < 1.0
     assert found.message == (
-        f"no path within 1500 collision checks: the {where} seems enclosed by {by[0]}, {by[1]}, {by[2]} and "
-        f"{by[3]}, a search from there gets no further than {degrees(far):.0f} deg"
+        f"no path within 1500 collision checks: the {where} seems enclosed by panda_link7 at {by[0]}, "
+        f"panda_link7 at {by[1]}, panda_hand at {by[2]} and panda_hand at {by[3]}, a search from there "
+        f"gets no further than {degrees(far):.0f} deg"
     )
 
 
@@ -276,7 +282,7 @@ def test_17_a_wall_divides_the_cell() -> None:
     found = failure(PlanningScene([wall], []), Request(NamedGoal("home"), budget=1500), at=out)
     assert found.cause == planning.BUDGET
     assert found.message == (
-        "no path within 1500 collision checks: in the way of the straight motion is wall"
+        "no path within 1500 collision checks: in the way of the straight motion is panda_link5 at wall"
     )
     assert found.evidence["in_the_way"] == ["wall"]
     assert found.evidence["enclosed"] == ""

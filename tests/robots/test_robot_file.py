@@ -103,6 +103,12 @@ def test_a_robot_is_read(robot_file: Path) -> None:
             "home: [2]",
             "7:16: poses.home[0]: 2 rad is outside the limits of turn (-90 deg … 1.5 rad)",
         ),
+        (
+            "home: [0.5]",
+            "home: [45]",
+            "7:16: poses.home[0]: 45 rad is outside the limits of turn (-90 deg … 1.5 rad; degrees? Numbers "
+            "without a unit are in rad, of a slider in m)",
+        ),
         ("link: hand", "link: hnad", "8:13: tcp.link: the URDF has no link 'hnad' (did you mean 'hand'?)"),
         (
             "flange_joint: wrist",

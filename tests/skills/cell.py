@@ -14,6 +14,7 @@ from textwrap import indent
 
 import numpy as np
 
+from picktree.robots.description import RobotDescription
 from picktree.robots.loading import load_robot
 from picktree.session.assembly import TICK_LENGTH, assemble_world
 from picktree.simulation.backends import Backend, build_hardware
@@ -61,10 +62,15 @@ class Cell:
     """Hardware, world and a mission's tree. `tick` lets one tick of simulated time pass."""
 
     def __init__(
-        self, mission: Mission, scene: SceneDescription, backend: Backend = "kinematic", seed: int = 3
+        self,
+        mission: Mission,
+        scene: SceneDescription,
+        backend: Backend = "kinematic",
+        seed: int = 3,
+        robot: RobotDescription | None = None,
     ) -> None:
         self.scene = scene
-        robot = load_robot(scene.robot)
+        robot = robot or load_robot(scene.robot)
         self.hardware = build_hardware(backend, scene, robot, seed)
         self.world = assemble_world(self.hardware, scene, robot, seed)
         self.events: list[JournalEvent] = []

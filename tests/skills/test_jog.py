@@ -39,7 +39,8 @@ Sequence:
 
 
 def test_what_stops_it_is_a_failure_or_what_was_wanted() -> None:
-    text = "planning.blocked: stopped before table after 477 mm of a jog"
+    pads = "panda_leftfinger at table, panda_rightfinger at table"
+    text = f"planning.blocked: stopped before a collision ({pads}) after 477 mm of a jog"
     assert outcome(cell("Jog: {velocity: [0, 0, -0.2]}")) == text
     one = cell('Jog: {velocity: [0, 0, -0.2], when_stopped: succeed, stopped_by: "{end}"}')
     assert (outcome(one), one.tree.blackboard.save()["Main/end"]) == ("SUCCESS", "collision")

@@ -125,9 +125,9 @@ def test_a_stop_fails_a_skill_that_has_the_arm_and_only_waits(tmp_path: Path) ->
     assert report is not None
     assert (str(report.cause), report.message) == (
         "safety.workspace",
-        "the tool is 1100 mm outside the workspace, at (2.000, 0.000, 0.500)",
+        "the tool is 1100 mm outside the workspace: x = 2000 mm, at most 900 mm",
     )
-    assert report.evidence == {"position": [2.0, 0.0, 0.5]}
+    assert report.evidence == {"position": [2.0, 0.0, 0.5], "axis": "x", "by": 1.1}
 
 
 def test_a_stop_leaves_alone_what_does_not_have_the_arm_or_sees_to_stops(tmp_path: Path) -> None:

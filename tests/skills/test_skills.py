@@ -226,7 +226,7 @@ def test_a_latched_stop_refuses_motion_until_a_safe_retreat_acknowledges_it() ->
     cell = Cell(mission(LOOK), items(block=1))
     cell.world.control.monitor.check_tool((2.0, 0.0, 0.5))
     assert fails(cell, "GoTo: {pose: rest}") == "safety.stop"
-    said = "the tool is 1100 mm outside the workspace, at (2.000, 0.000, 0.500)"
+    said = "the tool is 1100 mm outside the workspace: x = 2000 mm, at most 900 mm"
     assert message(cell) == f"a safety stop is not acknowledged: {said}"
     cell.start(mission("Sequence: [SafeRetreat, {GoTo: {pose: rest}}]"))
     cell.finish()

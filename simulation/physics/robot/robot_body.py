@@ -34,9 +34,14 @@ def patched_urdf(robot: RobotDescription, folder: Path) -> str:
     Links have the convex bodies that the planner takes, hulls as files in `folder`: the engine reads no mesh
     of others. Every link shows its *collision* geometry: the camera sees what can be touched, which also
     renders ten times faster than the visual meshes. A link without <inertial> gets one of no mass, as the
-    planner's dynamics take it: the engine would give it 1 kg.
+    planner's dynamics take it: the engine would give it 1 kg. No joint keeps its <dynamics>: damping and
+    friction are in neither simulation nor controller.
     """
     root = read_geometry(robot.urdf)
+    for joint in root.findall("joint"):
+        # The engine adds damping explicitly, which spins light links up, and has no joint friction.
+        for dynamics in joint.findall("dynamics"):
+            joint.remove(dynamics)
     mount_tool(root, robot)
     links = {link.get("name", ""): link for link in root.findall("link")}
     for link in links.values():
@@ -187,17 +192,16 @@ class RobotBody:
         self._fingers = [joints[name] for name in robot.gripper.joints]
         self._flange = joints[robot.flange_joint]
         self._read_joints = [*self._arm, *self._fingers, self._flange]
-        for link in self.links:
-            # pybullet's default of 0.04 would damp the arm as if it moved in oil.
-            pb.changeDynamics(
-                self.body,
-                link,
-                linearDamping=0.0,
-                angularDamping=0.0,
-                jointDamping=0.0,
-                collisionMargin=0.0,
-                physicsClientId=self._client,
-            )
+        # pybullet's default of 0.04 would damp the arm as if it moved in oil. All three concern the whole
+        # body or its base, whatever link the call names.
+        pb.changeDynamics(
+            self.body,
+            -1,
+            linearDamping=0.0,
+            angularDamping=0.0,
+            collisionMargin=0.0,
+            physicsClientId=self._client,
+        )
         pb.enableJointForceTorqueSensor(self.body, self._flange, 1, self._client)
         if robot.gripper.linkage is not None:
             self._linkage = LinkageMotors(self.body, joints, robot.gripper, self._client)
