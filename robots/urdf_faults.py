@@ -122,7 +122,6 @@ def _inertial_faults(link: ElementTree.Element) -> Iterator[str]:
     else:
         yield from _number_faults(where, mass, "value", "kg", least=0.0)
     if inertia is None:
-        yield f'{where}: <inertial> has no <inertia>; write it in kg·m², as <inertia ixx="0.01" …/>'
         return
     for key in ("ixx", "iyy", "izz"):
         yield from _number_faults(where, inertia, key, "kg·m²")

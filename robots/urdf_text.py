@@ -22,7 +22,8 @@ def parsed_urdf(path: Path) -> ElementTree.Element:
 
     Raises UrdfError with all faults when the file cannot be read as XML, or no robot can be built of it.
     Tags keep their namespace prefix, as in other readers of URDFs. A robot without a name gets that of its
-    file; products of inertia that are missing are 0. Geometry is not checked here.
+    file; products of inertia that are missing are 0, and so are the moments beside a lone mass. Geometry is
+    not checked here.
     """
     try:
         raw = read_bytes(path, MAX_BYTES)
@@ -36,9 +37,12 @@ def parse_urdf(raw: bytes, name: str) -> ElementTree.Element:
     root = _parsed(_decoded(raw))
     if faults := _faults_of(raw):
         raise UrdfError(*faults)
-    # Some libraries refuse a robot without a name, and an inertia without products.
+    # Some libraries refuse a robot without a name, a mass without an inertia, and one without products.
     if not root.get("name"):
         root.set("name", name)
+    for inertial in root.iterfind("link/inertial"):
+        if inertial.find("inertia") is None:
+            ElementTree.SubElement(inertial, "inertia", dict.fromkeys(("ixx", "iyy", "izz"), "0"))
     for inertia in root.iter("inertia"):
         for key in ("ixy", "ixz", "iyz"):
             inertia.attrib.setdefault(key, "0")

@@ -66,30 +66,27 @@ def _finding(
 ) -> InertiaFinding | None:
     given = _read(element)
     if given is None or given[0] <= 0.0:
+        if solid is None and not moves:
+            return None  # a mere frame
         kind: Kind = "missing" if given is None else "zero"
         what = "has no <inertial>" if given is None else f"weighs {given[0]:g} kg"
-        if not moves:
-            # A link without geometry is a mere frame.
-            told = f"{what}, but a shape: it counts as weightless; if it is not, say so under 'inertias:'"
-            return None if solid is None else InertiaFinding(name, kind, told, None)
+        why = "but a joint moves it" if moves else "but a shape"
         instead = _from_solid(solid)
         by = f"of its hull at {DEFAULT_DENSITY:g} kg/m³" if solid is not None else "of a ball of 10 g"
-        return InertiaFinding(
-            name, kind, f"{what}, but a joint moves it: it gets {instead.mass:.3g} kg, {by}", instead
-        )
+        told = f"{what}, {why}: it gets {instead.mass:.3g} kg, {by}, a guess"
+        return InertiaFinding(name, kind, told, instead)
     mass, com, matrix = given
     moments, axes = np.linalg.eigh(matrix)
     low, middle, high = (float(m) for m in moments)
     if low <= 0.0 or high > low + middle:
-        why = (
-            "a principal moment is not positive"
-            if low <= 0.0
-            else f"the largest principal moment, {high:.3g} kg·m², is greater than the sum of the others"
-        )
+        if low <= 0.0:
+            why = "a principal moment is not positive" if matrix.any() else "has a mass, but no <inertia>"
+        else:
+            why = f"the largest principal moment, {high:.3g} kg·m², is greater than the sum of the others"
         put = np.maximum(moments, MIN_MOMENT)
         if low <= 0.0 and put[1] <= MIN_MOMENT and solid is not None:
             return InertiaFinding(
-                name, "impossible", f"{why}: it gets that of its hull", _scaled(solid, mass)
+                name, "impossible", f"{why}: it gets that of its hull, a guess", _scaled(solid, mass)
             )
         put[0] = max(put[0], 1e-3 * float(put[2]))
         put[1] = max(put[1], put[0])

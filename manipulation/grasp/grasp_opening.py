@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ...planning.collision.tool_room import WORKSPACE_MARGIN
 from ...robots.description import GripperDescription
+from ...robots.finger_linkage import fingers_of
 from ...world.belief.planning_scene import BeliefObject
 from .grasp_candidates import GraspCandidate
 
@@ -16,6 +18,9 @@ WIDE_EXCESSES = (0.036, 0.028)
 """Excesses of the opening over the object's width, m, the widest first. A finger comes down beside an object
 that stands up to half of that from its believed place. A camera that hangs 8 mm beside its believed place,
 along both axes of the table, moves objects by 11 mm."""
+MIN_TIP_REACH = WORKSPACE_MARGIN + 0.002
+"""Least reach of the finger tips beyond the TCP beside a flat object, m. The tips meet what it lies on
+before the TCP comes to the edge of the workspace, which may be there, too."""
 OUTER_ROOM = 0.007
 """Distance beyond the margin that each finger of a wider hand keeps from what stands outside of it, m."""
 
@@ -26,8 +31,9 @@ def widened(
     """Return the grasp of an object with the fingers opened further, as far as nothing stands beside them.
 
     The wider hand keeps the margin of the grasp, and `OUTER_ROOM` more outside of its fingers. Otherwise a
-    finger would only come nearer to a neighbour than to the object. Without room the grasp is `narrow`. The
-    grasps of a heap stay as they are: its map shows where the fingers fit.
+    finger would only come nearer to a neighbour than to the object. Hinged fingers retract their tips as
+    they open: beside a flat object these stay ahead of the TCP. Without room the grasp is `narrow`. The grasps
+    of a heap stay as they are: its map shows where the fingers fit.
     """
     if belief.role == "heap":
         return grasp
@@ -35,6 +41,8 @@ def widened(
         opening = min(grasp.expected_width + excess, gripper.max_width)
         if opening < grasp.expected_width + WIDE_EXCESSES[-1]:
             break
+        if grasp.flat and fingers_of(gripper).reach(opening) < MIN_TIP_REACH:
+            continue
         if not any(
             queries.hand_contacts(grasp.tcp_in_world, width, (belief.id,), grasp.margin)
             for width in (opening, opening + 2 * OUTER_ROOM)

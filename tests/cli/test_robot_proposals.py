@@ -129,6 +129,30 @@ def test_torques_of_the_urdf_are_kept(tmp_path: Path) -> None:
     assert is_placeholder(0.5, gravity=0.7, guess=2.2)
 
 
+@pytest.mark.parametrize("moments", [0, 1])
+def test_inertias_that_a_urdf_lacks_are_those_of_hulls(moments: int, tmp_path: Path) -> None:
+    box = '<geometry><box size="0.1 0.1 0.1"/></geometry>'
+    more = (
+        f'<link name="pad"><collision>{box}</collision></link><link name="mark"/>'
+        '<joint name="on_l4" type="fixed"><parent link="l4"/><child link="pad"/></joint>'
+        '<joint name="on_pad" type="fixed"><parent link="pad"/><child link="mark"/></joint>'
+    )
+    l3 = link("l3")
+    given = l3[l3.index("<inertia ") : l3.index("</inertial>")]
+    lone = given if moments else ""
+    made = proposed(tmp_path, (given, lone), ("</robot>", f"{more}</robot>"))
+    told = {f.link: f.sentence for f in made.draft.findings}
+    assert told["pad"] == "has no <inertial>, but a shape: it gets 1 kg, of its hull at 1000 kg/m³, a guess"
+    assert made.draft.inertias["pad"].moments == pytest.approx((1 / 600,) * 3)
+    assert "mark" not in told
+    if not moments:
+        assert told["l3"] == "has a mass, but no <inertia>: it gets that of its hull, a guess"
+        assert f"# l3: {told['l3']}." in made.text
+        assert made.draft.inertias["l3"].mass == 3
+        assert made.draft.inertias["l3"].moments[2] == pytest.approx(3 * (0.08**2 + 0.06**2) / 12)
+    assert [v for v in check_model(RobotUnderTest.of(made.robot)) if not v.good] == []
+
+
 def test_the_tcp_stays_between_fingers_on_hinges(tmp_path: Path) -> None:
     gripper = proposed(tmp_path, *HINGED_HAND).draft.gripper
     # Closed tips are at 160 mm, open ones at 60 + 50 · cos 0.8 + 50 mm.

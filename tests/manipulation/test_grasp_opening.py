@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from picktree.manipulation.grasp.grasp_candidates import grasp_candidates
 from picktree.manipulation.grasp.grasp_opening import OUTER_ROOM, WIDE_EXCESSES, widened
 from picktree.manipulation.pick.pick_stream import CandidateSearch
 from picktree.manipulation.pick.transfer_requests import MAX_TOP_ERROR
+from picktree.robots.description import Linkage
 from picktree.skill_world.world import World
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.shapes import Box
@@ -54,6 +57,21 @@ def test_fingers_open_as_wide_as_their_neighbours_leave_room(gap: float, excess:
     if not opened.narrow:
         outside = opened.opening + 2 * OUTER_ROOM
         assert not world.queries.hand_contacts(opened.tcp_in_world, outside, (BLOCK,), grasp.margin)
+
+
+@pytest.mark.parametrize(("reach", "excess"), [(0.010, 0.036), (0.003, 0.020)])
+def test_tips_of_hinged_fingers_stay_ahead_of_the_tcp_beside_a_flat_object(
+    reach: float, excess: float
+) -> None:
+    world, width = world_with(block(BLOCK, 0.0, 0.03)), 0.03
+    plain = world.robot.description.gripper
+    linkage = Linkage("k1", (), ("k1", "k2"), (0.0, 0.8), (0.0, 0.058), (0.02, reach))
+    hinged = replace(plain, linkage=linkage)
+    grasp = replace(grasp_candidates(world.scene.get(BLOCK), plain)[0], flat=True)
+    opened = widened(world.queries, world.scene.get(BLOCK), grasp, hinged)
+    assert opened.opening - width == pytest.approx(excess)
+    tall = widened(world.queries, world.scene.get(BLOCK), replace(grasp, flat=False), hinged)
+    assert tall.opening - width == pytest.approx(0.036)
 
 
 @pytest.mark.parametrize(("width", "narrow"), [(0.04, False), (0.058, True)])

@@ -14,6 +14,7 @@ import pybullet as pb
 import pytest
 import trimesh
 
+from picktree.commissioning.robot_setup.proposal import ProposalRequest, propose
 from picktree.files.marks import FileError
 from picktree.robots.description import RobotDescription
 from picktree.robots.finger_linkage import LinkageFingers, SliderPair, fingers_of
@@ -25,6 +26,8 @@ from picktree.simulation.engine import Client, reset
 from picktree.simulation.physics.robot.robot_body import RobotBody
 from picktree.world.shapes import corners
 from picktree.world.values import Array
+
+from .arms import HINGED_HAND, mini
 
 SHIPPED = ("xarm6", "iiwa", "panda", "gen3", "ur10e")
 PERIOD = 1 / 240
@@ -123,6 +126,23 @@ def test_simulation_and_model_have_the_same_mass_matrix(name: str, tmp_path: Pat
         upper = np.triu(pin.crba(model.full, data, whole))
         ours = (upper + np.triu(upper, 1).T)[np.ix_(order, order)]
         assert np.abs(theirs - ours).max() < 1e-9
+
+
+@pytest.mark.parametrize("limits", ['lower="-0.8" upper="0"', 'lower="0" upper="0.8"'])
+def test_a_joint_follows_the_grippers_motor_beyond_its_own_limits(limits: str, tmp_path: Path) -> None:
+    edits = (*HINGED_HAND, ('lower="-0.8" upper="0"', limits))
+    (tmp_path / "mini.urdf").write_text(mini(*edits), encoding="utf-8")
+    robot = propose(ProposalRequest(str(tmp_path / "mini.urdf"), tmp_path / "mini.yaml", samples=100)).robot
+    client = Client()
+    body = RobotBody(robot, client, PERIOD)
+    body.load()
+    body.drive_fingers(GripperCommand(0.03, 10.0))
+    for _ in range(240):
+        body.before_step()
+        pb.stepSimulation(client.id)
+    positions = body.read().position[len(robot.joints) :]
+    assert positions == pytest.approx(body.fingers.positions(0.03), abs=2e-3)
+    assert min(positions) < -0.2
 
 
 def held_box(force: float) -> tuple[float, float, float, float]:

@@ -130,10 +130,6 @@ FAULTS: dict[str, tuple[tuple[tuple[str, str], ...], tuple[str, ...]]] = {
         (('<mass value="3"/>', '<mass value="-3"/>'),),
         ("link 'l3': <mass value=\"-3\"> is less than 0",),
     ),
-    "inertial without inertia": (
-        ((L3, L3.replace("<inertia ", "<moments ")),),
-        ("link 'l3': <inertial> has no <inertia>; write it in kg·m², as <inertia ixx=\"0.01\" …/>",),
-    ),
     "mass with a unit": (
         (('<mass value="3"/>', '<mass value="3000 g"/>'),),
         ("link 'l3': <mass value=\"3000 g\"> has a unit; write 3, in kg",),

@@ -35,9 +35,11 @@ def patched_urdf(robot: RobotDescription, folder: Path) -> str:
     of others. Every link shows its *collision* geometry: the camera sees what can be touched, which also
     renders ten times faster than the visual meshes. A link without <inertial> gets one of no mass, as the
     planner's dynamics take it: the engine would give it 1 kg. No joint keeps its <dynamics>: damping and
-    friction are in neither simulation nor controller.
+    friction are in neither simulation nor controller. A joint that follows the gripper's motor is limited by
+    the motor alone.
     """
     root = read_geometry(robot.urdf)
+    _widen_followers(root, robot.gripper)
     for joint in root.findall("joint"):
         # The engine adds damping explicitly, which spins light links up, and has no joint friction.
         for dynamics in joint.findall("dynamics"):
@@ -58,6 +60,23 @@ def patched_urdf(robot: RobotDescription, folder: Path) -> str:
             raise PicktreeError(f"{robot.source or robot.name}: finger link {name!r} is not in {robot.urdf}")
         _put_finger(links[name], n, robot.gripper)
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _widen_followers(root: ElementTree.Element, gripper: GripperDescription) -> None:
+    """Widen the limits of joints that follow the gripper's motor, as far as the motor moves them.
+
+    Many URDFs repeat the motor's limits for a joint that turns the other way. The engine would stop there.
+    """
+    linkage = gripper.linkage
+    if linkage is None:
+        return
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    for follower in linkage.followers:
+        ends = [follower.multiplier * linkage.angles[k] + follower.offset for k in (0, -1)]
+        limit = None if follower.joint not in joints else joints[follower.joint].find("limit")
+        if limit is not None:
+            limit.set("lower", repr(min(float(limit.get("lower", "0")), *ends)))
+            limit.set("upper", repr(max(float(limit.get("upper", "0")), *ends)))
 
 
 def _put_shape(link: ElementTree.Element, part: LinkShape, file: Path) -> None:
