@@ -34,7 +34,9 @@ MAX_PAD_OFFSET = 0.004
 MAX_OPENING_ERROR = 0.002
 """Greatest difference between the gap of the pads and the opening, m."""
 MAX_FINGER_OVERLAP = 0.01
-"""Greatest way that the URDF may let the fingers move beyond where the pads meet, m."""
+"""Greatest way that the URDF may let sliding fingers move beyond where the pads meet, m."""
+MAX_LINKAGE_OVERLAP_SHARE = 0.5
+"""The same for a linkage, as a share of its opening: ranges of its motor often go on where the pads meet."""
 MAX_SHARE_BESIDE_HAND = 0.05
 """Greatest share of the last two links' points that are further out than the palm."""
 
@@ -206,7 +208,9 @@ def _fingers(tested: RobotUnderTest) -> Verdict:
         )
         return Verdict("fingers", False, told, change)
     through = _overlap(tested)
-    if through > MAX_FINGER_OVERLAP:
+    if through > (
+        MAX_FINGER_OVERLAP if gripper.linkage is None else MAX_LINKAGE_OVERLAP_SHARE * gripper.max_width
+    ):
         told = (
             f"the fingers pass {1000 * through:.0f} mm through each other at the end of their joints' range"
         )

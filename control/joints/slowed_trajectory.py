@@ -19,6 +19,8 @@ MAX_IMPULSE = 0.75
 
 It comes before the arm can give way. As a mean over the 37.5 ms of the safety monitor it is 20 N.
 """
+HOUSING_RADIUS = 0.05
+"""Radius of the housing around a joint, m. An obstacle meets the surface, no point inside of it."""
 SMOOTHING_SAMPLES = 3
 """Number of samples, on either side, over which the slowdown begins and ends."""
 
@@ -47,7 +49,11 @@ def slowed_trajectory(model: RobotModel, trajectory: Trajectory, speed: float) -
 
 
 def _allowed_share(model: RobotModel, trajectory: Trajectory, speed: float) -> Array:
-    """Return the share (m,) of its speed at which each sample keeps both limits, at most 1."""
+    """Return the share (m,) of its speed at which each sample keeps both limits, at most 1.
+
+    The impulse of a link that turns about an axis grows without limit towards the axis. A joint whose centre
+    is that near counts with the impulse at the radius of its housing.
+    """
     arm = model.arm
     data = arm.createData()
     excess = np.ones(len(trajectory.times))
@@ -59,12 +65,16 @@ def _allowed_share(model: RobotModel, trajectory: Trajectory, speed: float) -> A
         points = [pin.getJointJacobian(arm, data, j, pin.LOCAL_WORLD_ALIGNED) for j in range(1, model.n + 1)]
         points.append(pin.getFrameJacobian(arm, data, model.tcp_frame, pin.LOCAL_WORLD_ALIGNED))
         linear = np.array(points)[:, :3]
+        # The centre of a joint is a point of the link before it; the TCP is a point at the surface.
+        turning = np.zeros(len(points))
+        turning[1:-1] = np.linalg.norm(np.array(points[:-2])[:, 3:] @ v, axis=1)
         motions: Array = linear @ v
         # With w = Jᵀ u |v|, speed times effective mass is |v|³ / (wᵀ M⁻¹ w).
         pulls: Array = np.einsum("pxn,px->pn", linear, motions)
         speeds = np.linalg.norm(motions, axis=1)
         mobility = np.einsum("pn,pn->p", pulls, np.linalg.solve(mass, pulls.T).T)
         impulses = np.divide(speeds**3, mobility, out=np.zeros_like(speeds), where=mobility > 0.0)
+        impulses *= speeds / np.maximum(np.maximum(speeds, HOUSING_RADIUS * turning), 1e-12)
         excess[k] = max(1.0, float(speeds.max()) / speed, float(impulses.max()) / MAX_IMPULSE)
     return 1.0 / excess
 

@@ -32,8 +32,8 @@ def widened(
 
     The wider hand keeps the margin of the grasp, and `OUTER_ROOM` more outside of its fingers. Otherwise a
     finger would only come nearer to a neighbour than to the object. Hinged fingers retract their tips as
-    they open: beside a flat object these stay ahead of the TCP. Without room the grasp is `narrow`. The grasps
-    of a heap stay as they are: its map shows where the fingers fit.
+    they open: beside a flat object these stay ahead of the TCP. Without room the grasp is `narrow`. The
+    grasps of a heap stay as they are: its map shows where the fingers fit.
     """
     if belief.role == "heap":
         return grasp

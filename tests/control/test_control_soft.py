@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -21,6 +22,7 @@ from picktree.world.causes import Failure
 from picktree.world.values import Array, JointState
 
 from ..planning.motion_cell import down
+from ..robots.arms import ROBOT, mini
 from .control_cell import HOME, MODEL, Cell, reach, swing
 
 PERIOD = 1 / 240
@@ -106,6 +108,18 @@ def test_no_part_of_a_slower_trajectory_hits_a_rigid_obstacle_with_more_than_its
         for joint in range(3, MODEL.n + 1)
     ]
     assert 0.9 * MAX_IMPULSE < max(impulses) <= MAX_IMPULSE * 1.001
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.0001, 0.006])
+def test_a_shoulder_beside_the_first_axis_does_not_slow_an_arm_down(offset: float, tmp_path: Path) -> None:
+    # An obstacle meets the housing around the shoulder, not its centre.
+    edit = ('<origin xyz="0 0 0.18"/>', f'<origin xyz="0 {offset} 0.18"/>')
+    (tmp_path / "mini.urdf").write_text(mini(edit), encoding="utf-8")
+    (tmp_path / "mini.yaml").write_text(ROBOT, encoding="utf-8")
+    model = RobotModel(load_robot(str(tmp_path / "mini.yaml")))
+    home = model.named("home")
+    slow = slowed_trajectory(model, swing(home, home + np.eye(6)[0], 1.0), 0.25)
+    assert 3.0 < slow.duration < 30.0
 
 
 def _linear(q: Array, joint: int) -> Array:

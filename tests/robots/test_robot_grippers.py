@@ -130,7 +130,9 @@ def test_simulation_and_model_have_the_same_mass_matrix(name: str, tmp_path: Pat
 
 @pytest.mark.parametrize("limits", ['lower="-0.8" upper="0"', 'lower="0" upper="0.8"'])
 def test_a_joint_follows_the_grippers_motor_beyond_its_own_limits(limits: str, tmp_path: Path) -> None:
-    edits = (*HINGED_HAND, ('lower="-0.8" upper="0"', limits))
+    # The prefix of an element that other tools read is not declared.
+    foreign = ('<robot name="mini">', '<robot name="mini"><drake:material name="grey"/>')
+    edits = (*HINGED_HAND, ('lower="-0.8" upper="0"', limits), foreign)
     (tmp_path / "mini.urdf").write_text(mini(*edits), encoding="utf-8")
     robot = propose(ProposalRequest(str(tmp_path / "mini.urdf"), tmp_path / "mini.yaml", samples=100)).robot
     client = Client()

@@ -17,6 +17,7 @@ from ....robots.description import GripperDescription, RobotDescription
 from ....robots.finger_linkage import fingers_of
 from ....robots.gripper_mounting import mount_tool
 from ....robots.link_shapes import LinkShape, link_shapes, read_geometry
+from ....robots.urdf_text import parse_urdf
 from ....robots.urdf_tree import numbers_text
 from ....world.colours import COLOURS
 from ....world.mesh_reader import write_hull
@@ -162,7 +163,7 @@ class RobotBody:
         folder = Path(self._folder.name)
         text = patched_urdf(robot, folder)
         (folder / "robot.urdf").write_text(text, encoding="utf-8")
-        links = ElementTree.fromstring(text).findall("link")
+        links = parse_urdf(text.encode(), robot.name).findall("link")
         self.shape_counts = {link.get("name", ""): len(link.findall("collision")) for link in links}
         self.fingers = fingers_of(robot.gripper)
         self._linkage: LinkageMotors | None = None
