@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -26,6 +26,8 @@ MAX_GYRATION_RADIUS = 2.0
 """Radius of gyration above which an inertia is implausible, in half diagonals of the link."""
 MIN_MOMENT = 1e-9
 """Least principal moment, kg·m²."""
+MIN_LINKAGE_MOMENT = 0.003
+"""Least moment of a linkage's links, kg·m²: the motor's rotor adds it through its gear."""
 
 Kind = Literal["missing", "zero", "impossible", "implausible"]
 
@@ -38,6 +40,8 @@ class InertiaFinding:
     kind: Kind
     sentence: str
     instead: LinkInertia | None
+    density: float = 0.0
+    """Density from which the replacement is guessed, kg/m³; 0: it is not guessed from a hull's volume."""
 
 
 def check_inertias(
@@ -72,9 +76,8 @@ def _finding(
         what = "has no <inertial>" if given is None else f"weighs {given[0]:g} kg"
         why = "but a joint moves it" if moves else "but a shape"
         instead = _from_solid(solid)
-        by = f"of its hull at {DEFAULT_DENSITY:g} kg/m³" if solid is not None else "of a ball of 10 g"
-        told = f"{what}, {why}: it gets {instead.mass:.3g} kg, {by}, a guess"
-        return InertiaFinding(name, kind, told, instead)
+        density = 0.0 if solid is None else DEFAULT_DENSITY
+        return InertiaFinding(name, kind, f"{what}, {why}{_remedy(instead, density)}", instead, density)
     mass, com, matrix = given
     moments, axes = np.linalg.eigh(matrix)
     low, middle, high = (float(m) for m in moments)
@@ -111,6 +114,63 @@ def _finding(
         )
         return InertiaFinding(name, "implausible", told, None)
     return None
+
+
+def _remedy(instead: LinkInertia, density: float) -> str:
+    by = f"of its hull at {density:.3g} kg/m³" if density else "of a ball of 10 g"
+    return f": it gets {instead.mass:.3g} kg, {by}, a guess"
+
+
+def lightened(
+    findings: tuple[InertiaFinding, ...], inertias: Mapping[str, LinkInertia], share: float
+) -> tuple[tuple[InertiaFinding, ...], dict[str, LinkInertia]]:
+    """Return findings and inertias with the guessed densities reduced to a share of theirs, 0 … 1.
+
+    What a motor's rotor adds to an inertia stays.
+    """
+    found: list[InertiaFinding] = []
+    lighter = dict(inertias)
+    for finding in findings:
+        heavy = finding.instead
+        if heavy is None or not finding.density:
+            found.append(finding)
+            continue
+        density = share * finding.density
+        light = _times(heavy, share)
+        told = finding.sentence.partition(": it gets ")[0] + _remedy(light, density)
+        told += ", light enough for the torques of the URDF"
+        found.append(replace(finding, sentence=told, instead=light, density=density))
+        used = inertias[finding.link]
+        lighter[finding.link] = light if used == heavy else replace(used, mass=light.mass)
+    return tuple(found), lighter
+
+
+def _times(inertia: LinkInertia, share: float) -> LinkInertia:
+    moments = vector3(max(share * moment, MIN_MOMENT) for moment in inertia.moments)
+    products = vector3(share * product for product in inertia.products)
+    return replace(inertia, mass=share * inertia.mass, moments=moments, products=products)
+
+
+def rotor_inertias(
+    root: ElementTree.Element, skeleton: UrdfTree, joints: Iterable[str], known: Mapping[str, LinkInertia]
+) -> dict[str, LinkInertia]:
+    """Return raised inertias of a linkage's links whose moments are below that of the motor's rotor.
+
+    `joints`: those of the linkage. `known`: inertias that replace the URDF's.
+    """
+    links = {link.get("name", ""): link for link in root.findall("link")}
+    found: dict[str, LinkInertia] = {}
+    for name in joints:
+        link = skeleton.joints[name].child
+        given = known.get(link) or read_inertia(links[link])
+        if (
+            given is not None
+            and min(given.moments) < MIN_LINKAGE_MOMENT
+            and skeleton.joints[name].type != "prismatic"
+        ):
+            x, y, z = (max(m, MIN_LINKAGE_MOMENT) for m in given.moments)
+            found[link] = LinkInertia(given.mass, given.com, (x, y, z), (0.0, 0.0, 0.0))
+    return found
 
 
 def _read(link: ElementTree.Element) -> tuple[float, Vector3, Array] | None:

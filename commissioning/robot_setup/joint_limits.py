@@ -33,6 +33,8 @@ GRAVITY_RESERVE = 1.5
 """Torque that a guess gives a joint for gravity, as a multiple of what gravity needs at most."""
 MIN_TORQUE_GUESS = 1.0
 """Part of a guessed torque for friction and for what inertias leave out, Nm."""
+MIN_MASS_SHARE, MASS_SHARE_STEP = 0.3, 0.05
+"""Least share of guessed masses, and step of the shares that are tried."""
 PLACEHOLDER_TORQUE = 1.0
 """Torque that many URDFs give for lack of another, Nm; so do they with 0."""
 MAX_TORQUE, MAX_TORQUE_RATIO = 1000.0, 20.0
@@ -122,6 +124,31 @@ def is_placeholder(effort: float, gravity: float, guess: float) -> bool:
     if effort <= PLACEHOLDER_TORQUE:
         return effort <= 0.0 or effort == PLACEHOLDER_TORQUE or effort < gravity
     return effort >= max(MAX_TORQUE, MAX_TORQUE_RATIO * guess)
+
+
+def borne_share(
+    whole: RobotModel, half: RobotModel, given: tuple[ProposedLimits, ...], seed: int = 0
+) -> float:
+    """Return the share of the guessed masses that the URDF's torques carry with GRAVITY_RESERVE, 0 … 1.
+
+    1 also when no share of at least MIN_MASS_SHARE is carried. `half`: the model with half of the guesses.
+    """
+    loads = JointLoads.of(whole, seed)
+    guesses = loads.torques(np.array([limit.velocity for limit in given]))
+    most: Array = np.array(
+        [
+            np.inf if is_placeholder(limit.torque, weight, guess) else limit.torque / GRAVITY_RESERVE
+            for limit, weight, guess in zip(given, loads.gravity.tolist(), guesses.tolist(), strict=True)
+        ]
+    )
+    generator = np.random.default_rng([seed, 3])
+    drawn = [generator.uniform(whole.lower, whole.upper) for _ in range(CONFIGURATION_COUNT)]
+    total: Array = np.array([whole.gravity(q) for q in drawn])
+    guessed = 2.0 * (total - np.array([half.gravity(q) for q in drawn]))
+    for share in np.arange(1.0, MIN_MASS_SHARE - 1e-9, -MASS_SHARE_STEP).tolist():
+        if (np.abs(total - (1.0 - share) * guessed) <= most).all():
+            return round(share, 2)
+    return 1.0
 
 
 def estimate(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +16,7 @@ from ...files.value_wording import listed
 from ...logs.meshes.binary_gltf import link_meshes
 from ...planning.collision.collision_checker import robot_geometry
 from ...robots.description import RobotDescription
-from ...robots.gripper_mounting import GripperMount, LinkInertia, NamedUrdf, write_composed_urdf
+from ...robots.gripper_mounting import GripperMount, NamedUrdf, write_composed_urdf
 from ...robots.link_shapes import links_seen_only
 from ...robots.loading import parse_robot
 from ...robots.model import RobotModel
@@ -26,11 +25,12 @@ from ...robots.urdf_text import parsed_urdf
 from ...robots.urdf_tree import UrdfTree, read_skeleton
 from ...world.values import Array, Pose
 from .arm_poses import NamedPose, propose_poses
+from .base_pose import propose_base
 from .free_space import SpaceOverTable
 from .gripper_measurement import GripperMeter
-from .inertias import check_inertias, read_inertia
+from .inertias import check_inertias, lightened, rotor_inertias
 from .joint_groups import ArmGroup, HandGroup, find_groups, find_hand, require_link
-from .joint_limits import estimate, propose_limits
+from .joint_limits import borne_share, estimate, propose_limits
 from .link_geometry import (
     LinkGeometry,
     UnsuitableUrdf,
@@ -125,10 +125,6 @@ def _face(skeleton: UrdfTree, arm: ArmGroup, solids: Mapping[str, LinkGeometry],
     return Pose.from_rotation((x0, y0, z0), rotation)
 
 
-MIN_LINKAGE_MOMENT = 0.003
-"""Least moment of a linkage's links, kg·m²: the motor's rotor adds it through its gear."""
-
-
 @dataclass(frozen=True, slots=True)
 class ProposalRequest:
     """Request for a proposed robot file."""
@@ -161,15 +157,16 @@ def propose(wish: ProposalRequest) -> Proposal:
 
     Raises UnsuitableUrdf for an unsuitable URDF, PicktreeError for missing files.
     """
-    draft = _find_draft(wish)
-    first = _parsed(robot_file_text(replace(draft, poses=(_middle(draft),))), wish)
-    model = RobotModel(first)
+    draft = _borne(_find_draft(wish), wish)
+    model = _model(draft, wish)
     draft = replace(draft, limits=estimate(model, draft.limits, wish.seed))
     draft = replace(draft, collision=_sampled(model, draft, wish))
-    second = _parsed(robot_file_text(replace(draft, poses=(_middle(draft),))), wish)
-    model = RobotModel(second)
-    path = Path(second.urdf)
-    space = SpaceOverTable(model, read_skeleton(path), read_solids(path))
+    model = _model(draft, wish)
+    path = Path(model.description.urdf)
+    tree, solids = read_skeleton(path), read_solids(path)
+    draft = replace(draft, base=propose_base(model, tree, solids))
+    model = model if draft.base is None else _model(draft, wish)
+    space = SpaceOverTable(model, tree, solids)
     poses = propose_poses(model, space, wish.seed)
     if poses is None:
         raise UnsuitableUrdf(
@@ -181,6 +178,23 @@ def propose(wish: ProposalRequest) -> Proposal:
     draft = replace(draft, poses=poses)
     text = robot_file_text(draft)
     return Proposal(draft, text, _parsed(text, wish))
+
+
+def _model(draft: RobotDraft, wish: ProposalRequest) -> RobotModel:
+    return RobotModel(_parsed(robot_file_text(replace(draft, poses=(_middle(draft),))), wish))
+
+
+def _borne(draft: RobotDraft, wish: ProposalRequest) -> RobotDraft:
+    """Return the draft with guessed masses that the URDF's torques carry."""
+    if not any(finding.density for finding in draft.findings):
+        return draft
+
+    def lighter(share: float) -> RobotDraft:
+        findings, inertias = lightened(draft.findings, draft.inertias, share)
+        return replace(draft, findings=findings, inertias=inertias)
+
+    share = borne_share(_model(draft, wish), _model(lighter(0.5), wish), draft.limits, wish.seed)
+    return draft if share == 1.0 else lighter(share)
 
 
 def _find_draft(wish: ProposalRequest) -> RobotDraft:
@@ -250,7 +264,7 @@ def _draft(
     findings = check_inertias(parsed_urdf(path), skeleton, solids)
     inertias = {f.link: f.instead for f in findings if f.instead is not None}
     if measured.sliders is None:
-        inertias |= _rotors(parsed_urdf(path), skeleton, meter, solids, inertias)
+        inertias |= rotor_inertias(parsed_urdf(path), skeleton, meter.ratios, inertias)
     notes: list[str] = []
     if seen_only := links_seen_only(str(path)):
         notes.append(f"without <collision>, colliding as they are seen: {listed(seen_only, 6)}")
@@ -308,29 +322,6 @@ def _behind(skeleton: UrdfTree, flange: str, hand: HandGroup) -> tuple[str, ...]
     for name in hand.joints:
         moved.update(skeleton.below(skeleton.joints[name].child))
     return tuple(link for link in skeleton.below(first) if link not in moved)
-
-
-def _rotors(
-    root: ElementTree.Element,
-    skeleton: UrdfTree,
-    meter: GripperMeter,
-    solids: Mapping[str, LinkGeometry],
-    known: Mapping[str, LinkInertia],
-) -> dict[str, LinkInertia]:
-    """Return raised inertias of a linkage's links whose moments are below that of the motor's rotor."""
-    links = {link.get("name", ""): link for link in root.findall("link")}
-    found: dict[str, LinkInertia] = {}
-    for name in meter.ratios:
-        link = skeleton.joints[name].child
-        given = known.get(link) or read_inertia(links[link])
-        if (
-            given is not None
-            and min(given.moments) < MIN_LINKAGE_MOMENT
-            and skeleton.joints[name].type != "prismatic"
-        ):
-            x, y, z = (max(m, MIN_LINKAGE_MOMENT) for m in given.moments)
-            found[link] = LinkInertia(given.mass, given.com, (x, y, z), (0.0, 0.0, 0.0))
-    return found
 
 
 def _middle(draft: RobotDraft) -> NamedPose:

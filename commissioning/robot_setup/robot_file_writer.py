@@ -11,6 +11,7 @@ from ...robots.gripper_mounting import GripperMount, LinkInertia
 from ...world.shapes import Box
 from ...world.values import Pose
 from .arm_poses import NamedPose
+from .base_pose import BaseProposal
 from .gripper_measurement import MeasuredGripper
 from .inertias import InertiaFinding
 from .joint_groups import ArmGroup, HandGroup
@@ -37,6 +38,8 @@ class RobotDraft:
     poses: tuple[NamedPose, ...] = ()
     collision: SelfCollisionReport | None = None
     notes: tuple[str, ...] = ()
+    base: BaseProposal | None = None
+    """Base from which the tool reaches more; None: it stands at the origin."""
 
 
 _REASON_TEXTS = {
@@ -75,7 +78,9 @@ def _lines(draft: RobotDraft) -> Iterator[str]:
     yield from _inertias(draft)
     yield ""
     yield "# Where the foot stands in the world; scenes have the table at z = 0."
-    yield "base: {at: [0, 0, 0]}"
+    if draft.base is not None:
+        yield f"# It is a proposal: {draft.base.sentence}."
+    yield f"base: {{at: {_list((0.0, 0.0, 0.0) if draft.base is None else draft.base.at)}}}"
     yield ""
     yield "# Accelerations are estimated: at most what the torque left by gravity, times"
     yield (

@@ -130,6 +130,9 @@ def summary_of_new(proposal: Proposal, picture: str, test: RobotTestResult | Non
     findings = [f"{f.link}: {f.sentence}" for f in draft.findings]
     findings += draft.notes
     findings += [f"torque of {limit.name}: {limit.guess}" for limit in draft.limits if limit.guess]
+    if draft.base is not None:
+        x, y, z = draft.base.at
+        findings.append(f"base: at [{x:g}, {y:g}, {z:g}] m, a proposal: {draft.base.sentence}")
     if draft.gripper.force_guessed:
         findings.append(f"max_force: {draft.gripper.force_comment}")
     collision = draft.collision
