@@ -17,7 +17,13 @@ from ...files.value_wording import listed
 from ...logs.meshes.binary_gltf import link_meshes
 from ...planning.collision.collision_checker import robot_geometry
 from ...robots.description import RobotDescription
-from ...robots.gripper_mounting import GripperMount, LinkInertia, NamedUrdf, write_composed_urdf
+from ...robots.gripper_mounting import (
+    GripperMount,
+    InsertedFlange,
+    LinkInertia,
+    NamedUrdf,
+    write_composed_urdf,
+)
 from ...robots.link_shapes import links_seen_only
 from ...robots.loading import parse_robot
 from ...robots.model import RobotModel
@@ -242,10 +248,16 @@ def _draft(
     gripper_urdf: str,
 ) -> RobotDraft:
     skeleton = read_skeleton(path)
+    behind: str | None = None
+    if _fixed_joints(skeleton, arm, hand) == ():
+        behind = arm.joints[-1]
+        flange = InsertedFlange(behind, _free_name(skeleton))
+        path = write_composed_urdf(source.urdf, mounting, flange=flange)
+        skeleton = read_skeleton(path)
     solids = read_solids(path)
     link_meshes(str(path))  # raises for what is only seen, too
-    flange = _flange(wish.urdf, skeleton, arm, hand, solids)
-    meter = GripperMeter(wish.urdf, skeleton, solids, hand, _behind(skeleton, flange, hand))
+    flange_joint = _flange(wish.urdf, skeleton, arm, hand, solids)
+    meter = GripperMeter(wish.urdf, skeleton, solids, hand, _behind(skeleton, flange_joint, hand))
     measured = meter.measure()
     findings = check_inertias(parsed_urdf(path), skeleton, solids)
     inertias = {f.link: f.instead for f in findings if f.instead is not None}
@@ -265,7 +277,8 @@ def _draft(
         gripper_urdf=_named(gripper_urdf, mounting.gripper, wish.file) if mounting is not None else "",
         limits=propose_limits(skeleton, arm.joints),
         gripper=measured,
-        flange_joint=flange,
+        flange_joint=flange_joint,
+        flange_behind=behind,
         findings=findings,
         inertias=inertias,
         notes=tuple(notes),
@@ -283,22 +296,36 @@ def _named(text: str, urdf: NamedUrdf, file: Path) -> str:
 def _flange(
     source: str, skeleton: UrdfTree, arm: ArmGroup, hand: HandGroup, solids: Mapping[str, LinkGeometry]
 ) -> str:
-    """Return the fixed joint between arm and hand. Raises UnsuitableUrdf when there is none.
+    """Return the fixed joint between arm and hand. Raises UnsuitableUrdf when the arm does not carry it.
 
     It is the one nearest to the palm beyond which the hand has a body, as the bar on which fingers slide.
     """
-    names = skeleton.joints_to(hand.palm)
-    last = names.index(arm.joints[-1]) if arm.joints[-1] in names else -1
-    fixed = [name for name in names[last + 1 :] if skeleton.joints[name].type == "fixed"]
-    if last < 0 or not fixed:
+    fixed = _fixed_joints(skeleton, arm, hand)
+    if not fixed:
         raise UnsuitableUrdf(
             source,
-            f"a hand {hand.palm!r} that is one link with the end of the arm",
-            "a fixed joint between arm and hand, where a wrist sensor measures what is held",
-            f"split {hand.palm!r} in the URDF: arm's flange, fixed joint, hand",
+            f"an arm that ends with {arm.joints[-1]!r}, and a hand {hand.palm!r} elsewhere",
+            "a hand at the end of the arm",
+            "--base and --tip name links at the two ends of the arm",
         )
     bodies = (name for name in reversed(fixed) if solids.keys() & {*_behind(skeleton, name, hand)})
     return next(bodies, fixed[-1])
+
+
+def _fixed_joints(skeleton: UrdfTree, arm: ArmGroup, hand: HandGroup) -> tuple[str, ...] | None:
+    """Return the fixed joints between arm and palm; None when the arm's last joint does not move the palm."""
+    names = skeleton.joints_to(hand.palm)
+    if arm.joints[-1] not in names:
+        return None
+    behind = names[names.index(arm.joints[-1]) + 1 :]
+    return tuple(name for name in behind if skeleton.joints[name].type == "fixed")
+
+
+def _free_name(skeleton: UrdfTree) -> str:
+    """Return a name for an inserted flange that no link and no joint has."""
+    taken = {*skeleton.links, *skeleton.joints}
+    names = ("flange", *(f"flange_{n}" for n in range(2, len(taken) + 3)))
+    return next(name for name in names if not {name, f"{name}_link"} & taken)
 
 
 def _behind(skeleton: UrdfTree, flange: str, hand: HandGroup) -> tuple[str, ...]:
