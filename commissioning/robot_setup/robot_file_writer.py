@@ -91,7 +91,7 @@ def _lines(draft: RobotDraft) -> Iterator[str]:
         yield (
             f"  {_word(limit.name)}: {{lower: {_n(limit.lower)}, upper: {_n(limit.upper)}, "
             f"velocity: {_n(limit.velocity)}, acceleration: {_n(limit.acceleration)}, "
-            f"torque: {_n(limit.torque or 1.0)}}}"
+            f"torque: {_n(limit.torque if limit.torque > 0.0 else 1.0)}}}"
         )
         if common:
             yield f"    # {limit.comment}"

@@ -157,6 +157,13 @@ FAULTS: dict[str, tuple[tuple[tuple[str, str], ...], tuple[str, ...]]] = {
             "joint 'j3': <orgin> is not read; write <origin>",
         ),
     ),
+    "doubled elements": (
+        (
+            ('<origin xyz="0 0 0.4"/>', '<origin xyz="0 0 0.4"/><origin/>'),
+            (L3, L3.replace("</inertial>", "</inertial><inertial/>")),
+        ),
+        ("link 'l3' has 2 <inertial>; keep one", "joint 'j3' has 2 <origin>; keep one"),
+    ),
     "xacro left over": (
         (('<origin xyz="0 0 0.4"/>', '<origin xyz="0 0 %{length}"/>'.replace("%", "$")),),
         ("joint 'j3': <origin xyz=\"0 0 ${length}\"> is a xacro expression; expand the file with `xacro`",),
