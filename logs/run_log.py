@@ -12,25 +12,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PicktreeError
+from ..files.value_wording import listed
 from ..world.journal import JournalEvent
 from ..world.protocols import Intrinsics
-from .mcap.reader import RawMessage
+from .mcap.message_table import RawMessage
 from .mcap.sealed_file import is_written
 from .recording import foxglove_messages
 from .recording.images import decode_colour, decode_depth
 from .recording.rotated_log import JoinedLog, part_paths
+from .run_settings import (
+    SETTINGS,
+    Gap,
+    gaps_between,
+    lacks,
+    log_format,
+    run_settings,
+    stated_end,
+    tick_length,
+)
 from .schema import topics
 from .schema.event_records import decode_event
-from .schema.json_records import Arithmetic, decode
+from .schema.json_records import decode
 from .schema.records import (
-    FORMAT,
     Candidates,
     Control,
     Joints,
     LinkMesh,
     LogLine,
     Plan,
-    ResumedFrom,
     RunInfo,
     Scene,
     Tick,
@@ -43,6 +52,8 @@ from .schema.tick_decoding import TickDecoder, changes_of
 from .schema.topics import Digest
 
 LOG_NAME = "log.mcap"
+_MAX_NAMED_TOPICS = 5
+"""Maximum number of topics that a message names."""
 RUNS_FOLDER = Path("runs")
 
 R = TypeVar("R")
@@ -114,12 +125,9 @@ class RunLog:
         self.path = find_log(where)
         self._file = JoinedLog(self.path, keep=topics.READ_OFTEN)
         self.recovered = self._file.recovered
-        try:
-            self.metadata: Mapping[str, Mapping[str, str]] = self._file.metadata
-            self.format = self._format()
-        except PicktreeError:
-            self._file.close()
-            raise
+        self.metadata: Mapping[str, Mapping[str, str]] = self._file.metadata
+        self.gaps: tuple[Gap, ...] = ()
+        """Spans that the log lacks, in order of time: they are damaged, or another program left them out."""
         self.part = self._file.goes_on.number if self._file.goes_on else 1
         """Number of the log's first file: 1, or another for a later file of a rotated log, opened by its own
         name.
@@ -128,6 +136,17 @@ class RunLog:
         """
         self.paths = self._file.paths
         """Files of the log."""
+        try:
+            if SETTINGS not in self.metadata or self._file.is_rewritten:
+                self._require_log()
+            first = None if SETTINGS in self.metadata else next(self.messages([topics.TICK.name]), None)
+            self.format = log_format(self.metadata, first.data if first else None, self.path)
+            if self._file.is_rewritten:
+                self.gaps = self._gaps()
+                self.recovered = self._recovered()
+        except PicktreeError:
+            self._file.close()
+            raise
 
     def close(self) -> None:
         self._file.close()
@@ -164,30 +183,9 @@ class RunLog:
     @property
     def run(self) -> RunInfo:
         """Settings with which the run was started."""
-        words = self.metadata["picktree"]
-        continues = self.metadata.get("picktree.continues")
-        try:
-            return RunInfo(
-                mission=words["mission"],
-                scene=words["scene"],
-                robot=words["robot"],
-                seed=int(words["seed"]),
-                backend=words["backend"],
-                tick=float(words["tick"]),
-                parameters=self.metadata.get("picktree.parameters", {}),
-                physics=self.metadata.get("picktree.physics", {}),
-                versions=self.metadata.get("picktree.versions", {}),
-                revision=words["revision"],
-                verify=words["verify"] == "true",
-                limit=float(words["limit"]) if "limit" in words else None,
-                own_scene=words.get("own_scene", "true") == "true",
-                machine=self.metadata.get("picktree.machine", {}),
-                arithmetic=Arithmetic.from_words(self.metadata.get("picktree.arithmetic", {})),
-                files=self.metadata.get("picktree.files", {}),
-                continues=ResumedFrom.from_words(continues) if continues else None,
-            )
-        except (KeyError, ValueError) as error:
-            raise PicktreeError(f"{self.path}: the log's metadata are incomplete: {error}") from None
+        stated = SETTINGS in self.metadata
+        tick = 0.0 if stated else tick_length(self.times(topics.TICK.name))
+        return run_settings(self.metadata, tick, self.path)
 
     @property
     def result(self) -> Mapping[str, str]:
@@ -228,10 +226,20 @@ class RunLog:
     def tree(self) -> Tree:
         """Return the tree with which the run began. `trees` also has those of a mission that was edited
         during the run."""
-        return self._only(topics.TREE.name, lambda data: decode(Tree, data))
+        found = next(self.trees(), None)
+        if found is None:
+            raise PicktreeError(f"{self.path}: the log has no message on {topics.TREE.name}")
+        return found.record
 
     def trees(self) -> Iterator[Stamped[Tree]]:
-        """Yield every tree of the run, with the time of its first tick."""
+        """Yield every tree of the run, with the time of its first tick.
+
+        The metadata have the first one, too, which is read where the topic was left out.
+        """
+        words = self.metadata.get("picktree.tree", {})
+        if "json" in words and topics.TREE.name not in self.topics:
+            spare = RawMessage(topics.TREE.name, 0, words["json"].encode())
+            return iter([Stamped(0.0, self._read(spare, lambda data: decode(Tree, data)))])
         return self._records(topics.TREE.name, lambda data: decode(Tree, data), None, None)
 
     def robot_model(self) -> tuple[LinkMesh, ...]:
@@ -359,19 +367,36 @@ class RunLog:
                 digest.add(message.topic, message.time, message.data)
         return digest.hex
 
-    def _format(self) -> int:
-        words = self.metadata.get("picktree")
-        if words is None and self.recovered:
-            raise PicktreeError(f"{self.recovered}; what the log says of itself is lost with it")
-        if words is None or not words.get("format", "").isdigit():
-            raise PicktreeError(f"{self.path}: an MCAP file, but not a log of picktree")
-        number = int(words["format"])
-        if number > FORMAT:
+    def _require_log(self) -> None:
+        """Raise PicktreeError for the file of another program, and for a log without ticks."""
+        channels = self._file.channels
+        known = [channel.topic for channel in channels if channel.messages]
+        there = f"it has {listed(known, _MAX_NAMED_TOPICS)}" if known else "it has no messages"
+        by = f", written by {self._file.writers}" if self._file.writers else ""
+        if SETTINGS not in self.metadata and not any(c.schema.startswith("picktree.") for c in channels):
             raise PicktreeError(
-                f"{self.path}: the log has format {number}, and this picktree reads up to {FORMAT}; "
-                "upgrade picktree to read it"
+                f"{self.path}: an MCAP file, but not a log of picktree{by}: {there}; `picktree run MISSION` "
+                "records one"
             )
-        return number
+        if topics.TICK.name not in known and any(topic != topics.TREE.name for topic in known):
+            raise PicktreeError(
+                f"{self.path}: a log without ticks{by}: {there}; keep {topics.TICK.name} when a log is "
+                "filtered"
+            )
+
+    def _gaps(self) -> tuple[Gap, ...]:
+        ticks = self.times(topics.TICK.name)
+        continues = self.run.continues
+        begin = continues.time if continues else 0.0 if self.part == 1 or not ticks else ticks[0]
+        return gaps_between(ticks, begin, stated_end(self.result))
+
+    def _recovered(self) -> str:
+        """Return the sentence about the losses; damage is named already, with its time."""
+        gaps = () if self.recovered else self.gaps
+        known = [topic for topic, info in self.topics.items() if info.messages]
+        told = "; ".join(lacks(self.metadata, known, gaps, self.attachments))
+        told = told if self.recovered or not told else f"{self.path}: {told}"
+        return "; ".join(filter(None, (self.recovered, told)))
 
     def _records(
         self, topic: str, read: Callable[[bytes], R], start: float | None, end: float | None
@@ -382,12 +407,6 @@ class RunLog:
     def _last(self, topic: str, read: Callable[[bytes], R], at: float) -> Stamped[R] | None:
         message = self.last(topic, at)
         return None if message is None else Stamped(message.time / 1e9, self._read(message, read))
-
-    def _only(self, topic: str, read: Callable[[bytes], R]) -> R:
-        message = next(self.messages([topic]), None)
-        if message is None:
-            raise PicktreeError(f"{self.path}: the log has no message on {topic}")
-        return self._read(message, read)
 
     def _read(self, message: RawMessage, read: Callable[[bytes], R]) -> R:
         from google.protobuf.message import DecodeError

@@ -72,7 +72,7 @@ class RunRecord:
 
     def __repr__(self) -> str:
         result = self.result
-        parts = [self.info.mission, f"seed {self.info.seed}", f"{self.end:.1f} s"]
+        parts = [self.info.mission, self.info.seed_text, f"{self.end:.1f} s"]
         if result is not None:
             items = result.items
             parts += [result.status, f"{items.sorted} of {items.total} items sorted" if items.total else ""]

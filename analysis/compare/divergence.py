@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Final, Literal, TypeAlias
 
-from ...logs.mcap.reader import RawMessage
+from ...logs.mcap.message_table import RawMessage
 from ...logs.schema import topics
 from ...logs.visits import Visit
 from ..run import Run

@@ -204,7 +204,7 @@ def pack_run(run: Run) -> Section:
         "run",
         {
             "mission": run.info.mission,
-            "remark": f"{run.info.scene} · seed {run.info.seed}",
+            "remark": f"{run.info.scene} · {run.info.seed_text}",
             "outcome": _outcome(explanation.outcome),
             "facts": [[name, value] for name, value in _facts(run)],
             "notes": list(_notes(run)),
@@ -220,7 +220,7 @@ def summary(run: Run) -> str:
     """Return the run in one line."""
     outcome = run.explanation.outcome
     items = _items(outcome)
-    return f"{run.info.mission}, seed {run.info.seed}: {outcome.status}" + (f", {items}" if items else "")
+    return f"{run.info.mission}, {run.info.seed_text}: {outcome.status}" + (f", {items}" if items else "")
 
 
 def _outcome(outcome: ExplainedOutcome) -> Packable:
@@ -246,7 +246,7 @@ def _facts(run: Run) -> list[tuple[str, str]]:
         ("Mission", info.mission),
         ("Scene", info.scene),
         ("Robot", info.robot),
-        ("Seed", str(info.seed)),
+        ("Seed", info.seed_text.removeprefix("seed ")),
         ("Backend", info.backend),
         ("Simulated", f"{run.end:.2f} s in {len(run.ticks)} ticks of {info.tick:g} s"),
     ]
@@ -329,7 +329,7 @@ def report(run: Run) -> str:
     if not run.ticks.times:
         raise PicktreeError(f"{run.path}: the log holds no tick, so there is nothing to report")
     info = run.info
-    title = f"{info.mission}, {info.scene}, seed {info.seed}"
+    title = f"{info.mission}, {info.scene}, {info.seed_text}"
     return render_page(title, summary(run), (packer(run) for packer in PACKERS))
 
 

@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Final
 
 from ...errors import PicktreeError
-from ...logs.mcap.reader import RawMessage
+from ...logs.mcap.message_table import RawMessage
 from ...logs.recording.recorder import RecordingState
 from ...logs.run_log import RunLog
 from ...logs.run_record import RunRecord
@@ -68,6 +68,11 @@ class RecordedRun:
     def recipe(self) -> Recipe:
         """Return the recipe with which the run started, at time 0 or at the checkpoint of another run."""
         info, log = self.run.info, self.run.log
+        if info.seed is None:
+            raise PicktreeError(
+                f"{log.path}: the log lacks its metadata, among them the seed, so the run cannot be run again; "
+                "keep the metadata when a log is filtered"
+            )
         if info.backend not in ("physics", "kinematic"):
             raise PicktreeError(f"{log.path}: the log is of the unknown backend {info.backend!r}")
         backend: Backend = info.backend
