@@ -312,14 +312,20 @@ class RunLog:
         names = [topic_of(camera).name for topic_of in kinds]
         parts: dict[str, RawMessage] = {}
         for message in self.messages(names, start, end):
+            if parts and next(iter(parts.values())).time != message.time:
+                parts = {}
             parts[message.topic] = message
-            if message.topic == names[2] and len(parts) == 3:
-                intrinsics = self._read(parts[names[0]], foxglove_messages.read_calibration)
-                colour = self._read(
-                    parts[names[1]], lambda data: decode_colour(foxglove_messages.read_image(data))
+            if len(parts) == len(names):  # the three messages of an image have one time
+                calibration, colour, depth = (parts.pop(name) for name in names)
+                yield Stamped(
+                    message.time / 1e9,
+                    CameraImage(
+                        camera,
+                        self._read(colour, lambda data: decode_colour(foxglove_messages.read_image(data))),
+                        self._read(depth, lambda data: decode_depth(foxglove_messages.read_image(data))),
+                        self._read(calibration, foxglove_messages.read_calibration),
+                    ),
                 )
-                depth = self._read(message, lambda data: decode_depth(foxglove_messages.read_image(data)))
-                yield Stamped(message.time / 1e9, CameraImage(camera, colour, depth, intrinsics))
 
     def messages(
         self,
@@ -378,7 +384,7 @@ class RunLog:
                 f"{self.path}: an MCAP file, but not a log of picktree{by}: {there}; `picktree run MISSION` "
                 "records one"
             )
-        if topics.TICK.name not in known and any(topic != topics.TREE.name for topic in known):
+        if topics.TICK.name not in known and self._file.end > 0:
             raise PicktreeError(
                 f"{self.path}: a log without ticks{by}: {there}; keep {topics.TICK.name} when a log is "
                 "filtered"

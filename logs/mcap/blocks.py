@@ -176,11 +176,11 @@ def indexed_contents(file: RecordFile) -> tuple[Contents, bool | None] | None:
 
     The second value states whether the check sum of the data is right; None: the file has none. Raises one of `DAMAGE_ERRORS` when the file has no ending, or a damaged one.
     """
+    ending = file.size - len(MAGIC)
+    if ending < _FOOTER_SIZE + len(MAGIC) or file.read(ending, len(MAGIC)) != MAGIC:
+        raise ValueError("the file does not end as an MCAP file does")
     file.stream.seek(0)
     summary = SeekingReader(file.stream).get_summary()
-    ending = file.size - len(MAGIC)
-    if file.read(ending, len(MAGIC)) != MAGIC:
-        raise ValueError("the file does not end as an MCAP file does")
     footer = Footer.read(parser(file.read(ending - _FOOTER_SIZE, _FOOTER_SIZE)))
     if summary is None:
         return None

@@ -81,6 +81,16 @@ class MessageTable:
         """Add `by` (ns) to all times. A time before 0 becomes 0."""
         self.times = np.maximum(self.times + by, 0)
 
+    def set_times(self, times: Mapping[str, Column]) -> None:
+        """Give the messages of topics other times (ns), in their order."""
+        for topic, values in times.items():
+            self.times[self._topics == self.topics.index(topic)] = values
+        order = np.argsort(self.times, kind="stable")
+        self.times, self._topics, self._blocks, self._starts, self._stops = (
+            column[order]
+            for column in (self.times, self._topics, self._blocks, self._starts, self._stops)
+        )
+
     def counts(self) -> dict[str, int]:
         """Return the number of messages by topic."""
         counted = np.bincount(self._topics, minlength=len(self.topics))
@@ -146,8 +156,8 @@ def _order(columns: Column) -> Column:
 def _is_original(rows: Column) -> NDArray[np.bool_]:
     """Return for each row whether it is no copy of one before.
 
-    A copy has the topic, time and content of another message, and its number. When all messages of a time
-    are there twice, a program has copied them and may have numbered the copies.
+    A copy has the topic, time and content of another message, and its number. When several different messages
+    of one time are all there twice, a program has copied them and may have numbered the copies.
     """
     first = np.ones(len(rows), np.bool_)
     if not len(rows):
@@ -159,8 +169,9 @@ def _is_original(rows: Column) -> NDArray[np.bool_]:
     if (counts == 1).all():
         return first
     begins = np.flatnonzero(np.r_[True, np.diff(rows[:, 0]) != 0])
-    least = np.minimum.reduceat(counts[kind], begins)
-    copied = np.repeat(least > 1, np.diff(np.r_[begins, len(rows)]))
+    lengths = np.diff(np.r_[begins, len(rows)])
+    least, most = (reduce.reduceat(counts[kind], begins) for reduce in (np.minimum, np.maximum))
+    copied = np.repeat((least > 1) & (most < lengths), lengths)
     first[:] = False
     first[np.unique(_mixed(kind, np.where(copied, -1, rows[:, 2])), return_index=True)[1]] = True
     return first

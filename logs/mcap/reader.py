@@ -7,13 +7,15 @@ record by record.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Generator, Iterator
+from collections.abc import Collection, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
 from mcap.records import Attachment
+from numpy.typing import NDArray
 
 from ...errors import PicktreeError
 from .blocks import DAMAGE_ERRORS, Contents, RecordFile, attachment, indexed_contents, metadata, unpacked
@@ -104,6 +106,10 @@ class McapReader:
         """Add `by` (ns) to the time of each message."""
         if by:
             self._table.shift(by)
+
+    def set_times(self, times: Mapping[str, NDArray[np.int64]]) -> None:
+        """Give the messages of topics other times (ns), in their order."""
+        self._table.set_times(times)
 
     def messages(
         self,

@@ -213,10 +213,10 @@ class JoinedLog:
             except (KeyError, ValueError) as error:
                 raise PicktreeError(f"{path}: the metadata {PART_METADATA} are damaged: {error}") from None
             if reading.is_rewritten:
-                from .time_origin import clock_offset  # protobuf is slow to load
+                from .simulated_clock import restore_simulated_times  # protobuf is slow to load
 
                 begin = float(metadata.get("picktree.continues", {}).get("time", "0"))
-                reading.shift(-clock_offset(reading, info.start if info else round(begin * 1e9)))
+                restore_simulated_times(reading, info.start if info else round(begin * 1e9))
         except PicktreeError:
             reading.close()
             raise
