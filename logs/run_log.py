@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PicktreeError
-from ..files.value_wording import listed
 from ..world.journal import JournalEvent
 from ..world.protocols import Intrinsics
 from .mcap.message_table import RawMessage
@@ -26,6 +25,7 @@ from .run_settings import (
     gaps_between,
     lacks,
     log_format,
+    require_run,
     run_settings,
     stated_end,
     tick_length,
@@ -52,8 +52,6 @@ from .schema.tick_decoding import TickDecoder, changes_of
 from .schema.topics import Digest
 
 LOG_NAME = "log.mcap"
-_MAX_NAMED_TOPICS = 5
-"""Maximum number of topics that a message names."""
 RUNS_FOLDER = Path("runs")
 
 R = TypeVar("R")
@@ -128,28 +126,41 @@ class RunLog:
         self.metadata: Mapping[str, Mapping[str, str]] = self._file.metadata
         self.gaps: tuple[Gap, ...] = ()
         """Spans that the log lacks, in order of time: they are damaged, or another program left them out."""
+        self.lacks_something = False
+        """Whether the log is known to lack messages, files or metadata."""
         self.part = self._file.goes_on.number if self._file.goes_on else 1
         """Number of the log's first file: 1, or another for a later file of a rotated log, opened by its own
         name.
 
         A log that begins with a later file begins in the middle of the run.
         """
-        self.paths = self._file.paths
-        """Files of the log."""
         try:
             if SETTINGS not in self.metadata or self._file.is_rewritten:
-                self._require_log()
+                require_run(self._file, self.metadata)
             first = None if SETTINGS in self.metadata else next(self.messages([topics.TICK.name]), None)
             self.format = log_format(self.metadata, first.data if first else None, self.path)
             if self._file.is_rewritten:
                 self.gaps = self._gaps()
-                self.recovered = self._recovered()
+                told = lacks(self._file, self.metadata, () if self.recovered else self.gaps)
+                self.lacks_something = bool(self.recovered or told)
+                told = told if self.recovered or not told else f"{self.path}: {told}"
+                self.recovered = "; ".join(filter(None, (self.recovered, told)))
         except PicktreeError:
             self._file.close()
             raise
 
     def close(self) -> None:
         self._file.close()
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """Files of the log."""
+        return self._file.paths
+
+    @property
+    def is_rewritten(self) -> bool:
+        """Whether a file is damaged, missing, or written by another program: topics may have been left out."""
+        return self._file.is_rewritten
 
     @property
     def going_on(self) -> bool:
@@ -213,9 +224,8 @@ class RunLog:
         data = self._file.attachment(name)
         if data is not None:
             return data
-        raise PicktreeError(
-            f"{self.path}: no file {name!r} in the log; it holds: {', '.join(self.attachments) or 'none'}"
-        )
+        held = ", ".join(self.attachments) or "none; keep the attachments when a log is filtered"
+        raise PicktreeError(f"{self.path}: no file {name!r} in the log; it holds: {held}")
 
     @property
     def cameras(self) -> tuple[str, ...]:
@@ -361,7 +371,6 @@ class RunLog:
     def digest(self) -> str:
         """Compute the digest of everything simulated in the log. It equals the recorded one when the log is
         whole."""
-        simulated = {t.name for t in topics.FIXED if t.simulated}
         digest, start = Digest(), None
         before, continues = self._file.goes_on, self.run.continues
         if before is not None:
@@ -369,40 +378,15 @@ class RunLog:
         elif continues is not None:
             digest, start = Digest(bytes.fromhex(continues.digest)), _ns(continues.time + 1e-6)
         for message in self._file.messages(start=start):
-            if message.topic in simulated or message.topic.startswith("/camera/"):
+            if topics.is_simulated(message.topic):
                 digest.add(message.topic, message.time, message.data)
         return digest.hex
-
-    def _require_log(self) -> None:
-        """Raise PicktreeError for the file of another program, and for a log without ticks."""
-        channels = self._file.channels
-        known = [channel.topic for channel in channels if channel.messages]
-        there = f"it has {listed(known, _MAX_NAMED_TOPICS)}" if known else "it has no messages"
-        by = f", written by {self._file.writers}" if self._file.writers else ""
-        if SETTINGS not in self.metadata and not any(c.schema.startswith("picktree.") for c in channels):
-            raise PicktreeError(
-                f"{self.path}: an MCAP file, but not a log of picktree{by}: {there}; `picktree run MISSION` "
-                "records one"
-            )
-        if topics.TICK.name not in known and self._file.end > 0:
-            raise PicktreeError(
-                f"{self.path}: a log without ticks{by}: {there}; keep {topics.TICK.name} when a log is "
-                "filtered"
-            )
 
     def _gaps(self) -> tuple[Gap, ...]:
         ticks = self.times(topics.TICK.name)
         continues = self.run.continues
         begin = continues.time if continues else 0.0 if self.part == 1 or not ticks else ticks[0]
         return gaps_between(ticks, begin, stated_end(self.result))
-
-    def _recovered(self) -> str:
-        """Return the sentence about the losses; damage is named already, with its time."""
-        gaps = () if self.recovered else self.gaps
-        known = [topic for topic, info in self.topics.items() if info.messages]
-        told = "; ".join(lacks(self.metadata, known, gaps, self.attachments))
-        told = told if self.recovered or not told else f"{self.path}: {told}"
-        return "; ".join(filter(None, (self.recovered, told)))
 
     def _records(
         self, topic: str, read: Callable[[bytes], R], start: float | None, end: float | None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -12,6 +12,8 @@ from typing import Final
 import orjson
 
 from ..errors import PicktreeError
+from ..files.value_wording import listed
+from .recording.rotated_log import JoinedLog
 from .schema import topics
 from .schema.json_records import Arithmetic
 from .schema.records import FORMAT, ResumedFrom, RunInfo
@@ -20,6 +22,8 @@ SETTINGS: Final = "picktree"
 """Name of the metadata record with the settings of the run."""
 UNKNOWN: Final = "unknown"
 """Value of a setting that the log does not state."""
+_MAX_NAMED_TOPICS: Final = 5
+"""Maximum number of topics that a message names."""
 _MIN_GAP_TICKS: Final = 2.9
 """Distance of two ticks from which on there is a gap, in ticks. Clocks of two computers may jitter by one."""
 _ALWAYS_RECORDED: Final = (topics.TREE, topics.TICK, topics.JOINTS, topics.TF, topics.OBJECTS)
@@ -86,6 +90,16 @@ class Gap:
     end: float | None
     """None: the end of the run."""
 
+    def contains(self, time: float) -> bool:
+        """Whether this time (simulated s) is in the gap, or at the tick before or after it.
+
+        The last tick before the end of a log is outside.
+        """
+        after = self.start is None or (
+            time > self.start + 1e-6 if self.end is None else time > self.start - 1e-6
+        )
+        return after and (self.end is None or time < self.end + 1e-6)
+
     def text(self) -> str:
         if self.start is None:
             return f"the log begins at {self.end:.2f} s: everything before is missing"
@@ -121,16 +135,35 @@ def stated_end(result: Mapping[str, str]) -> float | None:
         return None
 
 
-def lacks(
-    metadata: Mapping[str, object], known: Collection[str], gaps: Sequence[Gap], attachments: Collection[str]
-) -> tuple[str, ...]:
-    """Return sentences about what another program has left out of a log."""
+def require_run(file: JoinedLog, metadata: Mapping[str, object]) -> None:
+    """Raise PicktreeError for the file of another program, and for a log without ticks.
+
+    The log of a run that was killed at its start has no ticks, and no message at a later time.
+    """
+    channels = file.channels
+    known = [channel.topic for channel in channels if channel.messages]
+    there = f"it has {listed(known, _MAX_NAMED_TOPICS)}" if known else "it has no messages"
+    by = f", written by {file.writers}" if file.writers else ""
+    if SETTINGS not in metadata and not any(c.schema.startswith("picktree.") for c in channels):
+        raise PicktreeError(
+            f"{file.path}: an MCAP file, but not a log of picktree{by}: {there}; `picktree run MISSION` "
+            "records one"
+        )
+    if topics.TICK.name not in known and file.end > 0:
+        raise PicktreeError(
+            f"{file.path}: a log without ticks{by}: {there}; keep {topics.TICK.name} when a log is filtered"
+        )
+
+
+def lacks(file: JoinedLog, metadata: Mapping[str, object], gaps: Sequence[Gap]) -> str:
+    """Return what another program has left out of a log, as clauses; empty when nothing is known to be."""
     told = [gap.text() for gap in gaps]
+    known = {channel.topic for channel in file.channels if channel.messages}
     dropped = [topic.name for topic in _ALWAYS_RECORDED if topic.name not in known]
-    if dropped:
+    if dropped and file.end > 0:
         told.append(f"it lacks the topics {', '.join(dropped)}")
     if SETTINGS not in metadata:
         told.append("it lacks its metadata: settings and result of the run are unknown")
-    if not attachments:
+    if not file.attachments:
         told.append("it lacks its files: mission, scene and robot are unknown")
-    return tuple(told)
+    return "; ".join(told)

@@ -87,8 +87,7 @@ class MessageTable:
             self.times[self._topics == self.topics.index(topic)] = values
         order = np.argsort(self.times, kind="stable")
         self.times, self._topics, self._blocks, self._starts, self._stops = (
-            column[order]
-            for column in (self.times, self._topics, self._blocks, self._starts, self._stops)
+            column[order] for column in (self.times, self._topics, self._blocks, self._starts, self._stops)
         )
 
     def counts(self) -> dict[str, int]:
@@ -159,25 +158,26 @@ def _is_original(rows: Column) -> NDArray[np.bool_]:
     A copy has the topic, time and content of another message, and its number. When several different messages
     of one time are all there twice, a program has copied them and may have numbered the copies.
     """
-    first = np.ones(len(rows), np.bool_)
-    if not len(rows):
-        return first
-    sizes = rows[:, 5] - rows[:, 4]
-    _, kind, counts = np.unique(
-        _mixed(rows[:, 0], rows[:, 1], sizes, rows[:, 6]), return_inverse=True, return_counts=True
-    )
-    if (counts == 1).all():
-        return first
-    begins = np.flatnonzero(np.r_[True, np.diff(rows[:, 0]) != 0])
-    lengths = np.diff(np.r_[begins, len(rows)])
-    least, most = (reduce.reduceat(counts[kind], begins) for reduce in (np.minimum, np.maximum))
-    copied = np.repeat((least > 1) & (most < lengths), lengths)
-    first[:] = False
-    first[np.unique(_mixed(kind, np.where(copied, -1, rows[:, 2])), return_index=True)[1]] = True
+    looks = _mixed(rows[:, 0], rows[:, 1], rows[:, 5] - rows[:, 4], rows[:, 6])
+    first = _first_of_each(_mixed(looks, rows[:, 2]))
+    left, times = looks[first], rows[first, 0]
+    _, kind, counts = np.unique(left, return_inverse=True, return_counts=True)
+    if len(left) and (counts > 1).any():
+        begins = np.flatnonzero(np.r_[True, np.diff(times) != 0])
+        lengths = np.diff(np.r_[begins, len(left)])
+        least, most = (reduce.reduceat(counts[kind], begins) for reduce in (np.minimum, np.maximum))
+        copied = np.repeat((least > 1) & (most < lengths), lengths)
+        first[first] = ~copied | _first_of_each(left)
     return first
 
 
-def _mixed(*columns: Column) -> NDArray[np.uint64]:
+def _first_of_each(values: NDArray[np.uint64]) -> NDArray[np.bool_]:
+    first = np.zeros(len(values), np.bool_)
+    first[np.unique(values, return_index=True)[1]] = True
+    return first
+
+
+def _mixed(*columns: Column | NDArray[np.uint64]) -> NDArray[np.uint64]:
     """Return a hash of each row of these columns."""
     mixed = np.zeros(len(columns[0]), np.uint64)
     for column in columns:

@@ -237,4 +237,8 @@ def _description(head: bytes) -> str:
         known = "an empty file"
     elif not known and b"\0" not in head and not head.startswith(MAGIC[:4]):
         known = "a text file"
-    return f"{known}; it does not begin as an MCAP file does" if known else "it does not begin as an MCAP file does"
+    return (
+        f"{known}; it does not begin as an MCAP file does"
+        if known
+        else "it does not begin as an MCAP file does"
+    )

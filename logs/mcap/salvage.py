@@ -10,7 +10,17 @@ import io
 from dataclasses import dataclass
 
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Footer, Header, McapRecord, MessageIndex, Metadata, Schema
+from mcap.records import (
+    Attachment,
+    Channel,
+    Chunk,
+    Footer,
+    Header,
+    McapRecord,
+    MessageIndex,
+    Metadata,
+    Schema,
+)
 from mcap.stream_reader import StreamReader
 
 from .blocks import (
@@ -139,7 +149,6 @@ class _Walk:
         elif not (Opcode.HEADER <= opcode <= Opcode.DATA_END or opcode >= _PRIVATE_OPCODES):
             raise ValueError(f"a record of the unknown kind {opcode}")
 
-
     def _finish(self, offset: int) -> bool:
         """Read the summary. Return whether it is whole, and the last thing in the file.
 
@@ -201,7 +210,9 @@ class _Walk:
             self._losses.append(Loss(offset, f"file {record.name}"))
         elif isinstance(record, Metadata):
             self._losses.append(Loss(offset, f"metadata {record.name}"))
-        elif isinstance(record, Chunk) and self._latest <= record.message_start_time <= record.message_end_time:
+        elif (
+            isinstance(record, Chunk) and self._latest <= record.message_start_time <= record.message_end_time
+        ):
             start, end = record.message_start_time, record.message_end_time
             what = f"{start / 1e9:.2f} s to {end / 1e9:.2f} s"
             self._losses.append(Loss(offset, what, channels=self._indexed_behind(offset)))

@@ -189,8 +189,7 @@ def simulated_messages(
 
     For a run that resumes from a checkpoint, the messages that only describe the state there are left out.
     """
-    fixed = {topic.name for topic in topics.FIXED if topic.simulated}
-    wanted = [name for name in log.topics if name in fixed or name.startswith("/camera/")]
+    wanted = [name for name in log.topics if topics.is_simulated(name)]
     continues = log.run.continues
     after = [time for time in (start, continues.time if continues else None) if time is not None]
     begin = max(after) + _TIME_TOLERANCE if after else None
