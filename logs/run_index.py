@@ -29,9 +29,11 @@ from .run_log import LOG_NAME, RunLog
 from .run_result import RunResult
 
 STATUSES: Final = (
-    "success", "incomplete", "failure", "timeout", "paused", "interrupted", "running", "killed", "unreadable",
+    "success", "incomplete", "failure", "timeout", "paused", "interrupted", "running", "killed",
+    "unknown", "unreadable",
 )  # fmt: skip
-"""Statuses of a row. The first six are those of a result; a log without one is `running` or `killed`."""
+"""Statuses of a row. The first six are those of a result; a log without one is `running` or `killed`, or
+`unknown` when another program has left out its result."""
 
 COLUMNS: Final[Mapping[str, tuple[ValueType, str]]] = {
     "status": (ValueType("text", choices=STATUSES), f"one of {', '.join(STATUSES)}"),
@@ -284,6 +286,7 @@ def _filled(row: RunRow, log: RunLog) -> RunRow:
     )
     text = log.result.get("json")
     if text is None:
+        row = replace(row, status="unknown") if row.status == "killed" and log.lacks_result else row
         return replace(row, seconds=None if row.status == "running" else round(log.end, 3))
     result = RunResult.from_json_text(text, log.path)
     return replace(

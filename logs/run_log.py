@@ -159,7 +159,7 @@ class RunLog:
 
     @property
     def is_rewritten(self) -> bool:
-        """Whether a file is damaged, missing, or written by another program: topics may have been left out."""
+        """Whether a file is damaged or missing, or another program has written it and may have left out topics."""
         return self._file.is_rewritten
 
     @property
@@ -202,6 +202,15 @@ class RunLog:
     def result(self) -> Mapping[str, str]:
         """Metadata of the run's end; empty when it was killed."""
         return self.metadata.get("picktree.result", {})
+
+    @property
+    def lacks_result(self) -> bool:
+        """Whether the run has ended, and another program has left out its result."""
+        if self.result or not self.is_rewritten:
+            return False
+        last = self.tick_at(self.end)
+        ended = last is not None and last.record.root_status in ("SUCCESS", "FAILURE")
+        return ended or SETTINGS not in self.metadata
 
     @property
     def topics(self) -> Mapping[str, TopicInfo]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -22,6 +23,7 @@ SETTINGS: Final = "picktree"
 """Name of the metadata record with the settings of the run."""
 UNKNOWN: Final = "unknown"
 """Value of a setting that the log does not state."""
+_TIME_TOLERANCE: Final = 1e-6
 _MAX_NAMED_TOPICS: Final = 5
 """Maximum number of topics that a message names."""
 _MIN_GAP_TICKS: Final = 2.9
@@ -95,10 +97,10 @@ class Gap:
 
         The last tick before the end of a log is outside.
         """
-        after = self.start is None or (
-            time > self.start + 1e-6 if self.end is None else time > self.start - 1e-6
-        )
-        return after and (self.end is None or time < self.end + 1e-6)
+        if self.end is None:
+            return self.start is not None and time > self.start + _TIME_TOLERANCE
+        start = -math.inf if self.start is None else self.start
+        return start - _TIME_TOLERANCE < time < self.end + _TIME_TOLERANCE
 
     def text(self) -> str:
         if self.start is None:

@@ -68,9 +68,8 @@ def diff(a: Run, b: Run) -> RunDiff:
     """
     alignment = align(a, b)
     since = alignment.since or None
-    last = min(
-        (gap.start for run in (a, b) for gap in run.log.gaps if gap.end is None and gap.start), default=None
-    )
+    ends = [gap.start for run in (a, b) for gap in run.log.gaps if gap.end is None]
+    last = min((end for end in ends if end is not None), default=None)
     first = first_difference(a, b, since=since, until=last)
     if first is not None and first.topic == topics.TREE.name:
         told = (topics.TREE.name, topics.TICK.name)
@@ -95,10 +94,8 @@ def _left_out(a: Run, b: Run) -> Iterator[str]:
     for name, run, other in (("A", a, b), ("B", b, a)):
         yield from (f"{name}: {gap.text()}" for gap in run.log.gaps)
         if run.log.is_rewritten:
-            simulated = [
-                name for name, info in other.log.topics.items() if is_simulated(name) and info.messages
-            ]
-            lacking = [name for name in simulated if name not in compared and name not in run.log.topics]
+            held = [topic for topic, info in other.log.topics.items() if info.messages]
+            lacking = [topic for topic in held if is_simulated(topic) and topic not in compared]
             if lacking:
                 yield f"{name}: it lacks the topics {listed(lacking)}"
 

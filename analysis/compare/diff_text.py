@@ -15,7 +15,7 @@ from .diff import FileChange, RunDiff, value_changes
 from .divergence import Divergence
 from .divergence_text import aligned, first_value_lines, parting_lines
 from .message_fields import value_text
-from .run_outcome import KILLED_STATUS, ItemChange, ItemEnd, RunOutcome, TimeChange, TimeUse
+from .run_outcome import ItemChange, ItemEnd, RunOutcome, TimeChange, TimeUse
 
 
 def to_json_text(diff: RunDiff) -> str:
@@ -203,7 +203,7 @@ def _outcome(a: RunOutcome, b: RunOutcome) -> Iterator[str]:
         return "unknown" if run.items_total is None else f"{run.items_sorted} of {run.items_total}"
 
     def known(status: str) -> str:
-        return "killed: no result in the log" if status == KILLED_STATUS else status
+        return f"{status}: no result in the log" if status in ("killed", "unknown") else status
 
     yield from aligned(
         [

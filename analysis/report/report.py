@@ -177,7 +177,13 @@ def _content_security_policy(scripts: Iterable[str]) -> str:
     )
 
 
-_OUTCOME_COLOURS = {"success": "success", "paused": "open", "interrupted": "open", "killed": "open"}
+_OUTCOME_COLOURS = {
+    "success": "success",
+    "paused": "open",
+    "interrupted": "open",
+    "killed": "open",
+    "unknown": "open",
+}
 """Colour class of the outcome; any other outcome is a failure."""
 
 

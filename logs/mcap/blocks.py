@@ -174,7 +174,8 @@ class Contents:
 def indexed_contents(file: RecordFile) -> tuple[Contents, bool | None] | None:
     """Return the content of a file by its summary; None when the summary does not list everything.
 
-    The second value states whether the check sum of the data is right; None: the file has none. Raises one of `DAMAGE_ERRORS` when the file has no ending, or a damaged one.
+    The second value states whether the check sum of the data is right; None: the file has none. Raises one of
+    `DAMAGE_ERRORS` when the file has no ending, or a damaged one.
     """
     ending = file.size - len(MAGIC)
     if ending < _FOOTER_SIZE + len(MAGIC) or file.read(ending, len(MAGIC)) != MAGIC:

@@ -218,6 +218,7 @@ class McapReader:
         return PicktreeError(f"{self.path}: damaged at byte {offset}: {why}")
 
 
+_EXPECTED = "it does not begin as an MCAP file does; give a run's folder, or its log.mcap"
 _OTHER_FILES = (
     (b"#ROSBAG", "a bag of ROS 1"),
     (b"SQLite format 3", "an SQLite database, such as a bag of ROS 2"),
@@ -237,8 +238,4 @@ def _description(head: bytes) -> str:
         known = "an empty file"
     elif not known and b"\0" not in head and not head.startswith(MAGIC[:4]):
         known = "a text file"
-    return (
-        f"{known}; it does not begin as an MCAP file does"
-        if known
-        else "it does not begin as an MCAP file does"
-    )
+    return "; ".join(filter(None, (known, _EXPECTED)))

@@ -39,6 +39,8 @@ from .writer import MAGIC
 _PRIVATE_OPCODES = 0x80
 """First opcode that other programs may use for records of their own."""
 _COMPRESSION_SIGNS = (b"\x04\x00\x00\x00zstd", b"\x03\x00\x00\x00lz4")
+_MAX_TIME = 1 << 62
+"""Times from here on are damaged, ns."""
 _SIGN_OFFSET = RECORD_HEAD.size + 28
 """Offset of the compression's name in a chunk's record, bytes."""
 
@@ -210,11 +212,8 @@ class _Walk:
             self._losses.append(Loss(offset, f"file {record.name}"))
         elif isinstance(record, Metadata):
             self._losses.append(Loss(offset, f"metadata {record.name}"))
-        elif (
-            isinstance(record, Chunk) and self._latest <= record.message_start_time <= record.message_end_time
-        ):
-            start, end = record.message_start_time, record.message_end_time
-            what = f"{start / 1e9:.2f} s to {end / 1e9:.2f} s"
+        elif isinstance(record, Chunk) and record.message_start_time <= record.message_end_time < _MAX_TIME:
+            what = f"{record.message_start_time / 1e9:.2f} s to {record.message_end_time / 1e9:.2f} s"
             self._losses.append(Loss(offset, what, channels=self._indexed_behind(offset)))
         elif not isinstance(record, MessageIndex):  # an index only: the messages are all there
             what = f"messages after {self._latest / 1e9:.2f} s"

@@ -65,7 +65,7 @@ def _stamps(reading: McapReader, topic: topics.Topic) -> Iterator[tuple[int, int
 
 
 def _times(reading: McapReader, clock: topics.Topic) -> Mapping[str, Times]:
-    """Return the simulated times of the messages by topic. `clock`: stamped topic with a message each tick."""
+    """Return the simulated times of the messages by topic. `clock`: topic with a stamped message a tick."""
     grid = np.unique([time if stamp is None else stamp for time, stamp in _stamps(reading, clock)])
     found: dict[str, Times] = {}
     for channel in reading.channels:

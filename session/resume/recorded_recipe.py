@@ -70,7 +70,7 @@ class RecordedRun:
         info, log = self.run.info, self.run.log
         if info.seed is None:
             raise PicktreeError(
-                f"{log.path}: the log lacks its metadata, among them the seed, so the run cannot be run again; "
+                f"{log.path}: the log lacks its metadata, and with them the seed, so it cannot be run again; "
                 "keep the metadata when a log is filtered"
             )
         if info.backend not in ("physics", "kinematic"):
