@@ -159,7 +159,7 @@ class RunLog:
 
     @property
     def is_rewritten(self) -> bool:
-        """Whether a file is damaged or missing, or another program has written it and may have left out topics."""
+        """Whether a file is damaged or missing, or another program has written it, perhaps without some topics."""
         return self._file.is_rewritten
 
     @property

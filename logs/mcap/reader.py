@@ -78,6 +78,13 @@ class McapReader:
         return bool(self.recovered) or self._contents.library != LIBRARY or self._indexed is not None
 
     @property
+    def start(self) -> int:
+        """Time of the first message, ns; 0 when there is none."""
+        if self._indexed is not None:
+            return int(self._indexed.times[0]) if len(self._indexed) else 0
+        return min((block.start for block in self._contents.blocks), default=0)
+
+    @property
     def end(self) -> int:
         """Time of the last message, ns; 0 when there is none."""
         if self._indexed is not None:

@@ -212,11 +212,12 @@ class JoinedLog:
                 info = PartInfo.from_words(words) if words is not None else None
             except (KeyError, ValueError) as error:
                 raise PicktreeError(f"{path}: the metadata {PART_METADATA} are damaged: {error}") from None
-            if reading.is_rewritten:
+            continued = float(metadata.get("picktree.continues", {}).get("time", "0"))
+            begin = info.start if info else round(continued * 1e9)
+            if reading.is_rewritten or reading.start != begin:
                 from .simulated_clock import restore_simulated_times  # protobuf is slow to load
 
-                begin = float(metadata.get("picktree.continues", {}).get("time", "0"))
-                restore_simulated_times(reading, info.start if info else round(begin * 1e9))
+                restore_simulated_times(reading, begin)
         except PicktreeError:
             reading.close()
             raise
