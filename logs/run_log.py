@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PicktreeError
+from ..files.file_names import require_utf8
 from ..world.journal import JournalEvent
 from ..world.protocols import Intrinsics
 from .mcap.message_table import RawMessage
@@ -96,6 +97,7 @@ def find_log(where: str | Path) -> Path:
             )
         return logs[-1]
     path = Path(where)
+    require_utf8(path.absolute())
     if path.is_dir():
         inside = path / LOG_NAME
         if inside.is_file():
@@ -159,7 +161,7 @@ class RunLog:
 
     @property
     def is_rewritten(self) -> bool:
-        """Whether a file is damaged or missing, or another program has written it, perhaps without some topics."""
+        """Whether a file is damaged or missing, or written by another program, perhaps without some topics."""
         return self._file.is_rewritten
 
     @property

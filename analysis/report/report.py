@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import os
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
@@ -20,6 +18,7 @@ import orjson
 from ... import __version__
 from ...authoring.drawing.formats import shapes
 from ...errors import PicktreeError
+from ...files.atomic_write import whole
 from ...logs.episodes.episode_counts import CauseCount
 from ...logs.schema.records import Plan
 from ..explain.investigation.explanation import ExplainedOutcome
@@ -326,7 +325,8 @@ def write_report(run: Run, file: Path) -> WrittenReport:
     began = time.perf_counter()
     text = report(run)
     data = text.encode("utf-8")
-    _write_whole(file, data)
+    with whole([file], file) as (beside,):
+        beside.write_bytes(data)
     return WrittenReport(file, len(data), time.perf_counter() - began, run.end)
 
 
@@ -337,24 +337,3 @@ def report(run: Run) -> str:
     info = run.info
     title = f"{info.mission}, {info.scene}, {info.seed_text}"
     return render_page(title, summary(run), (packer(run) for packer in PACKERS))
-
-
-def _write_whole(file: Path, data: bytes) -> None:
-    """Write a temporary file beside it first, so that a full disk leaves the old file."""
-    beside: str | None = None
-    try:
-        handle, beside = tempfile.mkstemp(prefix=f".{file.name}-", dir=file.parent)
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
-        os.chmod(beside, 0o666 & ~_umask())
-        os.replace(beside, file)
-    except OSError as error:
-        if beside is not None:
-            Path(beside).unlink(missing_ok=True)
-        raise PicktreeError(f"{file} cannot be written: {(error.strerror or str(error)).lower()}") from None
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
