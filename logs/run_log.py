@@ -161,7 +161,7 @@ class RunLog:
 
     @property
     def is_rewritten(self) -> bool:
-        """Whether a file is damaged or missing, or written by another program, perhaps without some topics."""
+        """Whether a file is damaged or missing, or another program wrote it, perhaps without some topics."""
         return self._file.is_rewritten
 
     @property
