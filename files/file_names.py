@@ -21,7 +21,7 @@ def fitted(name: str, limit: int = MAX_NAME_BYTES) -> str:
     >>> fitted("log.mcap.part")
     'log.mcap.part'
     >>> fitted("n" * 300 + ".html", 40)
-    'nnnnnnnnnnnnnnnnnn-c62f5bcba78ebc5e.html'
+    'nnnnnnnnnnnnnnnnnn-8c155a0a630fc43e.html'
     """
     data = os.fsencode(name)
     if len(data) <= limit:

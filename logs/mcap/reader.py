@@ -146,9 +146,9 @@ class McapReader:
         return None
 
     def metadata(self) -> dict[str, dict[str, str]]:
-        """Return all metadata by the records' names.
+        """Return all metadata by the records' names; of two records of one name the later one counts.
 
-        Raises PicktreeError when two records of one name contradict each other: the file holds two runs.
+        Raises PicktreeError when two records of picktree contradict each other: the file holds two runs.
         """
         found: dict[str, dict[str, str]] = {}
         for entry in self._contents.metadata:
@@ -156,11 +156,12 @@ class McapReader:
                 record = metadata(self._file, entry.offset)
             words = found.setdefault(record.name, {})
             for name, value in record.metadata.items():
-                if words.setdefault(name, value) != value:
+                if words.setdefault(name, value) != value and record.name.startswith(LIBRARY):
                     raise PicktreeError(
                         f"{self.path}: a file of more than one run: its metadata {record.name} state for "
                         f"{name} both {words[name]!r} and {value!r}; give the log of one run"
                     )
+                words[name] = value
         return found
 
     @property

@@ -12,7 +12,6 @@ from typing import Any, Final
 import numpy as np
 from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from ..mcap.reader import McapReader
 from ..schema import topics
@@ -98,6 +97,9 @@ def _by_number(times: Times, grid: Times) -> Times:
     were left out. Its median over many ticks is exact.
     """
     numbers = np.arange(len(times))
-    ahead = median_filter(_nearest(times, grid) - numbers, _SMOOTHING, mode="nearest")
-    places = numbers + np.maximum.accumulate(ahead) if len(times) else numbers
+    if not len(times):
+        return times
+    ahead = np.pad(_nearest(times, grid) - numbers, _SMOOTHING // 2, mode="edge")
+    middle = np.median(np.lib.stride_tricks.sliding_window_view(ahead, _SMOOTHING), axis=1)
+    places = numbers + np.maximum.accumulate(middle.astype(np.int64))
     return grid[np.clip(places, 0, len(grid) - 1)]

@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
-import numpy as np
 import pytest
+from mcap.records import Metadata
 
 from picktree.analysis import Run
 from picktree.errors import PicktreeError
@@ -64,9 +64,8 @@ def test_records_of_other_programs_are_passed_over(
 
 def jittered(content: Content, most: int) -> Content:
     rng = random.Random(5)
-    return content.each(
-        lambda sent: replace(sent, time=max(sent.time + rng.randint(-most, most), 0) if sent.time else 0)
-    )
+    late = {id(sent): rng.randint(-most, most) if sent.time else 0 for sent in content.messages}
+    return content.each(lambda sent: replace(sent, time=max(sent.time + late[id(sent)], 0)))
 
 
 def test_late_messages_take_the_times_of_their_stamps(log_path: Path, tmp_path: Path) -> None:
@@ -78,8 +77,7 @@ def test_late_messages_take_the_times_of_their_stamps(log_path: Path, tmp_path: 
             assert here[topic] == there[topic], topic
         for topic in there:
             assert [data for _, data in here[topic]] == [data for _, data in there[topic]], topic
-            times = [np.array([time for time, _ in found[topic]]) for found in (here, there)]
-            assert np.abs(times[0] - times[1]).max() < 0.051, topic
+            assert [t for t, _ in here[topic]] == pytest.approx([t for t, _ in there[topic]], abs=0.051)
     with Run(log_path) as one, Run(rewritten) as other:
         assert [(v.path, v.start, v.end) for v in other.visits] == [
             (v.path, v.start, v.end) for v in one.visits
@@ -166,30 +164,52 @@ def test_a_log_of_two_runs_is_named_as_that(sample: ModuleType, log_path: Path, 
     )
 
 
-def others(content: Content) -> Content:
+def test_metadata_of_another_program_may_change(log_path: Path, tmp_path: Path) -> None:
+    """A bag of ROS 2 states its length at its start and at its end."""
+    content = Content.of(log_path)
+    first, last = (Metadata("rosbag2", {"duration": text}) for text in ("0", "2.95"))
+    with RunLog(
+        replace(content, metadata=[first, *content.metadata, last]).write(tmp_path / "a.mcap")
+    ) as log:
+        assert log.metadata["rosbag2"] == {"duration": "2.95"}
+
+
+def of_another_program(content: Content) -> Content:
     return Content([Sent("/rosout", "cdr", None, 5, b"", 1, 5)], [], [], profile="ros2")
+
+
+def without_messages(content: Content) -> Content:
+    return Content([], [], [])
+
+
+def joints_only(content: Content) -> Content:
+    return content.ordered(sent for sent in content.messages if sent.topic == "/joint_states")
+
+
+def renamed(content: Content) -> Content:
+    return content.each(lambda sent: replace(sent, topic=f"/cell{sent.topic}"))
 
 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
         (
-            others,
+            of_another_program,
             "an MCAP file, but not a log of picktree, written by other tool ros2: it has /rosout; "
             "`picktree run MISSION` records one",
         ),
         (
-            lambda c: Content([], [], []),
+            without_messages,
             "an MCAP file, but not a log of picktree, written by other tool: it has no messages; "
             "`picktree run MISSION` records one",
         ),
         (
-            lambda c: c.ordered(sent for sent in c.messages if sent.topic == "/joint_states"),
+            joints_only,
             "a log without ticks, written by other tool: it has /joint_states; keep /bt/tick when a log is "
             "filtered",
         ),
         (
-            lambda c: c.each(lambda sent: replace(sent, topic=f"/cell{sent.topic}")),
+            renamed,
             "a log without ticks, written by other tool: it has /cell/bt/tree, /cell/scene/robot, "
             "/cell/camera/overhead/calibration, /cell/camera/overhead/colour and 13 more; keep /bt/tick when "
             "a log is filtered",
