@@ -241,11 +241,11 @@ class JoinedLog:
             except PicktreeError as error:
                 lost = f"{lost} and {error}" if lost else str(error)
                 continue
-            assert part.info is not None
+            since = part.info.start if part.info is not None else self.end
             if lost:
-                gaps.append(f"{lost}: {self.end / 1e9:.2f} s to {part.info.start / 1e9:.2f} s lost")
+                gaps.append(f"{lost}: {self.end / 1e9:.2f} s to {since / 1e9:.2f} s lost")
                 lost = ""
-            self._parts.append(_Part(part.reading, part.metadata, part.info, part.info.start))
+            self._parts.append(_Part(part.reading, part.metadata, part.info, since))
         following = self._parts[-1].metadata.get(NEXT_METADATA, {}).get("part")
         if following is not None and not lost:
             lost = f"{path.with_name(following)} is missing"
@@ -254,8 +254,11 @@ class JoinedLog:
         return gaps
 
     def _goes_on(self, part: _Part, number: int, *, adjacent: bool) -> bool:
-        """Whether this part continues the log, according to the metadata of the files."""
+        """Whether this part continues the log, according to the metadata of the files; without any, by its
+        times."""
         before = self._parts[-1]
+        if not part.metadata and not before.metadata:
+            return part.reading.end > before.reading.end
         if part.info is None or part.info.number != number:
             return False
         if part.metadata.get("picktree") != self._parts[0].metadata.get("picktree"):

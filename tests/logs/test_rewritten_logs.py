@@ -7,11 +7,17 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from mcap.reader import make_reader
 from mcap.records import Metadata
 
 from picktree.analysis import Run
+from picktree.analysis.compare.diff import diff
+from picktree.analysis.compare.divergence import first_difference
 from picktree.errors import PicktreeError
+from picktree.logs.recording.recorder import Recorder
+from picktree.logs.recording.rotated_log import Rotation
 from picktree.logs.run_log import RunLog
+from picktree.world.belief.planning_scene import PlanningScene
 
 from .rewriting import EPOCH, ORDER, SECOND, WRITING, Content, Sent, with_record
 
@@ -236,3 +242,75 @@ def test_a_log_that_another_recorder_left_unfinished_is_salvaged(log_path: Path,
             ticks = list(log.ticks())
             assert ticks
             assert ticks == list(one.ticks(end=log.end))[: len(ticks)]
+
+
+@pytest.fixture(scope="module")
+def rotated(sample: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a log in three files."""
+    folder = tmp_path_factory.mktemp("rotated")
+    scene = PlanningScene([sample.TABLE], [sample.BIN])
+    with Recorder(folder / "log.mcap", sample.RUN, rotation=Rotation(seconds=1.1)) as recorder:
+        sample.start(recorder)
+        for k in range(60):
+            recorder.rotate_if_due(k * 0.05)
+            sample.step(recorder, scene, k)
+        recorder.finish({"status": "SUCCESS"})
+    return folder
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_each_file_of_a_rotated_log_may_be_rewritten(rotated: Path, tmp_path: Path, kept: bool) -> None:
+    for path in rotated.iterdir():
+        content = WRITING["lz4"](ORDER["epoch"](Content.of(path)))
+        replace(content, metadata=content.metadata if kept else []).write(tmp_path / path.name)
+    with RunLog(rotated) as one, RunLog(tmp_path) as other:
+        assert len(other.paths) == len(one.paths) == 3
+        assert told(other) == told(one)
+        assert other.gaps == ()
+
+
+def test_a_damaged_second_leaves_out_that_second(log_path: Path, tmp_path: Path) -> None:
+    data = bytearray(log_path.read_bytes())
+    with log_path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    chunk = summary.chunk_indexes[-2]
+    data[chunk.chunk_start_offset + chunk.chunk_length - 50] ^= 0xFF
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(data)
+    with Run(log_path) as one, Run(damaged) as other:
+        assert "damaged at byte" in other.recovered
+        (gap,) = other.log.gaps
+        found = diff(one, other)
+        assert (found.verdict, found.left_out) == ("identical", (f"B: {gap.text()}",))
+        assert first_difference(one, other) is None
+
+
+def test_dropped_topics_are_left_out_of_a_comparison_and_named(log_path: Path, tmp_path: Path) -> None:
+    content = Content.of(log_path)
+    dropped = content.ordered(sent for sent in content.messages if not sent.topic.startswith("/camera"))
+    with Run(log_path) as one, Run(dropped.write(tmp_path / "log.mcap")) as other:
+        found = diff(one, other)
+        assert found.verdict == "identical"
+        assert found.left_out == (
+            "B: it lacks the topics /camera/overhead/calibration, /camera/overhead/colour and "
+            "/camera/overhead/depth",
+        )
+
+
+def test_a_message_that_differs_is_found_whatever_digest_the_log_states(
+    log_path: Path, tmp_path: Path
+) -> None:
+    content = ORDER["shuffled"](Content.of(log_path))
+    changed = content.each(
+        lambda sent: (
+            replace(sent, data=sent.data.replace(b'"controller":"Track"', b'"controller":"Other"'))
+            if (sent.topic, sent.time) == ("/control", SECOND)
+            else sent
+        )
+    )
+    with Run(log_path) as one, Run(changed.write(tmp_path / "log.mcap")) as other:
+        found = first_difference(one, other)
+        assert found is not None
+        assert (found.topic, found.time, found.field) == ("/control", 1.0, "controller")
+        assert other.log.result["digest"] == one.log.result["digest"]
