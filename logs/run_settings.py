@@ -38,7 +38,7 @@ def run_settings(metadata: Mapping[str, Mapping[str, str]], tick: float, path: P
     """
     words = metadata.get(SETTINGS)
     if words is None:
-        return RunInfo(UNKNOWN, UNKNOWN, UNKNOWN, None, UNKNOWN, tick)
+        return RunInfo(f"{UNKNOWN} mission", UNKNOWN, UNKNOWN, None, f"{UNKNOWN} backend", tick)
     continues = metadata.get("picktree.continues")
     try:
         return RunInfo(
@@ -157,13 +157,21 @@ def require_run(file: JoinedLog, metadata: Mapping[str, object]) -> None:
         )
 
 
+def lacking_topics(names: Sequence[str]) -> str:
+    """
+    >>> lacking_topics(["/tf", "/bt/tree"])
+    'it lacks the topics /tf and /bt/tree'
+    """
+    return f"it lacks the topic{'s' if len(names) > 1 else ''} {listed(names)}"
+
+
 def lacks(file: JoinedLog, metadata: Mapping[str, object], gaps: Sequence[Gap]) -> str:
     """Return what another program has left out of a log, as clauses; empty when nothing is known to be."""
     told = [gap.text() for gap in gaps]
     known = {channel.topic for channel in file.channels if channel.messages}
     dropped = [topic.name for topic in _ALWAYS_RECORDED if topic.name not in known]
     if dropped and file.end > 0:
-        told.append(f"it lacks the topics {', '.join(dropped)}")
+        told.append(lacking_topics(dropped))
     if SETTINGS not in metadata:
         told.append("it lacks its metadata: settings and result of the run are unknown")
     if not file.attachments:

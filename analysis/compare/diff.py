@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from ...files.value_wording import listed
+from ...logs.run_settings import lacking_topics
 from ...logs.schema import topics
 from ...logs.schema.json_records import arithmetic_difference
 from ...logs.schema.records import RunInfo
@@ -97,7 +97,7 @@ def _left_out(a: Run, b: Run) -> Iterator[str]:
             held = [topic for topic, info in other.log.topics.items() if info.messages]
             lacking = [topic for topic in held if is_simulated(topic) and topic not in compared]
             if lacking:
-                yield f"{name}: it lacks the topics {listed(lacking)}"
+                yield f"{name}: {lacking_topics(lacking)}"
 
 
 def _verdict(alignment: Alignment, first: MessageDifference | None) -> Verdict:

@@ -189,7 +189,7 @@ class McapReader:
         found = salvaged(self._file)
         self._contents, self._indexed = found.contents, None
         if not len(self._table) and not found.whole:
-            raise self._damaged(found.stop, found.problem or "it holds no messages")
+            raise self._damaged(found.stop, f"{found.problem or 'nothing is left'}; it holds no messages")
         if found.problem:
             where = f"recovered up to byte {found.stop}, {self.end / 1e9:.2f} s"
             self._tell(found.losses, f"the file was not finished; {where}")

@@ -219,9 +219,12 @@ def test_a_huge_chunk_takes_no_memory(log_path: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("data", "why"),
     [
-        (b"\x89MCAP0\r\n", "damaged at byte 8: the file ends without its summary"),
-        (b"\x89MCAP0\r\n" * 2, "damaged at byte 8: the file ends inside a record"),
-        (b"\x89MCAP0\r\n" + bytes(30), "damaged at byte 8: a record of the unknown kind 0"),
+        (b"\x89MCAP0\r\n", "damaged at byte 8: the file ends without its summary; it holds no messages"),
+        (b"\x89MCAP0\r\n" * 2, "damaged at byte 8: the file ends inside a record; it holds no messages"),
+        (
+            b"\x89MCAP0\r\n" + bytes(30),
+            "damaged at byte 8: a record of the unknown kind 0; it holds no messages",
+        ),
         (b"", f"not a log: an empty file; {EXPECTED}"),
     ],
 )

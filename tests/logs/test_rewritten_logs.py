@@ -109,7 +109,7 @@ def test_without_stamps_times_are_counted_from_the_first_tick(log_path: Path, tm
     )
     with RunLog(log_path) as one, RunLog(later.write(tmp_path / "log.mcap")) as other:
         assert told(other)["/bt/tick"] == told(one)["/bt/tick"]
-        assert "it lacks the topics /joint_states, /tf, /scene/objects" in other.recovered
+        assert "it lacks the topics /joint_states, /tf and /scene/objects" in other.recovered
 
 
 def clipped(content: Content, start: float, end: float) -> Content:
@@ -120,7 +120,7 @@ def clipped(content: Content, start: float, end: float) -> Content:
     ("start", "end", "said"),
     [
         (0.0, 2.0, ""),
-        (1.0, 9.0, "the log begins at 1.00 s: everything before is missing; it lacks the topics /bt/tree"),
+        (1.0, 9.0, "the log begins at 1.00 s: everything before is missing; it lacks the topic /bt/tree"),
     ],
 )
 def test_a_clipped_log_says_what_is_missing(
