@@ -151,7 +151,7 @@ def require_run(file: JoinedLog, metadata: Mapping[str, object]) -> None:
             f"{file.path}: an MCAP file, but not a log of picktree{by}: {there}; `picktree run MISSION` "
             "records one"
         )
-    if topics.TICK.name not in known and file.end > 0:
+    if topics.TICK.name not in known and file.end > file.start:
         raise PicktreeError(
             f"{file.path}: a log without ticks{by}: {there}; keep {topics.TICK.name} when a log is filtered"
         )
@@ -170,7 +170,7 @@ def lacks(file: JoinedLog, metadata: Mapping[str, object], gaps: Sequence[Gap]) 
     told = [gap.text() for gap in gaps]
     known = {channel.topic for channel in file.channels if channel.messages}
     dropped = [topic.name for topic in _ALWAYS_RECORDED if topic.name not in known]
-    if dropped and file.end > 0:
+    if dropped and file.end > file.start:
         told.append(lacking_topics(dropped))
     if SETTINGS not in metadata:
         told.append("it lacks its metadata: settings and result of the run are unknown")

@@ -171,6 +171,11 @@ class JoinedLog:
         return ", ".join(dict.fromkeys(filter(None, (part.reading.writer for part in self._parts))))
 
     @property
+    def start(self) -> int:
+        """Time of the first message, ns."""
+        return self._parts[0].reading.start
+
+    @property
     def end(self) -> int:
         """Time of the last message, ns."""
         return max(part.reading.end for part in self._parts)

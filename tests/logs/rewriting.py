@@ -188,6 +188,19 @@ ORDER: dict[str, Callable[[Content], Content]] = {
 """Other orders, times and neighbours of the same messages."""
 
 
+def without_attachment_sums(path: Path) -> Path:
+    """Zero the check sums of the attachments; the file has no other sums."""
+    data = bytearray(path.read_bytes())
+    offset = 8
+    while data[offset] != Opcode.DATA_END:
+        (length,) = struct.unpack_from("<Q", data, offset + 1)
+        if data[offset] == Opcode.ATTACHMENT:
+            data[offset + 5 + length : offset + 9 + length] = bytes(4)
+        offset += 9 + length
+    path.write_bytes(data)
+    return path
+
+
 def with_record(path: Path, opcode: int, body: bytes, out: Path) -> Path:
     """Write the file with one more record behind each chunk, and without a summary."""
     data = path.read_bytes()

@@ -19,7 +19,7 @@ from picktree.logs.recording.rotated_log import Rotation
 from picktree.logs.run_log import RunLog
 from picktree.world.belief.planning_scene import PlanningScene
 
-from .rewriting import EPOCH, ORDER, SECOND, WRITING, Content, Sent, with_record
+from .rewriting import EPOCH, ORDER, SECOND, WRITING, Content, Sent, with_record, without_attachment_sums
 
 
 def told(log: RunLog) -> dict[str, list[tuple[float, bytes]]]:
@@ -66,6 +66,11 @@ def test_records_of_other_programs_are_passed_over(
 ) -> None:
     rewritten = WRITING[form](Content.of(log_path).with_options(chunk_size=4000)).write(tmp_path / "a.mcap")
     assert_reads_as(with_record(rewritten, opcode, b"anything", tmp_path / "log.mcap"), log_path)
+
+
+def test_an_attachment_may_have_no_check_sum(log_path: Path, tmp_path: Path) -> None:
+    rewritten = WRITING["no sums"](Content.of(log_path)).write(tmp_path / "log.mcap")
+    assert_reads_as(without_attachment_sums(rewritten), log_path)
 
 
 def jittered(content: Content, most: int) -> Content:
