@@ -204,8 +204,8 @@ def test_a_damaged_file_costs_only_itself(copied: Path) -> None:
     (copied / "log-0003.mcap").write_bytes(b"rubbish")
     with RunLog(copied) as log:
         assert log.recovered == (
-            f"{copied / 'log-0003.mcap'}: not a log: it does not begin as an MCAP file does: "
-            "2.75 s to 4.15 s lost"
+            f"{copied / 'log-0003.mcap'}: not a log: a text file; it does not begin as an MCAP file does; "
+            "give a run's folder, or its log.mcap: 2.75 s to 4.15 s lost"
         )
 
 
