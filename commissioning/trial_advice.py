@@ -81,8 +81,8 @@ def advice(cause: str, message: str, file: str, links: tuple[str, ...], bodies: 
     if _TOUCH.search(message) and told_links:
         if told_bodies and cause.startswith(("grasp", "place")):
             return (
-                f"look at the collision geometry of {told_links[0]} in the URDF, and at 'tip', 'palm' and 'hand' "
-                f"under 'gripper:' in {file}: it meets {told_bodies[0]}"
+                f"look at the collision geometry of {told_links[0]} in the URDF, and at 'tip', 'palm' and "
+                f"'hand' under 'gripper:' in {file}: it meets {told_bodies[0]}"
             )
         if told_bodies:
             return (

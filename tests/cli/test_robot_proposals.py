@@ -224,8 +224,8 @@ def test_the_advice_for_a_place_out_of_reach_measures_the_reach(tmp_path: Path) 
         (
             "grasp.no_candidate",
             "none of 16 grasps is free: 16 at the grasp l3 would be only 2.0 mm from table",
-            "look at the collision geometry of l3 in the URDF, and at 'tip', 'palm' and 'hand' under 'gripper:' "
-            "in arm.yaml: it meets table",
+            "look at the collision geometry of l3 in the URDF, and at 'tip', 'palm' and 'hand' under "
+            "'gripper:' in arm.yaml: it meets table",
         ),
         (
             "safety.stop",
