@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..files.xml_text import XmlError, parse_xml
 from ..files.yaml.file_text import Unreadable, read_bytes
-from .urdf_faults import UrdfError, urdf_faults
+from .urdf_faults import MOVING, UrdfError, urdf_faults
 
 MAX_BYTES = 5_000_000
 
@@ -18,7 +18,8 @@ def parsed_urdf(path: Path) -> ElementTree.Element:
 
     Raises UrdfError with all faults when the file cannot be read as XML, or no robot can be built of it.
     Tags keep their namespace prefix, as in other readers of URDFs. A robot without a name gets that of its
-    file; products of inertia that are missing are 0. Geometry is not checked here.
+    file; products of inertia that are missing are 0, and joints that do not move have no limits. Geometry is
+    not checked here.
     """
     try:
         raw = read_bytes(path, MAX_BYTES)
@@ -35,13 +36,29 @@ def parse_urdf(raw: bytes, name: str) -> ElementTree.Element:
         raise UrdfError(str(error)) from None
     if faults := _faults_of(raw):
         raise UrdfError(*faults)
-    # Some libraries refuse a robot without a name, and an inertia without products.
+    _complete(root, path.stem)
+    return root
+
+
+def _complete(root: ElementTree.Element, name: str) -> None:
+    """Add what libraries miss that are stricter than others, and remove what they stumble over."""
     if not root.get("name"):
         root.set("name", name)
     for inertia in root.iter("inertia"):
         for key in ("ixy", "ixz", "iyz"):
             inertia.attrib.setdefault(key, "0")
-    return root
+    for joint in root.findall("joint"):
+        if joint.get("type") not in MOVING:
+            for tag in ("limit", "safety_controller", "mimic"):
+                for element in joint.findall(tag):
+                    joint.remove(element)
+        for limit in joint.findall("limit"):
+            for key, value in limit.attrib.items():
+                limit.set(key, value.strip())
+            for key in ("effort", "velocity"):
+                limit.attrib.setdefault(key, "0")
+        for controller in joint.findall("safety_controller"):
+            controller.attrib.setdefault("k_velocity", "0")
 
 
 @lru_cache(maxsize=16)

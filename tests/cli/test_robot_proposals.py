@@ -222,6 +222,12 @@ def test_the_advice_for_a_place_out_of_reach_measures_the_reach(tmp_path: Path) 
             "look at the collision geometry of l1 and l3 in the URDF, and at 'disabled_pairs:' in arm.yaml",
         ),
         (
+            "grasp.no_candidate",
+            "none of 16 grasps is free: 16 at the grasp l3 would be only 2.0 mm from table",
+            "look at the collision geometry of l3 in the URDF, and at 'tip', 'palm' and 'hand' under "
+            "'gripper:' in arm.yaml: it meets table",
+        ),
+        (
             "safety.stop",
             "a safety stop is not acknowledged: the tool is 3 mm outside the workspace",
             "choose 'poses:' in arm.yaml with the tool inside of the scene's workspace, or move 'base:'",
