@@ -24,9 +24,10 @@ from ..files.expressions.expression import Expression, ExpressionError
 from ..files.expressions.type_inference import FLOAT, INT, TEXT, ValueType, check_types, list_of
 from ..files.file_names import is_utf8, shown
 from .episodes.episode_counts import by_cause
+from .log_paths import LOG_NAME
 from .mcap.sealed_file import is_written
 from .recording.rotated_log import part_paths
-from .run_log import LOG_NAME, RunLog
+from .run_log import RunLog
 from .run_result import RunResult
 
 STATUSES: Final = (

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PicktreeError
-from ..files.file_names import require_utf8
 from ..world.journal import JournalEvent
 from ..world.protocols import Intrinsics
+from .log_paths import find_log
 from .mcap.message_table import RawMessage
 from .mcap.sealed_file import is_written
 from .recording import foxglove_messages
@@ -52,9 +52,6 @@ from .schema.records import (
 from .schema.tick_decoding import TickDecoder, changes_of
 from .schema.topics import Digest
 
-LOG_NAME = "log.mcap"
-RUNS_FOLDER = Path("runs")
-
 R = TypeVar("R")
 
 _IDLE_END = b'"writes":[],"transitions":[]}'
@@ -84,33 +81,6 @@ class CameraImage:
     colour: NDArray[np.uint8]
     depth: NDArray[np.float32]
     intrinsics: Intrinsics
-
-
-def find_log(where: str | Path) -> Path:
-    """Return the log file that LOG names: a file, a run's folder, or `last` in ./runs. Raises
-    PicktreeError."""
-    if str(where) == "last":
-        logs = sorted(RUNS_FOLDER.glob(f"*/{LOG_NAME}"), key=lambda p: (_last_write_time(p), str(p)))
-        if not logs:
-            raise PicktreeError(
-                f"there is no run in {RUNS_FOLDER.absolute()} yet; `picktree run MISSION` makes one"
-            )
-        return logs[-1]
-    path = Path(where)
-    require_utf8(path.absolute())
-    if path.is_dir():
-        inside = path / LOG_NAME
-        if inside.is_file():
-            return inside
-        others = sorted(path.glob("*.mcap"))
-        if len(others) == 1:
-            return others[0]
-        parts = [part.name for part in part_paths(inside).values()]
-        there = f"; it holds {', '.join(parts)}, which open by their own names" if parts else ""
-        raise PicktreeError(f"{path}: there is no {LOG_NAME} in this folder{there}")
-    if not path.exists():
-        raise PicktreeError(f"{path}: there is no such log")
-    return path
 
 
 class RunLog:
@@ -418,11 +388,6 @@ class RunLog:
             raise PicktreeError(
                 f"{self.path}: {message.topic} at {message.time / 1e9:.2f} s: unreadable message: {error}"
             ) from None
-
-
-def _last_write_time(log: Path) -> int:
-    """Return the time of the last write to a log's last file, ns."""
-    return max(path.stat().st_mtime_ns for path in (log, *part_paths(log).values()))
 
 
 def _ns(seconds: float | None) -> int | None:

@@ -139,15 +139,9 @@ def write_tables(
         if path.is_dir():
             raise PicktreeError(f"{path} cannot be written: it is a folder")
     with whole(paths, output) as beside:
-        _require_folder(output)
         output.mkdir(parents=True, exist_ok=True)
         counts = [write(path, table, rows(table)) for path, table in zip(beside, tables, strict=True)]
     return dict(zip(paths, counts, strict=True))
-
-
-def _require_folder(output: Path) -> None:
-    if output.exists() and not output.is_dir():
-        raise PicktreeError(f"{output} cannot be written: tables go into a folder, and this is none")
 
 
 def counts_text(counts: Mapping[Path, int], digits: int) -> str:

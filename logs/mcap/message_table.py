@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from .blocks import Contents, MessageAt, scan
 
 _MAX_DELAY: Final = 200_000_000
-"""Largest difference between a message's time and that of its place in its topic, ns: a recorder that takes
-messages from a network stamps them so late."""
+"""Largest difference between a message's time and that of its place in its topic, ns.
+
+A recorder that takes messages from a network stamps them so late.
+"""
 _LATEST: Final = (1 << 63) - 1
 _MAX_BATCH_BYTES: Final = 16 << 20
 """Content of the messages that are read together, bytes."""

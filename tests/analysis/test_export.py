@@ -157,9 +157,7 @@ def test_what_cannot_be_written_is_one_sentence_and_leaves_nothing(run: Run, tmp
     (tmp_path / "file").write_text("")
     with pytest.raises(PicktreeError) as raised:
         export(run, "csv", tmp_path / "file")
-    assert str(raised.value) == (
-        f"{tmp_path}/file cannot be written: tables go into a folder, and this is none"
-    )
+    assert str(raised.value) == f"{tmp_path}/file cannot be written: file exists"
 
 
 def test_an_export_that_stops_half_way_leaves_the_former_files(

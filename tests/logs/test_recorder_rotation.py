@@ -14,9 +14,10 @@ from mcap.reader import make_reader
 
 from picktree.analysis import Run
 from picktree.errors import PicktreeError
+from picktree.logs.log_paths import find_log
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.recording.rotated_log import Rotation
-from picktree.logs.run_log import RunLog, find_log
+from picktree.logs.run_log import RunLog
 from picktree.logs.schema.records import Tick, TransitionRecord, WriteRecord
 from picktree.world.belief.planning_scene import PlanningScene
 

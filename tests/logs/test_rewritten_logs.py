@@ -289,6 +289,8 @@ def test_a_damaged_second_leaves_out_that_second(log_path: Path, tmp_path: Path)
         found = diff(one, other)
         assert (found.verdict, found.left_out) == ("identical", (f"B: {gap.text()}",))
         assert first_difference(one, other) is None
+        assert found.alignment.until == gap.start
+        assert found.alignment.parting is None
 
 
 def test_dropped_topics_are_left_out_of_a_comparison_and_named(log_path: Path, tmp_path: Path) -> None:

@@ -225,8 +225,8 @@ def test_a_folder_that_is_not_utf8_is_named_and_the_others_are_listed(
         assert set(found) == {"fine", r"caf\xe9"}
         assert found["fine"].status == "killed"  # the sample's result is none of a session
         assert found[r"caf\xe9"].message == r"caf\xe9/log.mcap: the name is not UTF-8; rename it"
-    assert answer(["runs", str(tmp_path), "--json"]) == 0
-    assert len(json.loads(capsys.readouterr().out)) == 2
+    assert answer(["runs", str(tmp_path)]) == 0
+    assert "unreadable" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("command", [["explain"], ["export", "--to", "csv", "-o", "x"], ["resim", "--json"]])
