@@ -36,7 +36,7 @@ def parse_urdf(raw: bytes, name: str) -> ElementTree.Element:
         raise UrdfError(str(error)) from None
     if faults := _faults_of(raw):
         raise UrdfError(*faults)
-    _complete(root, path.stem)
+    _complete(root, name)
     return root
 
 
