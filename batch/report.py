@@ -14,6 +14,7 @@ from urllib.parse import quote
 from ..analysis.report.report import write_report as write_run_report
 from ..analysis.run import Run
 from ..errors import PicktreeError
+from ..files.atomic_write import whole
 from .plan import read_plan
 from .results.store import RESULTS_FILE, Store
 from .results.views import CELL_SIZE
@@ -48,12 +49,8 @@ def write_report(folder: Path, output: Path, runs: int = 5) -> None:
         libraries=(_PAGE / "libraries.js").read_text(encoding="utf-8"),
         script=(_PAGE / "page.js").read_text(encoding="utf-8"),
     )
-    beside = output.with_name(f".{output.name}.part")
-    try:
+    with whole([output], output) as (beside,):
         beside.write_text(text, encoding="utf-8")
-        beside.replace(output)
-    except OSError as error:
-        raise PicktreeError(f"{output}: the report cannot be written: {error.strerror}") from None
 
 
 def _data(folder: Path, store: Store, output: Path, runs: int) -> dict[str, Any]:

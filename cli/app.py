@@ -5,9 +5,11 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import traceback
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import lru_cache
 from inspect import cleandoc
 from typing import Annotated, Any, cast
@@ -16,6 +18,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from ..errors import PicktreeError
+from ..files.file_names import require_utf8
 from ..files.marks import FileError
 from .analyse.commands import diff, explain, export, layout, replay, report, runs, snapshot, video
 from .analyse.resim import resim, whatif
@@ -132,9 +135,18 @@ def _error_text(error: PicktreeError) -> str:
     return fault_lines(error.faults, painter(sys.stderr))
 
 
+def _require_utf8(arguments: Sequence[str]) -> None:
+    """Raise PicktreeError when an argument or the current folder is not in UTF-8."""
+    for argument in arguments:
+        require_utf8(argument)
+    with suppress(FileNotFoundError):  # the current folder was deleted
+        require_utf8(os.getcwd())
+
+
 def answer(arguments: Sequence[str]) -> int:
     """Run one command line and return the exit code."""
     try:
+        _require_utf8(arguments)
         _command()(args=list(arguments), prog_name="picktree")
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else 0

@@ -79,6 +79,11 @@ def advice(cause: str, message: str, file: str, links: tuple[str, ...], bodies: 
     told_links = [name for name in links if _names(message, name)]
     told_bodies = [name for name in bodies if _names(message, name)]
     if _TOUCH.search(message) and told_links:
+        if told_bodies and cause.startswith(("grasp", "place")):
+            return (
+                f"look at the collision geometry of {told_links[0]} in the URDF, and at 'tip', 'palm' and "
+                f"'hand' under 'gripper:' in {file}: it meets {told_bodies[0]}"
+            )
         if told_bodies:
             return (
                 f"choose other 'poses:' in {file}, or move its 'base:', so that {told_links[0]} keeps away "

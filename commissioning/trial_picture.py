@@ -15,7 +15,7 @@ from ..analysis.render.scene_view import SceneContent, SceneRenderer
 from ..analysis.render.viewpoint import PictureView
 from ..files.atomic_write import whole
 from ..logs.meshes.binary_gltf import link_meshes, read_glb, write_glb
-from ..logs.recording.images import write_picture
+from ..logs.recording.images import require_picture_name, write_picture
 from ..logs.recording.journal_records import belief_record
 from ..logs.schema.records import BodyRecord, LinkMesh, PartRecord, Scene
 from ..planning.requests import MotionPlan
@@ -45,6 +45,7 @@ def draw(
     size: tuple[int, int],
 ) -> None:
     """Write the picture. Raises PicktreeError when it cannot be written."""
+    require_picture_name(output)
     picture = plan_picture(world, start, outcome, asked, view, size)
     with whole([output], output) as (beside,):
         output.parent.mkdir(parents=True, exist_ok=True)

@@ -22,16 +22,20 @@ from ..errors import PicktreeError
 from ..files import disk_cache
 from ..files.expressions.expression import Expression, ExpressionError
 from ..files.expressions.type_inference import FLOAT, INT, TEXT, ValueType, check_types, list_of
+from ..files.file_names import is_utf8, shown
 from .episodes.episode_counts import by_cause
+from .log_paths import LOG_NAME
 from .mcap.sealed_file import is_written
 from .recording.rotated_log import part_paths
-from .run_log import LOG_NAME, RunLog
+from .run_log import RunLog
 from .run_result import RunResult
 
 STATUSES: Final = (
-    "success", "incomplete", "failure", "timeout", "paused", "interrupted", "running", "killed", "unreadable",
+    "success", "incomplete", "failure", "timeout", "paused", "interrupted", "running", "killed",
+    "unknown", "unreadable",
 )  # fmt: skip
-"""Statuses of a row. The first six are those of a result; a log without one is `running` or `killed`."""
+"""Statuses of a row. The first six are those of a result; a log without one is `running` or `killed`, or
+`unknown` when another program has left out its result."""
 
 COLUMNS: Final[Mapping[str, tuple[ValueType, str]]] = {
     "status": (ValueType("text", choices=STATUSES), f"one of {', '.join(STATUSES)}"),
@@ -147,7 +151,7 @@ class RunIndex:
                 if row is None or (row.written, row.size) != (written, size) or row.status == "running":
                     row = self._row(log, written, size, row)
                     fresh += 1
-                known[log] = row
+                known[row.log] = row
                 yield row
         finally:
             for log, row in before.items() if len(known) < len(before) else ():
@@ -198,6 +202,9 @@ class RunIndex:
 
     def _row(self, log: str, written: float, size: int, before: RunRow | None) -> RunRow:
         """Return the row of a log. While the run goes on, what was read of it once stays."""
+        if not is_utf8(log):
+            told = f"{shown(log)}: the name is not UTF-8; rename it"
+            return RunRow(shown(Path(log).parent), shown(log), written, size, "unreadable", message=told)
         path = self.folder / log
         goes_on = is_written(path)
         if goes_on and before is not None and before.status == "running":
@@ -284,6 +291,7 @@ def _filled(row: RunRow, log: RunLog) -> RunRow:
     )
     text = log.result.get("json")
     if text is None:
+        row = replace(row, status="unknown") if row.status == "killed" and log.lacks_result else row
         return replace(row, seconds=None if row.status == "running" else round(log.end, 3))
     result = RunResult.from_json_text(text, log.path)
     return replace(

@@ -14,23 +14,33 @@ from numpy.typing import NDArray
 from ..errors import PicktreeError
 from ..world.journal import JournalEvent
 from ..world.protocols import Intrinsics
-from .mcap.reader import RawMessage
+from .log_paths import find_log
+from .mcap.message_table import RawMessage
 from .mcap.sealed_file import is_written
 from .recording import foxglove_messages
 from .recording.images import decode_colour, decode_depth
 from .recording.rotated_log import JoinedLog, part_paths
+from .run_settings import (
+    SETTINGS,
+    Gap,
+    gaps_between,
+    lacks,
+    log_format,
+    require_run,
+    run_settings,
+    stated_end,
+    tick_length,
+)
 from .schema import topics
 from .schema.event_records import decode_event
-from .schema.json_records import Arithmetic, decode
+from .schema.json_records import decode
 from .schema.records import (
-    FORMAT,
     Candidates,
     Control,
     Joints,
     LinkMesh,
     LogLine,
     Plan,
-    ResumedFrom,
     RunInfo,
     Scene,
     Tick,
@@ -41,9 +51,6 @@ from .schema.records import (
 )
 from .schema.tick_decoding import TickDecoder, changes_of
 from .schema.topics import Digest
-
-LOG_NAME = "log.mcap"
-RUNS_FOLDER = Path("runs")
 
 R = TypeVar("R")
 
@@ -76,32 +83,6 @@ class CameraImage:
     intrinsics: Intrinsics
 
 
-def find_log(where: str | Path) -> Path:
-    """Return the log file that LOG names: a file, a run's folder, or `last` in ./runs. Raises
-    PicktreeError."""
-    if str(where) == "last":
-        logs = sorted(RUNS_FOLDER.glob(f"*/{LOG_NAME}"), key=lambda p: (_last_write_time(p), str(p)))
-        if not logs:
-            raise PicktreeError(
-                f"there is no run in {RUNS_FOLDER.absolute()} yet; `picktree run MISSION` makes one"
-            )
-        return logs[-1]
-    path = Path(where)
-    if path.is_dir():
-        inside = path / LOG_NAME
-        if inside.is_file():
-            return inside
-        others = sorted(path.glob("*.mcap"))
-        if len(others) == 1:
-            return others[0]
-        parts = [part.name for part in part_paths(inside).values()]
-        there = f"; it holds {', '.join(parts)}, which open by their own names" if parts else ""
-        raise PicktreeError(f"{path}: there is no {LOG_NAME} in this folder{there}")
-    if not path.exists():
-        raise PicktreeError(f"{path}: there is no such log")
-    return path
-
-
 class RunLog:
     """Log of one run, in all its files.
 
@@ -114,23 +95,44 @@ class RunLog:
         self.path = find_log(where)
         self._file = JoinedLog(self.path, keep=topics.READ_OFTEN)
         self.recovered = self._file.recovered
-        try:
-            self.metadata: Mapping[str, Mapping[str, str]] = self._file.metadata
-            self.format = self._format()
-        except PicktreeError:
-            self._file.close()
-            raise
+        self.metadata: Mapping[str, Mapping[str, str]] = self._file.metadata
+        self.gaps: tuple[Gap, ...] = ()
+        """Spans that the log lacks, in order of time: they are damaged, or another program left them out."""
+        self.lacks_something = False
+        """Whether the log is known to lack messages, files or metadata."""
         self.part = self._file.goes_on.number if self._file.goes_on else 1
         """Number of the log's first file: 1, or another for a later file of a rotated log, opened by its own
         name.
 
         A log that begins with a later file begins in the middle of the run.
         """
-        self.paths = self._file.paths
-        """Files of the log."""
+        try:
+            if SETTINGS not in self.metadata or self._file.is_rewritten:
+                require_run(self._file, self.metadata)
+            first = None if SETTINGS in self.metadata else next(self.messages([topics.TICK.name]), None)
+            self.format = log_format(self.metadata, first.data if first else None, self.path)
+            if self._file.is_rewritten:
+                self.gaps = self._gaps()
+                told = lacks(self._file, self.metadata, () if self.recovered else self.gaps)
+                self.lacks_something = bool(self.recovered or told)
+                told = told if self.recovered or not told else f"{self.path}: {told}"
+                self.recovered = "; ".join(filter(None, (self.recovered, told)))
+        except PicktreeError:
+            self._file.close()
+            raise
 
     def close(self) -> None:
         self._file.close()
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """Files of the log."""
+        return self._file.paths
+
+    @property
+    def is_rewritten(self) -> bool:
+        """Whether a file is damaged or missing, or another program wrote it, perhaps without some topics."""
+        return self._file.is_rewritten
 
     @property
     def going_on(self) -> bool:
@@ -164,35 +166,23 @@ class RunLog:
     @property
     def run(self) -> RunInfo:
         """Settings with which the run was started."""
-        words = self.metadata["picktree"]
-        continues = self.metadata.get("picktree.continues")
-        try:
-            return RunInfo(
-                mission=words["mission"],
-                scene=words["scene"],
-                robot=words["robot"],
-                seed=int(words["seed"]),
-                backend=words["backend"],
-                tick=float(words["tick"]),
-                parameters=self.metadata.get("picktree.parameters", {}),
-                physics=self.metadata.get("picktree.physics", {}),
-                versions=self.metadata.get("picktree.versions", {}),
-                revision=words["revision"],
-                verify=words["verify"] == "true",
-                limit=float(words["limit"]) if "limit" in words else None,
-                own_scene=words.get("own_scene", "true") == "true",
-                machine=self.metadata.get("picktree.machine", {}),
-                arithmetic=Arithmetic.from_words(self.metadata.get("picktree.arithmetic", {})),
-                files=self.metadata.get("picktree.files", {}),
-                continues=ResumedFrom.from_words(continues) if continues else None,
-            )
-        except (KeyError, ValueError) as error:
-            raise PicktreeError(f"{self.path}: the log's metadata are incomplete: {error}") from None
+        stated = SETTINGS in self.metadata
+        tick = 0.0 if stated else tick_length(self.times(topics.TICK.name))
+        return run_settings(self.metadata, tick, self.path)
 
     @property
     def result(self) -> Mapping[str, str]:
         """Metadata of the run's end; empty when it was killed."""
         return self.metadata.get("picktree.result", {})
+
+    @property
+    def lacks_result(self) -> bool:
+        """Whether the run has ended, and another program has left out its result."""
+        if self.result or not self.is_rewritten:
+            return False
+        last = self.tick_at(self.end)
+        ended = last is not None and last.record.root_status in ("SUCCESS", "FAILURE")
+        return ended or SETTINGS not in self.metadata
 
     @property
     def topics(self) -> Mapping[str, TopicInfo]:
@@ -215,9 +205,8 @@ class RunLog:
         data = self._file.attachment(name)
         if data is not None:
             return data
-        raise PicktreeError(
-            f"{self.path}: no file {name!r} in the log; it holds: {', '.join(self.attachments) or 'none'}"
-        )
+        held = ", ".join(self.attachments) or "none; keep the attachments when a log is filtered"
+        raise PicktreeError(f"{self.path}: no file {name!r} in the log; it holds: {held}")
 
     @property
     def cameras(self) -> tuple[str, ...]:
@@ -228,10 +217,20 @@ class RunLog:
     def tree(self) -> Tree:
         """Return the tree with which the run began. `trees` also has those of a mission that was edited
         during the run."""
-        return self._only(topics.TREE.name, lambda data: decode(Tree, data))
+        found = next(self.trees(), None)
+        if found is None:
+            raise PicktreeError(f"{self.path}: the log has no message on {topics.TREE.name}")
+        return found.record
 
     def trees(self) -> Iterator[Stamped[Tree]]:
-        """Yield every tree of the run, with the time of its first tick."""
+        """Yield every tree of the run, with the time of its first tick.
+
+        The metadata have the first one, too, which is read where the topic was left out.
+        """
+        words = self.metadata.get("picktree.tree", {})
+        if "json" in words and topics.TREE.name not in self.topics:
+            spare = RawMessage(topics.TREE.name, 0, words["json"].encode())
+            return iter([Stamped(0.0, self._read(spare, lambda data: decode(Tree, data)))])
         return self._records(topics.TREE.name, lambda data: decode(Tree, data), None, None)
 
     def robot_model(self) -> tuple[LinkMesh, ...]:
@@ -304,14 +303,20 @@ class RunLog:
         names = [topic_of(camera).name for topic_of in kinds]
         parts: dict[str, RawMessage] = {}
         for message in self.messages(names, start, end):
+            if parts and next(iter(parts.values())).time != message.time:
+                parts = {}
             parts[message.topic] = message
-            if message.topic == names[2] and len(parts) == 3:
-                intrinsics = self._read(parts[names[0]], foxglove_messages.read_calibration)
-                colour = self._read(
-                    parts[names[1]], lambda data: decode_colour(foxglove_messages.read_image(data))
+            if len(parts) == len(names):  # the three messages of an image have one time
+                calibration, colour, depth = (parts.pop(name) for name in names)
+                yield Stamped(
+                    message.time / 1e9,
+                    CameraImage(
+                        camera,
+                        self._read(colour, lambda data: decode_colour(foxglove_messages.read_image(data))),
+                        self._read(depth, lambda data: decode_depth(foxglove_messages.read_image(data))),
+                        self._read(calibration, foxglove_messages.read_calibration),
+                    ),
                 )
-                depth = self._read(message, lambda data: decode_depth(foxglove_messages.read_image(data)))
-                yield Stamped(message.time / 1e9, CameraImage(camera, colour, depth, intrinsics))
 
     def messages(
         self,
@@ -347,7 +352,6 @@ class RunLog:
     def digest(self) -> str:
         """Compute the digest of everything simulated in the log. It equals the recorded one when the log is
         whole."""
-        simulated = {t.name for t in topics.FIXED if t.simulated}
         digest, start = Digest(), None
         before, continues = self._file.goes_on, self.run.continues
         if before is not None:
@@ -355,23 +359,15 @@ class RunLog:
         elif continues is not None:
             digest, start = Digest(bytes.fromhex(continues.digest)), _ns(continues.time + 1e-6)
         for message in self._file.messages(start=start):
-            if message.topic in simulated or message.topic.startswith("/camera/"):
+            if topics.is_simulated(message.topic):
                 digest.add(message.topic, message.time, message.data)
         return digest.hex
 
-    def _format(self) -> int:
-        words = self.metadata.get("picktree")
-        if words is None and self.recovered:
-            raise PicktreeError(f"{self.recovered}; what the log says of itself is lost with it")
-        if words is None or not words.get("format", "").isdigit():
-            raise PicktreeError(f"{self.path}: an MCAP file, but not a log of picktree")
-        number = int(words["format"])
-        if number > FORMAT:
-            raise PicktreeError(
-                f"{self.path}: the log has format {number}, and this picktree reads up to {FORMAT}; "
-                "upgrade picktree to read it"
-            )
-        return number
+    def _gaps(self) -> tuple[Gap, ...]:
+        ticks = self.times(topics.TICK.name)
+        continues = self.run.continues
+        begin = continues.time if continues else 0.0 if self.part == 1 or not ticks else ticks[0]
+        return gaps_between(ticks, begin, stated_end(self.result))
 
     def _records(
         self, topic: str, read: Callable[[bytes], R], start: float | None, end: float | None
@@ -383,12 +379,6 @@ class RunLog:
         message = self.last(topic, at)
         return None if message is None else Stamped(message.time / 1e9, self._read(message, read))
 
-    def _only(self, topic: str, read: Callable[[bytes], R]) -> R:
-        message = next(self.messages([topic]), None)
-        if message is None:
-            raise PicktreeError(f"{self.path}: the log has no message on {topic}")
-        return self._read(message, read)
-
     def _read(self, message: RawMessage, read: Callable[[bytes], R]) -> R:
         from google.protobuf.message import DecodeError
 
@@ -398,11 +388,6 @@ class RunLog:
             raise PicktreeError(
                 f"{self.path}: {message.topic} at {message.time / 1e9:.2f} s: unreadable message: {error}"
             ) from None
-
-
-def _last_write_time(log: Path) -> int:
-    """Return the time of the last write to a log's last file, ns."""
-    return max(path.stat().st_mtime_ns for path in (log, *part_paths(log).values()))
 
 
 def _ns(seconds: float | None) -> int | None:

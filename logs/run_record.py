@@ -72,12 +72,14 @@ class RunRecord:
 
     def __repr__(self) -> str:
         result = self.result
-        parts = [self.info.mission, f"seed {self.info.seed}", f"{self.end:.1f} s"]
+        parts = [self.info.mission, self.info.seed_text, f"{self.end:.1f} s"]
         if result is not None:
             items = result.items
             parts += [result.status, f"{items.sorted} of {items.total} items sorted" if items.total else ""]
         else:
-            parts.append("no result: it was cut off")
+            parts.append(
+                "no result: it was left out" if self.status == "unknown" else "no result: it was cut off"
+            )
         return f"<{type(self).__name__} {self.path}: {', '.join(part for part in parts if part)}>"
 
     def close(self) -> None:
@@ -106,6 +108,13 @@ class RunRecord:
         """Result of the run; None when it was killed, or ended by an exception."""
         words = self.log.result
         return RunResult.from_json_text(words["json"], self.path) if "json" in words else None
+
+    @property
+    def status(self) -> str:
+        """Status of the result; without one `killed`, or `unknown` when another program has left it out."""
+        if self.result is not None:
+            return self.result.status
+        return "unknown" if self.log.lacks_result else "killed"
 
     @cached_property
     def trees(self) -> tuple[Stamped[Tree], ...]:

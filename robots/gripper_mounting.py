@@ -60,6 +60,19 @@ class LinkInertia:
     """ixy, ixz, iyz"""
 
 
+@dataclass(frozen=True, slots=True)
+class InsertedFlange:
+    """Fixed joint that is put between the arm's last joint and the link that this one moves."""
+
+    behind: str
+    """The arm's last joint."""
+    joint: str
+    """Name of the fixed joint; its parent is a link of the same name with `_link` behind it."""
+
+
+FLANGE_INERTIA = 1e-5
+"""Moments of an inserted flange of 10 g, kg·m²: engines need a body behind each joint that moves."""
+
 Attachments = Mapping[str, Sequence[tuple[Box, Pose]]]
 """Boxes that are fixed to links, by the link's name, each with its pose in the link."""
 
@@ -69,6 +82,7 @@ def write_composed_urdf(
     mounting: GripperMount | None,
     inertias: Mapping[str, LinkInertia] | None = None,
     attachments: Attachments | None = None,
+    flange: InsertedFlange | None = None,
 ) -> Path:
     """Write the composed URDF to a file and return its path. The same arguments always give the same text and
     the same file.
@@ -76,7 +90,7 @@ def write_composed_urdf(
     Meshes of installed packages are named as `package://package/path`, so that the text does not depend on
     where the packages stand. Raises UrdfError when they do not go together.
     """
-    return _kept(composed_urdf(arm, mounting, inertias or {}, attachments or {}), arm.path.stem)
+    return _kept(composed_urdf(arm, mounting, inertias or {}, attachments or {}, flange), arm.path.stem)
 
 
 def composed_urdf(
@@ -84,10 +98,13 @@ def composed_urdf(
     mounting: GripperMount | None,
     inertias: Mapping[str, LinkInertia],
     attachments: Attachments,
+    flange: InsertedFlange | None = None,
 ) -> str:
     """Return the text that `write_composed_urdf` writes."""
     whole = parsed_urdf(arm.path)
     _name_meshes(whole, arm)
+    if flange is not None:
+        _insert_flange(whole, flange)
     if mounting is not None:
         _hang(whole, mounting)
     links = {link.get("name", ""): link for link in whole.findall("link")}
@@ -102,6 +119,28 @@ def composed_urdf(
             _attach(links[name], box, pose)
     ElementTree.indent(whole)
     return ElementTree.tostring(whole, encoding="unicode") + "\n"
+
+
+def _insert_flange(whole: ElementTree.Element, flange: InsertedFlange) -> None:
+    joints = {joint.get("name", ""): joint for joint in whole.findall("joint")}
+    taken = {element.get("name") for element in whole if element.tag in ("link", "joint")}
+    name = f"{flange.joint}_link"
+    if flange.behind not in joints:
+        hint = suggest_name(flange.behind, joints)
+        raise UrdfError(f"there is no joint {flange.behind!r}" + (f" ({hint})" if hint else ""))
+    if {flange.joint, name} & taken:
+        raise UrdfError(
+            f"the URDF has {flange.joint!r} or {name!r} already: give 'flange_joint' another name"
+        )
+    child = joints[flange.behind].find("child")
+    assert child is not None  # or the reader had refused it
+    held = ElementTree.SubElement(whole, "joint", name=flange.joint, type="fixed")
+    ElementTree.SubElement(held, "parent", link=name)
+    ElementTree.SubElement(held, "child", link=child.get("link", ""))
+    child.set("link", name)
+    moments = (FLANGE_INERTIA, FLANGE_INERTIA, FLANGE_INERTIA)
+    link = ElementTree.SubElement(whole, "link", name=name)
+    _put_inertia(link, LinkInertia(0.01, (0.0, 0.0, 0.0), moments, (0.0, 0.0, 0.0)))
 
 
 def _put_inertia(link: ElementTree.Element, inertia: LinkInertia) -> None:

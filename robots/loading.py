@@ -16,7 +16,7 @@ from ..world.shapes import Box
 from ..world.values import Pose
 from .description import Follower, GripperDescription, JointLimits, Linkage, PadContact, RobotDescription
 from .finger_linkage import LinkageParts, UnfitLinkage, solve_linkage
-from .gripper_mounting import GripperMount, LinkInertia, NamedUrdf, write_composed_urdf
+from .gripper_mounting import GripperMount, InsertedFlange, LinkInertia, NamedUrdf, write_composed_urdf
 from .link_shapes import geometry_faults
 from .mesh_files import package_folder
 from .robot_schema import GripperFile, MountFile, RobotFile
@@ -128,7 +128,7 @@ def _whole_urdf(check: DocumentChecker, robot: RobotFile, source: Path) -> Path 
         hand = _urdf(check, ("mount", "urdf"), mount.urdf, source)
     if arm is None or (mount is not None and hand is None):
         return None
-    if mount is None and not robot.inertias and not robot.attachments:
+    if mount is None and not robot.inertias and not robot.attachments and robot.flange_behind is None:
         return arm.path
     named: tuple[tuple[Location, NamedUrdf | None], ...] = ((("urdf",), arm), (("mount", "urdf"), hand))
     trees = [_skeleton(check, loc, part.path) for loc, part in named if part is not None]
@@ -140,8 +140,16 @@ def _whole_urdf(check: DocumentChecker, robot: RobotFile, source: Path) -> Path 
         for name, link in robot.inertias.items()
     }
     attachments = {name: tuple(box.placed() for box in boxes) for name, boxes in robot.attachments.items()}
+    flange = None
+    if robot.flange_behind is not None:
+        flange = InsertedFlange(robot.flange_behind, robot.flange_joint)
     try:
-        links = read_skeleton(write_composed_urdf(arm, mounting)).links
+        read_skeleton(write_composed_urdf(arm, None, flange=flange))
+    except UrdfError as error:
+        check.fault(("flange_behind",), f"no flange can be put in: {error}", code="P504")
+        return None
+    try:
+        links = read_skeleton(write_composed_urdf(arm, mounting, flange=flange)).links
     except UrdfError as error:
         check.fault(("mount",), f"the gripper cannot be mounted: {error}", code="P512", key=True)
         return None
@@ -150,7 +158,7 @@ def _whole_urdf(check: DocumentChecker, robot: RobotFile, source: Path) -> Path 
     for loc in unknown:
         hint = suggest_name(loc[1], links)
         check.fault(loc, f"the URDF has no link {describe(loc[1])}", hint, code="P503", key=True)
-    return None if unknown else write_composed_urdf(arm, mounting, inertias, attachments)
+    return None if unknown else write_composed_urdf(arm, mounting, inertias, attachments, flange)
 
 
 def _skeleton(check: DocumentChecker, loc: Location, urdf: Path) -> UrdfTree | None:

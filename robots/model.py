@@ -311,7 +311,9 @@ def _screws(arm: pin.Model) -> list[tuple[Array | None, Array, Array]]:
     joint that slides has none.
     """
     screws: list[tuple[Array | None, Array, Array]] = []
-    for twist in pin.computeJointJacobians(arm, arm.createData(), np.zeros(arm.nq)).T.copy():
+    # Of an arm with one joint pinocchio returns a vector.
+    columns = pin.computeJointJacobians(arm, arm.createData(), np.zeros(arm.nq)).reshape(6, -1)
+    for twist in columns.T.copy():
         slide: Array = twist[:3]
         axis: Array = twist[3:]
         along = np.outer(axis, axis)

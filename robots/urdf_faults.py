@@ -77,6 +77,8 @@ _TAGS: Mapping[str, tuple[str, ...]] = {
     "joint": ("origin", "parent", "child", "axis", "limit", "mimic", "dynamics", "safety_controller"),
 }
 """Elements of a robot, a link and a joint that are read."""
+_SINGLE = frozenset(("inertial", *_TAGS["joint"]))
+"""Those of a link or a joint that are there once."""
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _COMMA = re.compile(r"(?<=\d),(?=\d)")
 _UNIT = re.compile(
@@ -102,13 +104,17 @@ def _name_faults(root: ElementTree.Element) -> Iterator[str]:
 
 
 def _tag_faults(where: str, element: ElementTree.Element) -> Iterator[str]:
-    """Report elements with a misspelt name, which no reader takes. Other unknown ones are of other tools."""
+    """Report elements with a misspelt name, which no reader takes, and doubled ones. Other unknown elements
+    are of other tools."""
     known = _TAGS[element.tag]
     present = {child.tag for child in element}
     for tag in sorted(present.difference(known)):
         meant = difflib.get_close_matches(tag.lower(), known, n=1, cutoff=MIN_TAG_LIKENESS)
         if meant and (meant[0] not in present or tag.lower() == meant[0]):
             yield f"{where}: <{tag}> is not read; write <{meant[0]}>"
+    for tag in (tag for tag in known if tag in _SINGLE):
+        if (count := len(element.findall(tag))) > 1:
+            yield f"{where} has {count} <{tag}>; keep one"
 
 
 def _inertial_faults(link: ElementTree.Element) -> Iterator[str]:

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Final
 
 from ..errors import PicktreeError
+from ..files.file_names import fitted
 from ..files.yaml.document import read_document
 from ..logs.recording.rotated_log import NO_ROTATION, Rotation
 from ..logs.schema.records import ResumedFrom
@@ -295,12 +296,16 @@ def read_recipe(request: RunRequest, mission: Mission | None = None) -> Recipe:
     )
 
 
+_MAX_MISSION_BYTES = 200
+"""Maximum length of the mission in the name of a run's folder, bytes."""
+
+
 def make_folder(out: Path | None, mission: str, seed: int) -> Path:
     """Make a new folder for the run in `out`, by default `runs`. Raises PicktreeError when it cannot be
     made."""
     parent = out or Path("runs")
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
-    stem = f"{mission}-{seed}-{stamp}"
+    stem = f"{fitted(mission, _MAX_MISSION_BYTES)}-{seed}-{stamp}"
     for number in range(1000):
         folder = parent / (stem if number == 0 else f"{stem}-{number}")
         try:

@@ -255,6 +255,7 @@ def test_every_generator_is_keyed() -> None:
             "np.random.default_rng([seed, len(STEP_SHARES)])",
             "np.random.default_rng([seed, attempt])",
         ],
+        "planning/search/return_path.py": ["np.random.default_rng(seed)"],
         # Samples of a robot file that is made; no run depends on them.
         "commissioning/robot_setup/arm_poses.py": [
             "np.random.default_rng([seed, 1])",

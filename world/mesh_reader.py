@@ -8,7 +8,6 @@ import math
 import os
 import re
 import struct
-import xml.etree.ElementTree as ElementTree
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from ..files.xml_text import XmlError, decode_xml, parse_xml
 from ..files.yaml.file_text import Unreadable, read_bytes
 from .shapes import convex_hull
 from .values import Array
@@ -183,6 +183,8 @@ def _prepared(raw: bytes, kind: str) -> bytes:
         return _ascii(raw).lower()
     if kind == "obj":
         return _INDENT.sub(b"\n", _ascii(raw).replace(b"\t", b" "))
+    if kind == "dae":
+        return decode_xml(raw).encode()
     if kind == "off" or (kind == "ply" and b"format ascii" in raw[:200]):
         return _ascii(raw)
     return raw
@@ -197,9 +199,10 @@ def _ascii(raw: bytes) -> bytes:
 def _collada_unit(raw: bytes) -> float:
     """Return the length of a COLLADA file's unit, m; 1 where it names none."""
     try:
-        unit = ElementTree.fromstring(raw).find("{*}asset/{*}unit")
-    except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise MeshError(f"the mesh file is not readable as XML: {error}") from None
+        asset = next((e for e in parse_xml(raw) if e.tag.rpartition(":")[2] == "asset"), ())
+    except XmlError as error:
+        raise MeshError(f"the mesh file cannot be read: {error}") from None
+    unit = next((element for element in asset if element.tag.rpartition(":")[2] == "unit"), None)
     text = "1" if unit is None else unit.get("meter", "1")
     try:
         length = float(text.replace(",", "."))  # some exporters write a decimal comma

@@ -7,13 +7,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from ...logs.run_settings import lacking_topics
 from ...logs.schema import topics
 from ...logs.schema.json_records import arithmetic_difference
 from ...logs.schema.records import RunInfo
+from ...logs.schema.topics import is_simulated
 from ...session.environment import SOURCES_ATTACHMENT, source_changes, sources_from_text
 from ..run import Run
 from .alignment import Alignment, align
-from .divergence import MessageDifference, first_difference
+from .divergence import MessageDifference, compared_topics, first_difference
 from .run_outcome import (
     CountChange,
     EndingChange,
@@ -50,6 +52,8 @@ class RunDiff:
     causes: tuple[CountChange, ...]
     ways: tuple[EndingChange, ...]
     items: tuple[ItemChange, ...]
+    left_out: tuple[str, ...] = ()
+    """Sentences about what one of the logs lacks, which is not compared."""
 
     @property
     def same(self) -> bool:
@@ -64,10 +68,12 @@ def diff(a: Run, b: Run) -> RunDiff:
     """
     alignment = align(a, b)
     since = alignment.since or None
-    first = first_difference(a, b, since=since)
+    ends = [gap.start for run in (a, b) for gap in run.log.gaps if gap.end is None]
+    last = min((end for end in ends if end is not None), default=None)
+    first = first_difference(a, b, since=since, until=last)
     if first is not None and first.topic == topics.TREE.name:
         told = (topics.TREE.name, topics.TICK.name)
-        first = first_difference(a, b, since=since, without=told) or first
+        first = first_difference(a, b, since=since, until=last, without=told) or first
     return RunDiff(
         _verdict(alignment, first),
         outcome_of(a),
@@ -79,7 +85,19 @@ def diff(a: Run, b: Run) -> RunDiff:
         cause_changes(alignment),
         ending_changes(alignment),
         item_changes(a, b, alignment),
+        tuple(_left_out(a, b)),
     )
+
+
+def _left_out(a: Run, b: Run) -> Iterator[str]:
+    compared = compared_topics(a, b)
+    for name, run, other in (("A", a, b), ("B", b, a)):
+        yield from (f"{name}: {gap.text()}" for gap in run.log.gaps)
+        if run.log.is_rewritten:
+            held = [topic for topic, info in other.log.topics.items() if info.messages]
+            lacking = [topic for topic in held if is_simulated(topic) and topic not in compared]
+            if lacking:
+                yield f"{name}: {lacking_topics(lacking)}"
 
 
 def _verdict(alignment: Alignment, first: MessageDifference | None) -> Verdict:

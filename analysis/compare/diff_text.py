@@ -15,7 +15,7 @@ from .diff import FileChange, RunDiff, value_changes
 from .divergence import Divergence
 from .divergence_text import aligned, first_value_lines, parting_lines
 from .message_fields import value_text
-from .run_outcome import KILLED_STATUS, ItemChange, ItemEnd, RunOutcome, TimeChange, TimeUse
+from .run_outcome import ItemChange, ItemEnd, RunOutcome, TimeChange, TimeUse
 
 
 def to_json_text(diff: RunDiff) -> str:
@@ -41,6 +41,7 @@ def to_json(diff: RunDiff) -> dict[str, Any]:
         },
         "first_value": None if diff.first is None else asdict(diff.first),
         "derived": diff.alignment.derived,
+        "left_out": list(diff.left_out),
         "parting": None if diff.alignment.parting is None else _parting(diff.alignment.parting),
         "time": {
             "by_type": [_time(change) for change in diff.time.by_type],
@@ -137,7 +138,10 @@ def _verdict(diff: RunDiff) -> Iterator[str]:
         yield f"compared from {diff.alignment.since:.3f} s on: one log begins there"
     match diff.verdict:
         case "identical":
-            yield f"identical: every simulated message is the same, {_from(diff)}up to {diff.a.end:.2f} s"
+            end = min(diff.a.end, diff.b.end) if diff.left_out else diff.a.end
+            both = " that both logs have" if diff.left_out else ""
+            yield f"identical: every simulated message{both} is the same, {_from(diff)}up to {end:.2f} s"
+            yield from (f"not compared  {line}" for line in diff.left_out)
             return
         case "cut":
             assert diff.first is not None
@@ -147,6 +151,7 @@ def _verdict(diff: RunDiff) -> Iterator[str]:
             yield "every node did the same at the same times, but values differ"
         case "apart":
             pass
+    yield from (f"not compared  {line}" for line in diff.left_out)
     if diff.alignment.derived:
         yield "a log of format 1: beginnings and ends are derived from the statuses after each tick"
     if diff.alignment.parting is not None:
@@ -198,7 +203,7 @@ def _outcome(a: RunOutcome, b: RunOutcome) -> Iterator[str]:
         return "unknown" if run.items_total is None else f"{run.items_sorted} of {run.items_total}"
 
     def known(status: str) -> str:
-        return "killed: no result in the log" if status == KILLED_STATUS else status
+        return f"{status}: no result in the log" if status in ("killed", "unknown") else status
 
     yield from aligned(
         [

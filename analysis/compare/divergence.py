@@ -6,12 +6,14 @@ older log does not have is ignored.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
+from itertools import groupby, zip_longest
+from operator import attrgetter
 from typing import Final, Literal, TypeAlias
 
-from ...logs.mcap.reader import RawMessage
+from ...logs.mcap.message_table import RawMessage
+from ...logs.run_settings import Gap
 from ...logs.schema import topics
 from ...logs.visits import Visit
 from ..run import Run
@@ -74,47 +76,74 @@ def first_difference(
 ) -> MessageDifference | None:
     """Return the first difference of the simulated messages from `since` to `until` (simulated s, inclusive).
 
-    None when there is none. Topics in `without` are ignored. A log that was cut ends earlier than the whole
-    log of the same run. Then the difference has `ended`, and `missing` names the side.
+    None when there is none. Messages of one time are compared topic by topic. Topics in `without`, and what
+    one of the logs lacks, are ignored. A log that was cut ends earlier than the whole log of the same run.
+    Then the difference has `ended`, and `missing` names the side.
     """
-    names = _compared(a, b) - set(without)
-    streams = (run.log.messages(names, since, until) for run in (a, b))
+    names = compared_topics(a, b) - set(without)
+    gaps = (*a.log.gaps, *b.log.gaps)
+    streams = (moments(present(run.log.messages(names, since, until), gaps)) for run in (a, b))
     for one, other in zip_longest(*streams):
-        if one is None or other is None or (one.topic, one.time) != (other.topic, other.time):
-            return _unpaired(a, b, one, other)
-        if one.data != other.data:
-            schema = a.log.topics[one.topic].schema
-            found = first_differing_field(schema, one.data, other.data) or NO_FIELD
-            return MessageDifference.at(a, one.topic, one.time, field=found)
+        if one is None or other is None or one.time != other.time:
+            in_b = one is None or (other is not None and other.time < one.time)
+            lone = other if in_b else one
+            assert lone is not None
+            topic = next(iter(lone.messages))
+            if one is None or other is None:
+                return MessageDifference.at(a, topic, lone.time, missing="a" if in_b else "b", ended=True)
+            return _missing(a, b, topic, lone.time, lone.messages[topic][0], in_b=in_b)
+        for topic in dict.fromkeys((*one.messages, *other.messages)):
+            for mine, theirs in zip_longest(one.messages.get(topic, ()), other.messages.get(topic, ())):
+                if mine is None or theirs is None:
+                    return _missing(a, b, topic, one.time, mine or theirs or b"", in_b=mine is None)
+                if mine != theirs:
+                    schema = a.log.topics[topic].schema
+                    found = first_differing_field(schema, mine, theirs) or NO_FIELD
+                    return MessageDifference.at(a, topic, one.time, field=found)
     return None
 
 
-def _compared(a: Run, b: Run) -> frozenset[str]:
-    """Return the simulated topics that both logs have; an older log may lack some of today's."""
+@dataclass(frozen=True, slots=True)
+class LogMoment:
+    """Contents of the messages of one time (simulated ns), by topic, in the order of the log."""
+
+    time: int
+    messages: Mapping[str, Sequence[bytes]]
+
+
+def moments(messages: Iterable[RawMessage]) -> Iterator[LogMoment]:
+    """Yield the messages of each time together. Only those of one topic have an order within a time."""
+    for time, group in groupby(messages, key=attrgetter("time")):
+        found: dict[str, list[bytes]] = {}
+        for message in group:
+            found.setdefault(message.topic, []).append(message.data)
+        yield LogMoment(time, found)
+
+
+def present(messages: Iterable[RawMessage], gaps: Sequence[Gap]) -> Iterator[RawMessage]:
+    """Yield the messages outside of the gaps, whose first and last ticks may have lost messages, too."""
+    return (m for m in messages if not any(gap.contains(m.time / 1e9) for gap in gaps))
+
+
+def compared_topics(a: Run, b: Run) -> frozenset[str]:
+    """Return the simulated topics that both logs have.
+
+    An older log may lack some of today's, and another program may have left out any. A camera that has taken
+    images in one run alone is a difference.
+    """
     fixed = {topic.name for topic in topics.FIXED if topic.simulated}
     known_a, known_b = set(a.log.topics), set(b.log.topics)
     cameras = {name for name in known_a | known_b if name.startswith("/camera/")}
+    for run, known in ((a, known_a), (b, known_b)):
+        cameras &= known if run.log.is_rewritten else cameras
     return frozenset(fixed & known_a & known_b | cameras)
 
 
-def _unpaired(a: Run, b: Run, one: RawMessage | None, other: RawMessage | None) -> MessageDifference:
-    """Return the difference of two messages of different topic or time: the one that the other log lacks."""
-    if one is not None and other is not None:
-        ended = False
-        in_b = other.time < one.time or (other.time == one.time and _count(b, other) > _count(a, other))
-    else:
-        ended, in_b = True, one is None
-    lone, missing = (other, "a") if in_b else (one, "b")
-    assert lone is not None
-    value = None if ended else decode_message((b if in_b else a).log.topics[lone.topic].schema, lone.data)
+def _missing(a: Run, b: Run, topic: str, time: int, data: bytes, *, in_b: bool) -> MessageDifference:
+    """Return the difference of a message that only one log has."""
+    value = decode_message((b if in_b else a).log.topics[topic].schema, data)
     values = FieldDifference("", "", *((None, value) if in_b else (value, None)))
-    return MessageDifference.at(a, lone.topic, lone.time, missing=missing, ended=ended, field=values)
-
-
-def _count(run: Run, like: RawMessage) -> int:
-    """Return the number of messages of that topic and time in the log."""
-    time = like.time / 1e9
-    return sum(1 for _ in run.log.messages([like.topic], time, time))
+    return MessageDifference.at(a, topic, time, missing="a" if in_b else "b", field=values)
 
 
 Side: TypeAlias = Literal["a", "b"]

@@ -221,10 +221,6 @@ def _ends(run: Run, visits: Sequence[Visit], since: float) -> dict[str, ItemEnd]
     return ends
 
 
-KILLED_STATUS = "killed"
-"""Status of a run whose log has no result."""
-
-
 @dataclass(frozen=True, slots=True)
 class RunOutcome:
     log: Path
@@ -257,7 +253,7 @@ def outcome_of(run: Run) -> RunOutcome:
     return RunOutcome(
         log=run.path,
         recovered=run.recovered,
-        status=KILLED_STATUS if result is None else result.status,
+        status=run.status,
         message="" if result is None else result.message,
         end=run.last_tick,
         items_total=None if result is None else result.items.total,

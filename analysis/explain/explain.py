@@ -236,7 +236,9 @@ def _status(run: RunRecord) -> str:
         return "crashed"
     if _next_file(run):
         return "continued"
-    return "running" if run.log.going_on else "killed"
+    if run.log.going_on:
+        return "running"
+    return "unknown" if run.log.lacks_result else "killed"
 
 
 def _next_file(run: RunRecord) -> str:
@@ -256,6 +258,8 @@ def _cut_off(run: RunRecord, visits: Sequence[Visit], end: float) -> str:
         return f"this file of the log ends at {end:.2f} s, and {following} goes on{_doing(visits)}"
     if run.log.going_on:
         return f"the run is still going on: its log has come to {end:.2f} s{_doing(visits)}"
+    if run.log.lacks_result:
+        return f"the log ends at {end:.2f} s, and the result of the run was left out{_doing(visits)}"
     return f"the log ends at {end:.2f} s without a result: the process was killed{_doing(visits)}"
 
 

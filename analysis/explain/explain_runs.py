@@ -12,8 +12,8 @@ from pathlib import Path
 from ...errors import PicktreeError
 from ...files.diagnostics.fault_rendering import Paint, plain
 from ...files.value_wording import listed
+from ...logs.log_paths import find_log
 from ...logs.run_index import logs_below
-from ...logs.run_log import find_log
 from ..run import Run
 from .explain import explain
 from .investigation.explanation import CONFIDENCES, Confidence, RootCause

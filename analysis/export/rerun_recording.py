@@ -134,7 +134,7 @@ _EVENT_FILTER = ["$origin/**", "- /events/belief/**", "- /events/image/**"]
 
 def write_rerun(run: Run, path: Path) -> None:
     """Write the recording. Raises OSError when the disk refuses, PicktreeError where the log is damaged."""
-    name = f"{run.info.mission}, seed {run.info.seed}"
+    name = f"{run.info.mission}, {run.info.seed_text}"
     sheet = RerunWriter(path, name, blueprint(run))
     try:
         write_stage(sheet, run)

@@ -25,35 +25,59 @@ TIMELINE = "sim_time"
 """Name of the timeline in simulated seconds."""
 
 
+_MAX_WAITING_CALLS = 200
+"""Number of calls after which their data are written to the file."""
+
+
 class RerunWriter:
-    """Rerun recording that is written straight to the file. Raises OSError when the disk refuses to open
-    it."""
+    """Rerun recording that is written to the file as it grows. Methods raise OSError when the disk refuses.
+
+    The library encodes it in memory: its own writer logs an error of the disk, and does not return it.
+    """
 
     def __init__(self, path: Path, name: str, blueprint: rrb.Blueprint) -> None:
-        path.open("wb").close()  # The library's own error does not contain the reason.
+        self._file = path.open("wb")
         self._recording = rr.RecordingStream("picktree", recording_id=name, send_properties=False)
         self._recording.set_log_time_enabled(False)
         self._recording.set_log_tick_enabled(False)
-        self._recording.save(path, default_blueprint=blueprint)
+        self._stream = self._recording.binary_stream()
+        self._waiting = 0
+        """Number of calls whose data are not in the file."""
+        rr.send_blueprint(blueprint, recording=self._recording)
         self._recording.send_recording_name(name)
 
     def always(self, entity: str, *what: rr.AsComponents) -> None:
         for one in what:
             self._recording.log(entity, one, static=True)
+        self._write_some()
 
     def at(self, time: float, entity: str, what: rr.AsComponents) -> None:
         self._recording.set_time(TIMELINE, duration=time)
         self._recording.log(entity, what)
+        self._write_some()
 
     def column(self, entity: str, times: Sequence[float], columns: Iterable[rr.ComponentColumn]) -> None:
         if times:
             self._recording.send_columns(
                 entity, indexes=[rr.TimeColumn(TIMELINE, duration=times)], columns=columns
             )
+            self._write_some()
 
     def close(self) -> None:
-        self._recording.flush()
-        self._recording.disconnect()
+        try:
+            self._write()
+        finally:
+            self._recording.disconnect()
+            self._file.close()
+
+    def _write_some(self) -> None:
+        self._waiting += 1
+        if self._waiting >= _MAX_WAITING_CALLS:
+            self._write()
+
+    def _write(self) -> None:
+        self._waiting = 0
+        self._file.write(self._stream.read() or b"")
 
 
 _Z_UP_FROM_Y_UP = rr.Quaternion(xyzw=(math.sin(math.pi / 4), 0.0, 0.0, math.cos(math.pi / 4)))

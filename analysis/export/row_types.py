@@ -237,7 +237,7 @@ def run_rows(run: Run) -> Iterator[RunRow]:
     yield RunRow("format", str(run.log.format))
     yield RunRow("end", repr(run.end))
     yield RunRow("recovered", run.recovered)
-    yield RunRow("status", "killed" if run.result is None else run.result.status)
+    yield RunRow("status", run.status)
     if run.result is not None:
         yield RunRow("message", run.result.message)
         yield RunRow("items.total", str(run.result.items.total))

@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 
 from ...errors import PicktreeError
+from ...files.file_names import fitted
 from ...logs.run_log import RunLog
 from ...logs.schema.records import LinkMesh
 from .captions import write
@@ -223,7 +224,7 @@ def film(
         return painters.pictures(frames)
 
     setup = FrameSetup(log.robot_model(), request.view, size, bin_tints(log))
-    partial = output.with_name(f".{output.name}.partial")
+    partial = output.with_name(fitted(f".{output.name}.partial"))
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
         partial.touch()

@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 
 from ...errors import PicktreeError
+from ...files.atomic_write import whole
 from ...logs.meshes.triangle_meshes import Mesh, join_meshes, shape_mesh
-from ...logs.recording.images import write_picture
+from ...logs.recording.images import require_picture_name, write_picture
 from ...logs.run_log import RunLog
 from ...robots.description import RobotDescription
 from ...robots.link_shapes import link_shapes
@@ -116,16 +117,15 @@ def snapshot(
     with outlines of the truth. Raises PicktreeError when the log holds nothing of that moment or the image
     cannot be written.
     """
+    require_picture_name(output)
     if isinstance(log, RunLog):
         picture = draw(log, at, size, view, show=show, caption=caption)
     else:
         with RunLog(log) as opened:
             picture = draw(opened, at, size, view, show=show, caption=caption)
-    try:
+    with whole([output], output) as (beside,):
         output.parent.mkdir(parents=True, exist_ok=True)
-        write_picture(str(output), picture)
-    except OSError as error:
-        raise PicktreeError(f"{output}: the picture cannot be written: {error}") from None
+        write_picture(str(beside), picture)
 
 
 def draw(

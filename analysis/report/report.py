@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import os
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
@@ -20,6 +18,7 @@ import orjson
 from ... import __version__
 from ...authoring.drawing.formats import shapes
 from ...errors import PicktreeError
+from ...files.atomic_write import whole
 from ...logs.episodes.episode_counts import CauseCount
 from ...logs.schema.records import Plan
 from ..explain.investigation.explanation import ExplainedOutcome
@@ -177,7 +176,13 @@ def _content_security_policy(scripts: Iterable[str]) -> str:
     )
 
 
-_OUTCOME_COLOURS = {"success": "success", "paused": "open", "interrupted": "open", "killed": "open"}
+_OUTCOME_COLOURS = {
+    "success": "success",
+    "paused": "open",
+    "interrupted": "open",
+    "killed": "open",
+    "unknown": "open",
+}
 """Colour class of the outcome; any other outcome is a failure."""
 
 
@@ -204,7 +209,7 @@ def pack_run(run: Run) -> Section:
         "run",
         {
             "mission": run.info.mission,
-            "remark": f"{run.info.scene} · seed {run.info.seed}",
+            "remark": f"{run.info.scene} · {run.info.seed_text}",
             "outcome": _outcome(explanation.outcome),
             "facts": [[name, value] for name, value in _facts(run)],
             "notes": list(_notes(run)),
@@ -220,7 +225,7 @@ def summary(run: Run) -> str:
     """Return the run in one line."""
     outcome = run.explanation.outcome
     items = _items(outcome)
-    return f"{run.info.mission}, seed {run.info.seed}: {outcome.status}" + (f", {items}" if items else "")
+    return f"{run.info.mission}, {run.info.seed_text}: {outcome.status}" + (f", {items}" if items else "")
 
 
 def _outcome(outcome: ExplainedOutcome) -> Packable:
@@ -246,7 +251,7 @@ def _facts(run: Run) -> list[tuple[str, str]]:
         ("Mission", info.mission),
         ("Scene", info.scene),
         ("Robot", info.robot),
-        ("Seed", str(info.seed)),
+        ("Seed", info.seed_text.removeprefix("seed ")),
         ("Backend", info.backend),
         ("Simulated", f"{run.end:.2f} s in {len(run.ticks)} ticks of {info.tick:g} s"),
     ]
@@ -320,7 +325,8 @@ def write_report(run: Run, file: Path) -> WrittenReport:
     began = time.perf_counter()
     text = report(run)
     data = text.encode("utf-8")
-    _write_whole(file, data)
+    with whole([file], file) as (beside,):
+        beside.write_bytes(data)
     return WrittenReport(file, len(data), time.perf_counter() - began, run.end)
 
 
@@ -329,26 +335,5 @@ def report(run: Run) -> str:
     if not run.ticks.times:
         raise PicktreeError(f"{run.path}: the log holds no tick, so there is nothing to report")
     info = run.info
-    title = f"{info.mission}, {info.scene}, seed {info.seed}"
+    title = f"{info.mission}, {info.scene}, {info.seed_text}"
     return render_page(title, summary(run), (packer(run) for packer in PACKERS))
-
-
-def _write_whole(file: Path, data: bytes) -> None:
-    """Write a temporary file beside it first, so that a full disk leaves the old file."""
-    beside: str | None = None
-    try:
-        handle, beside = tempfile.mkstemp(prefix=f".{file.name}-", dir=file.parent)
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
-        os.chmod(beside, 0o666 & ~_umask())
-        os.replace(beside, file)
-    except OSError as error:
-        if beside is not None:
-            Path(beside).unlink(missing_ok=True)
-        raise PicktreeError(f"{file} cannot be written: {(error.strerror or str(error)).lower()}") from None
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -9,17 +9,18 @@ from typing import cast
 
 import orjson
 
-from ...logs.mcap.reader import RawMessage
+from ...logs.mcap.message_table import RawMessage
 from ...logs.recording import foxglove_messages
 from ...logs.schema import topics
 from ...logs.schema.topics import Digest, Topic
 from ...session.observer import Interrupter
 from ...session.resume.recorded_recipe import simulated_messages
 from ...trees.mission import MAIN
-from ..compare.divergence import NO_FIELD, MessageDifference, Missing
+from ..compare.divergence import NO_FIELD, MessageDifference, Missing, moments, present
 from ..compare.message_fields import FieldDifference, first_differing_field
 from ..run import Run
 
+_FIXED = frozenset(topic.name for topic in topics.FIXED)
 _SCENE_TOPICS = (topics.OBJECTS.name, topics.TRUTH.name)
 
 
@@ -116,23 +117,25 @@ class RecordComparison(Interrupter):
         """First difference of the trees. The behaviour is compared nevertheless."""
         self.ticks = 0
         """Number of ticks that agree."""
-        self.exact = True
-        """Whether the agreeing messages agree in their bytes, not only in their values."""
+        self.exact = not run.log.lacks_something
+        """Whether the log has all messages, and they agree in their bytes, not only in their values."""
         self._run = run
         self._times = run.ticks.times
         self._whole = until is None and not is_cut(run)
         end = self._times[-1] if not self._whole and self._times else None
         self.until = end if until is None else until if end is None else min(until, end)
         """End of the comparison, simulated s; None: the end of the run."""
-        self._expected = _without_final_truth(simulated_messages(run.log, since, self.until), cut=is_cut(run))
+        expected = _without_final_truth(simulated_messages(run.log, since, self.until), cut=is_cut(run))
+        self._expected = moments(present(expected, run.log.gaps))
+        self._at = next(self._expected, None)
+        """Messages of the record at the time that is compared now; None: its end."""
         self._schemas = {name: topic.schema for name, topic in run.log.topics.items()}
         self._older = not run.info.machine
-        self._unknown = self._not_known_then()
         self._settings = settings
         self._stop_at_difference = stop_at_difference
         self._other_tree = other_tree
-        self._now = -1
         self._taken: Counter[str] = Counter()
+        """Number of compared messages at this time, by topic."""
         continues = run.info.continues
         self._digest = Digest(bytes.fromhex(continues.digest)) if continues else Digest()
 
@@ -150,23 +153,30 @@ class RecordComparison(Interrupter):
 
     def _take(self, topic: str, time: int, data: bytes) -> None:
         """Compare the next message of the run, `time` in simulated ns."""
-        if self.difference is not None or topic in self._unknown:
+        if self.difference is not None:
+            return
+        if self._is_unknown(topic):
+            self.exact = self.exact and not self._run.log.is_rewritten
             return
         if self.until is not None and time > round(self.until * 1e9) + 1000:
             return
-        expected = next(self._expected, None)
-        if expected is None:
+        if any(gap.contains(time / 1e9) for gap in self._run.log.gaps):
+            return
+        self._advance(time)
+        if self.difference is not None:
+            return
+        if self._at is None:
             if self._whole:
                 self._differ(topic, time, "a")
             return
-        if time != self._now:
-            self._now = time
-            self._taken.clear()
-        if (expected.topic, expected.time) != (topic, time):
-            self._unpaired(expected, topic, time)
-            return
+        held = self._at.messages.get(topic, ()) if self._at.time == time else ()
+        number = self._taken[topic]
+        if number >= len(held):
+            if self._whole or topic != topics.TRUTH.name or time < round((self.until or 0.0) * 1e9):
+                self._differ(topic, time, "a")
+            return  # else the ground truth at the end of the run, which ends here and did not then
         self._taken[topic] += 1
-        recorded = expected.data
+        expected = recorded = held[number]
         if topic == topics.TICK.name and recorded != data:
             if self._other_tree:
                 recorded, data = restrict_to_common_nodes(recorded, data)
@@ -180,34 +190,32 @@ class RecordComparison(Interrupter):
             else:
                 self.difference = apart
             return
-        self.exact = self.exact and data == expected.data
+        self.exact = self.exact and data == expected
         self._digest.add(topic, time, data)
         self.ticks += topic == topics.TICK.name
 
     def finish(self) -> None:
         """End the comparison: messages that the record still holds are missing in the run."""
-        if self.difference is None:
-            left = next(self._expected, None)
-            if left is not None:
-                self._differ(left.topic, left.time, "b")
+        self._advance(None)
 
-    def _not_known_then(self) -> frozenset[str]:
-        """Return today's simulated topics that an older log does not have."""
-        if not self._older:
-            return frozenset()
-        known = set(self._run.log.topics)
-        return frozenset(topic.name for topic in topics.FIXED if topic.name not in known)
+    def _advance(self, time: int | None) -> None:
+        """Go on to the record's messages of this time (simulated ns), or of a later one; None: to its end.
 
-    def _unpaired(self, expected: RawMessage, topic: str, time: int) -> None:
-        if expected.time != time:
-            early = expected.time < time
-            self._differ(*((expected.topic, expected.time, "b") if early else (topic, time, "a")))
-            return
-        recorded = sum(1 for _ in self._run.log.messages([topic], time / 1e9, time / 1e9))
-        if recorded > self._taken[topic]:
-            self._differ(expected.topic, time, "b")
-        else:
-            self._differ(topic, time, "a")
+        Messages of the record before it are missing in the run.
+        """
+        while self.difference is None and self._at is not None and (time is None or self._at.time < time):
+            for topic, held in self._at.messages.items():
+                if len(held) > self._taken[topic]:
+                    self.ticks -= self._taken[topics.TICK.name]
+                    self._differ(topic, self._at.time, "b")
+                    return
+            self._at = next(self._expected, None)
+            self._taken.clear()
+
+    def _is_unknown(self, topic: str) -> bool:
+        """Whether the record cannot have the topic: its version did not have it, or a program left it out."""
+        log = self._run.log
+        return topic not in self._schemas and (log.is_rewritten or (self._older and topic in _FIXED))
 
     def _differ(self, topic: str, time: int, missing: Missing) -> None:
         self.difference = MessageDifference.at(self._run, topic, time, missing=missing)
@@ -216,7 +224,8 @@ class RecordComparison(Interrupter):
 def is_cut(run: Run) -> bool:
     """Whether the record ends before the run's own end."""
     status = run.log.result.get("status", "")
-    return bool(run.recovered) or status not in ("success", "incomplete", "failure", "timeout", "paused")
+    ended = status in ("success", "incomplete", "failure", "timeout", "paused")
+    return not ended or any(gap.end is None for gap in run.log.gaps)
 
 
 def _without_final_truth(messages: Iterator[RawMessage], *, cut: bool) -> Iterator[RawMessage]:

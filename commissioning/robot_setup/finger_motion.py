@@ -147,8 +147,11 @@ class FingerMotion:
         return (palm.inverse() @ self._skeleton.pose(link, {})).apply(self._solids[link].points)
 
     def back(self, behind: tuple[str, ...]) -> Array:
-        """Return a point (3,) behind the fingers in the palm's frame, m: the middle of the links `behind`
-        them, else of the links that carry the palm, else the last joint of the arm."""
+        """Return a point (3,) behind the fingers in the palm's frame, m.
+
+        It is the middle of the links `behind` them, else of the links that carry the palm, else the last
+        joint of the arm.
+        """
         known, joints = self._solids, self._skeleton.joints
         above: list[str] = []
         for name in reversed(self._skeleton.joints_to(self._hand.palm)):

@@ -117,7 +117,7 @@ def _finding(
 
 
 def _remedy(instead: LinkInertia, density: float) -> str:
-    by = f"of its hull at {density:.3g} kg/m³" if density else "of a ball of 10 g"
+    by = f"of its hull at {density:.4g} kg/m³" if density else "of a ball of 10 g"
     return f": it gets {instead.mass:.3g} kg, {by}, a guess"
 
 

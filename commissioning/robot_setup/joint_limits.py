@@ -20,6 +20,8 @@ CONTINUOUS_RANGE = 2 * math.pi
 """Range to either side of a joint without limits, rad: cables do not turn without end."""
 MAX_VELOCITY = math.pi
 """Greatest plausible velocity, rad/s; a higher one of the URDF is replaced."""
+MIN_VELOCITY = 0.01
+"""Least plausible velocity, rad/s; a lower one of the URDF is replaced."""
 DEFAULT_VELOCITY = 1.0
 """Velocity of a joint for which the URDF gives none, rad/s."""
 ACCELERATION_TORQUE_SHARE = 0.5
@@ -80,10 +82,13 @@ def _proposed(name: str, joint: UrdfJoint) -> ProposedLimits:
     if velocity <= 0.0:
         velocity = DEFAULT_VELOCITY
         told.append("no velocity in the URDF: slow")
+    elif velocity < MIN_VELOCITY:
+        told.append(f"the URDF's {velocity:g} rad/s are not believed: slow")
+        velocity = DEFAULT_VELOCITY
     elif velocity > MAX_VELOCITY:
         told.append(f"the URDF's {velocity:g} rad/s are not believed")
         velocity = MAX_VELOCITY
-    torque = max(joint.effort or 0.0, 0.0)
+    torque = joint.effort or 0.0
     return ProposedLimits(
         name, round(lower, 5), round(upper, 5), velocity, MIN_ACCELERATION, torque, "; ".join(told)
     )

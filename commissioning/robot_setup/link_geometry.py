@@ -14,6 +14,7 @@ from scipy.spatial import ConvexHull
 
 from ...errors import PicktreeError
 from ...files.shipped_files import is_file
+from ...files.xml_text import XmlError, parse_xml
 from ...files.yaml.file_text import Unreadable, read_bytes
 from ...robots.gripper_mounting import NamedUrdf
 from ...robots.link_shapes import UrdfMesh, UrdfPrimitive, link_geometry, link_shapes
@@ -41,7 +42,7 @@ class UnsuitableUrdf(PicktreeError):
         )
 
 
-_TEMPLATE = re.compile(rb"<xacro:\w|\$\{|\$\((?:arg|find|optenv|env|eval) ")
+_MACRO = re.compile(r"\$\{|\$\((?:arg|find|optenv|env|eval|dirname)\b")
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,7 @@ def refuse_template(text: str, path: Path) -> None:
         raw = read_bytes(path, MAX_BYTES)
     except Unreadable as error:
         raise PicktreeError(f"{text}: {error}") from None
-    if path.suffix == ".xacro" or _TEMPLATE.search(_without_comments(raw)):
+    if path.suffix == ".xacro" or _is_template(raw):
         target = f"{path.name.removesuffix('.xacro').removesuffix('.urdf')}.urdf"
         raise UnsuitableUrdf(
             text,
@@ -86,8 +87,18 @@ def refuse_template(text: str, path: Path) -> None:
         )
 
 
-def _without_comments(raw: bytes) -> bytes:
-    return re.sub(rb"<!--.*?-->", b"", raw, flags=re.DOTALL)
+def _is_template(raw: bytes) -> bool:
+    """Whether links or joints wait for xacro. Values that nothing takes, and what is for other programs, as
+    <gazebo>, do not count."""
+    try:
+        root = parse_xml(raw)
+    except XmlError:
+        return False
+    calls = (element.tag for element in root.iter() if element.tag.startswith("xacro:"))
+    if any(tag not in ("xacro:property", "xacro:arg") for tag in calls):
+        return True
+    parts = (part for tag in ("link", "joint") for element in root.findall(tag) for part in element.iter())
+    return any(_MACRO.search(value) for part in parts for value in part.attrib.values())
 
 
 def _named(text: str) -> NamedUrdf:

@@ -8,15 +8,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 
 from ...errors import PicktreeError
 from ...files.marks import FileError
 from ...files.value_wording import listed
 from ...logs.meshes.binary_gltf import link_meshes
-from ...planning.collision.collision_checker import robot_geometry
 from ...robots.description import RobotDescription
-from ...robots.gripper_mounting import GripperMount, NamedUrdf, write_composed_urdf
+from ...robots.gripper_mounting import (
+    GripperMount,
+    InsertedFlange,
+    NamedUrdf,
+    write_composed_urdf,
+)
 from ...robots.link_shapes import links_seen_only
 from ...robots.loading import parse_robot
 from ...robots.model import RobotModel
@@ -40,7 +43,7 @@ from .link_geometry import (
     refuse_missing_meshes,
 )
 from .robot_file_writer import RobotDraft, robot_file_text
-from .self_collision import SAMPLE_COUNT, SamplingTask, SelfCollisionReport, sample
+from .self_collision import SAMPLE_COUNT, sample_links
 
 MOUNT_JOINT = "mount"
 """Name of the joint that holds the gripper."""
@@ -160,7 +163,7 @@ def propose(wish: ProposalRequest) -> Proposal:
     draft = _borne(_find_draft(wish), wish)
     model = _model(draft, wish)
     draft = replace(draft, limits=estimate(model, draft.limits, wish.seed))
-    draft = replace(draft, collision=_sampled(model, draft, wish))
+    draft = replace(draft, collision=sample_links(model, wish.samples, wish.seed))
     model = _model(draft, wish)
     path = Path(model.description.urdf)
     tree, solids = read_skeleton(path), read_solids(path)
@@ -256,10 +259,16 @@ def _draft(
     gripper_urdf: str,
 ) -> RobotDraft:
     skeleton = read_skeleton(path)
+    behind: str | None = None
+    if _fixed_joints(skeleton, arm, hand) == ():
+        behind = arm.joints[-1]
+        flange = InsertedFlange(behind, _free_name(skeleton))
+        path = write_composed_urdf(source.urdf, mounting, flange=flange)
+        skeleton = read_skeleton(path)
     solids = read_solids(path)
     link_meshes(str(path))  # raises for what is only seen, too
-    flange = _flange(wish.urdf, skeleton, arm, hand, solids)
-    meter = GripperMeter(wish.urdf, skeleton, solids, hand, _behind(skeleton, flange, hand))
+    flange_joint = _flange(wish.urdf, skeleton, arm, hand, solids)
+    meter = GripperMeter(wish.urdf, skeleton, solids, hand, _behind(skeleton, flange_joint, hand))
     measured = meter.measure()
     findings = check_inertias(parsed_urdf(path), skeleton, solids)
     inertias = {f.link: f.instead for f in findings if f.instead is not None}
@@ -279,7 +288,8 @@ def _draft(
         gripper_urdf=_named(gripper_urdf, mounting.gripper, wish.file) if mounting is not None else "",
         limits=propose_limits(skeleton, arm.joints),
         gripper=measured,
-        flange_joint=flange,
+        flange_joint=flange_joint,
+        flange_behind=behind,
         findings=findings,
         inertias=inertias,
         notes=tuple(notes),
@@ -297,22 +307,36 @@ def _named(text: str, urdf: NamedUrdf, file: Path) -> str:
 def _flange(
     source: str, skeleton: UrdfTree, arm: ArmGroup, hand: HandGroup, solids: Mapping[str, LinkGeometry]
 ) -> str:
-    """Return the fixed joint between arm and hand. Raises UnsuitableUrdf when there is none.
+    """Return the fixed joint between arm and hand. Raises UnsuitableUrdf when the arm does not carry it.
 
     It is the one nearest to the palm beyond which the hand has a body, as the bar on which fingers slide.
     """
-    names = skeleton.joints_to(hand.palm)
-    last = names.index(arm.joints[-1]) if arm.joints[-1] in names else -1
-    fixed = [name for name in names[last + 1 :] if skeleton.joints[name].type == "fixed"]
-    if last < 0 or not fixed:
+    fixed = _fixed_joints(skeleton, arm, hand)
+    if not fixed:
         raise UnsuitableUrdf(
             source,
-            f"a hand {hand.palm!r} that is one link with the end of the arm",
-            "a fixed joint between arm and hand, where a wrist sensor measures what is held",
-            f"split {hand.palm!r} in the URDF: arm's flange, fixed joint, hand",
+            f"an arm that ends with {arm.joints[-1]!r}, and a hand {hand.palm!r} elsewhere",
+            "a hand at the end of the arm",
+            "--base and --tip name links at the two ends of the arm",
         )
     bodies = (name for name in reversed(fixed) if solids.keys() & {*_behind(skeleton, name, hand)})
     return next(bodies, fixed[-1])
+
+
+def _fixed_joints(skeleton: UrdfTree, arm: ArmGroup, hand: HandGroup) -> tuple[str, ...] | None:
+    """Return the fixed joints between arm and palm; None when the arm's last joint does not move the palm."""
+    names = skeleton.joints_to(hand.palm)
+    if arm.joints[-1] not in names:
+        return None
+    behind = names[names.index(arm.joints[-1]) + 1 :]
+    return tuple(name for name in behind if skeleton.joints[name].type == "fixed")
+
+
+def _free_name(skeleton: UrdfTree) -> str:
+    """Return a name for an inserted flange that no link and no joint has."""
+    taken = {*skeleton.links, *skeleton.joints}
+    names = ("flange", *(f"flange_{n}" for n in range(2, len(taken) + 3)))
+    return next(name for name in names if not {name, f"{name}_link"} & taken)
 
 
 def _behind(skeleton: UrdfTree, flange: str, hand: HandGroup) -> tuple[str, ...]:
@@ -341,60 +365,3 @@ def _parsed(text: str, wish: ProposalRequest) -> RobotDescription:
             "a URDF that the checker takes",
             "mend what it says in a copy of the URDF",
         ) from None
-
-
-def _sampled(model: RobotModel, draft: RobotDraft, wish: ProposalRequest) -> SelfCollisionReport:
-    geometry = pin.GeometryModel()
-    for piece in robot_geometry(model):
-        geometry.addGeometryObject(piece)
-    skeleton = read_skeleton(Path(model.description.urdf))
-    hand = frozenset(skeleton.below(skeleton.joints[draft.flange_joint].child))
-    # No joint of the arm moves what is beyond its last one against each other.
-    beyond = frozenset(skeleton.below(skeleton.joints[draft.arm.joints[-1]].child))
-    names = [model.full.frames[o.parentFrame].name for o in geometry.geometryObjects]
-    pairs = {frozenset((a, b)) for a in names for b in names if a != b}
-    widest = model.description.gripper.max_width
-
-    def draw(generator: np.random.Generator) -> Array:
-        q = generator.uniform(model.lower, model.upper)
-        return model.full_q(q, float(generator.uniform(0.0, widest)))
-
-    middle = (model.lower + model.upper) / 2
-    near = {pair for pair in pairs if _is_near(skeleton, pair)}
-    return sample(
-        SamplingTask(
-            model.full,
-            geometry,
-            draw,
-            frozenset(
-                pair
-                for pair in pairs
-                if _adjacent(skeleton, pair, frozenset(names)) or (pair <= beyond and not pair <= hand)
-            ),
-            model.full_q(middle, widest),
-            frozenset(pair for pair in pairs if pair <= hand),
-            frozenset(near),
-        ),
-        wish.samples,
-        wish.seed,
-    )
-
-
-def _joints_between(skeleton: UrdfTree, pair: frozenset[str]) -> tuple[str, ...] | None:
-    """Return the joints between two links of one chain; None for links on different branches."""
-    one, other = sorted(pair, key=lambda link: len(skeleton.joints_to(link)))
-    return skeleton.joints_between(one, other)
-
-
-def _is_near(skeleton: UrdfTree, pair: frozenset[str]) -> bool:
-    """Return whether at most two moving joints are between two links of one chain."""
-    between = _joints_between(skeleton, pair)
-    return between is not None and sum(skeleton.joints[name].type in MOVING for name in between) <= 2
-
-
-def _adjacent(skeleton: UrdfTree, pair: frozenset[str], solid: frozenset[str]) -> bool:
-    """Return whether one moving joint is between two links, and no other link with geometry."""
-    between = _joints_between(skeleton, pair)
-    if between is None or sum(skeleton.joints[name].type in MOVING for name in between) != 1:
-        return False
-    return not any(skeleton.joints[name].child in solid for name in between[:-1])

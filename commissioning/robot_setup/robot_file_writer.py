@@ -33,6 +33,8 @@ class RobotDraft:
     limits: tuple[ProposedLimits, ...]
     gripper: MeasuredGripper
     flange_joint: str
+    flange_behind: str | None
+    """The arm's last joint, where the flange joint is put into the URDF; None: the URDF has it."""
     findings: tuple[InertiaFinding, ...]
     inertias: Mapping[str, LinkInertia]
     poses: tuple[NamedPose, ...] = ()
@@ -94,7 +96,7 @@ def _lines(draft: RobotDraft) -> Iterator[str]:
         yield (
             f"  {_word(limit.name)}: {{lower: {_n(limit.lower)}, upper: {_n(limit.upper)}, "
             f"velocity: {_n(limit.velocity)}, acceleration: {_n(limit.acceleration)}, "
-            f"torque: {_n(limit.torque or 1.0)}}}"
+            f"torque: {_n(limit.torque if limit.torque > 0.0 else 1.0)}}}"
         )
         if common:
             yield f"    # {limit.comment}"
@@ -142,6 +144,8 @@ def _gripper(draft: RobotDraft) -> Iterator[str]:
     yield "# z points out of the hand, the fingers move along y."
     yield f"tcp: {{link: {_word(draft.hand.palm)}, {_frame(g.tcp_in_palm)}}}"
     yield f"flange_joint: {_word(draft.flange_joint)}   # where the wrist sensor sits"
+    if draft.flange_behind is not None:
+        yield f"flange_behind: {_word(draft.flange_behind)}   # the URDF has no such joint: it is put in here"
     yield ""
     yield "gripper:"
     if g.sliders is not None:

@@ -11,11 +11,16 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import pinocchio as pin
 
+from ...planning.collision.collision_checker import robot_geometry
+from ...robots.model import RobotModel
+from ...robots.urdf_faults import MOVING
+from ...robots.urdf_tree import UrdfTree, read_skeleton
 from ...world.values import Array
 
 SAMPLE_COUNT = 10_000
@@ -151,3 +156,62 @@ def _reason(
 def summary(found: SelfCollisionReport) -> Mapping[Reason, int]:
     """Return the number of pairs without a check, by reason."""
     return {reason: sum(pair.reason == reason for pair in found.disabled) for reason in REASONS}
+
+
+def sample_links(model: RobotModel, samples: int, seed: int) -> SelfCollisionReport:
+    """Sample the self-collisions of a robot's links, and return which pairs need no check."""
+    description = model.description
+    geometry = pin.GeometryModel()
+    for piece in robot_geometry(model):
+        geometry.addGeometryObject(piece)
+    skeleton = read_skeleton(Path(description.urdf))
+    hand = frozenset(skeleton.below(skeleton.joints[description.flange_joint].child))
+    # No joint of the arm moves what is beyond its last one against each other.
+    beyond = frozenset(skeleton.below(skeleton.joints[description.joints[-1]].child))
+    names = [model.full.frames[o.parentFrame].name for o in geometry.geometryObjects]
+    pairs = {frozenset((a, b)) for a in names for b in names if a != b}
+    widest = description.gripper.max_width
+
+    def draw(generator: np.random.Generator) -> Array:
+        q = generator.uniform(model.lower, model.upper)
+        return model.full_q(q, float(generator.uniform(0.0, widest)))
+
+    middle = (model.lower + model.upper) / 2
+    near = {pair for pair in pairs if _is_near(skeleton, pair)}
+    return sample(
+        SamplingTask(
+            model.full,
+            geometry,
+            draw,
+            frozenset(
+                pair
+                for pair in pairs
+                if _adjacent(skeleton, pair, frozenset(names)) or (pair <= beyond and not pair <= hand)
+            ),
+            model.full_q(middle, widest),
+            frozenset(pair for pair in pairs if pair <= hand),
+            frozenset(near),
+        ),
+        samples,
+        seed,
+    )
+
+
+def _joints_between(skeleton: UrdfTree, pair: frozenset[str]) -> tuple[str, ...] | None:
+    """Return the joints between two links of one chain; None for links on different branches."""
+    one, other = sorted(pair, key=lambda link: len(skeleton.joints_to(link)))
+    return skeleton.joints_between(one, other)
+
+
+def _is_near(skeleton: UrdfTree, pair: frozenset[str]) -> bool:
+    """Return whether at most two moving joints are between two links of one chain."""
+    between = _joints_between(skeleton, pair)
+    return between is not None and sum(skeleton.joints[name].type in MOVING for name in between) <= 2
+
+
+def _adjacent(skeleton: UrdfTree, pair: frozenset[str], solid: frozenset[str]) -> bool:
+    """Return whether one moving joint is between two links, and no other link with geometry."""
+    between = _joints_between(skeleton, pair)
+    if between is None or sum(skeleton.joints[name].type in MOVING for name in between) != 1:
+        return False
+    return not any(skeleton.joints[name].child in solid for name in between[:-1])

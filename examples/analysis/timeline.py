@@ -52,7 +52,7 @@ def timeline(run: Run) -> Figure:
 def title(run: Run) -> str:
     outcome = run.explanation.outcome
     causes = [f"• {cause.title}" for cause in run.explanation.root_causes[:3]]
-    return "\n".join([f"{run.info.mission}, seed {run.info.seed}: {outcome.sentence}", *causes])
+    return "\n".join([f"{run.info.mission}, {run.info.seed_text}: {outcome.sentence}", *causes])
 
 
 Bar = tuple[float, float, str, str]

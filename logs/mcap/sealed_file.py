@@ -17,6 +17,7 @@ except ImportError:  # Windows
     fcntl = None
 
 from ...errors import PicktreeError
+from ...files.file_names import fitted
 
 MIN_FREE_BYTES = 32_000_000
 """Free bytes that a new log demands: ten minutes of a run."""
@@ -86,7 +87,7 @@ class TrailerFile:
         """Bytes of data so far; offset of the ending."""
         self.failure: PicktreeError | None = None
         self._ending = b""
-        self._hidden: Path | None = path.with_name(f"{path.name}.part")
+        self._hidden: Path | None = path.with_name(fitted(f"{path.name}.part"))
         self._syncing = threading.Lock()
         self._unsynced = False
         self._refused: OSError | None = None

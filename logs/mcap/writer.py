@@ -40,6 +40,8 @@ from mcap.records import (
 from .sealed_file import TrailerFile
 
 MAGIC = b"\x89MCAP0\r\n"
+LIBRARY = "picktree"
+"""Name of the writer in a file's header."""
 _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_HEAD = 22
 
@@ -99,7 +101,7 @@ class McapFile:
         self._attachment_indexes = bytearray()
         self._metadata_indexes = bytearray()
         self._statistics = Statistics(0, 0, {}, 0, 0, 0, 0, 0, 0)
-        self._append(MAGIC + _bytes(Header(profile="", library="picktree")))
+        self._append(MAGIC + _bytes(Header(profile="", library=LIBRARY)))
 
     def channel(self, topic: SchemaSource) -> int:
         """Return the number of the topic's channel; the first call creates it."""

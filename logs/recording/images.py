@@ -5,9 +5,13 @@ The depth is not compressed here: the log compresses it together with all other 
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from ...errors import PicktreeError
 
 _PNG_SETTINGS = (
     *(cv2.IMWRITE_PNG_COMPRESSION, 0),
@@ -50,12 +54,13 @@ def decode_depth(data: bytes) -> NDArray[np.float32]:
 
 def write_picture(path: str, image: NDArray[np.uint8]) -> None:
     """Write RGB (h, w, 3) into a file in the format of its suffix. Raises OSError when that fails."""
-    try:
-        written = cv2.imwrite(path, cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
-    except cv2.error as error:
-        raise OSError(str(error)) from None
-    if not written:
-        raise OSError("it cannot be written there")
+    Path(path).write_bytes(_encoded(Path(path).suffix, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), ()))
+
+
+def require_picture_name(path: Path) -> None:
+    """Raise PicktreeError when the suffix of the path is not that of a picture format."""
+    if not cv2.haveImageWriter(path.name):
+        raise PicktreeError(f"{path}: the picture cannot be written: name it {path.stem}.png")
 
 
 def _encoded(ending: str, image: NDArray[np.uint16] | cv2.typing.MatLike, settings: tuple[int, ...]) -> bytes:

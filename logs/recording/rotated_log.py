@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import itertools
-from bisect import bisect_left, bisect_right
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
 from glob import escape
-from operator import attrgetter
 from pathlib import Path
 from typing import Final
 
 import orjson
 
 from ...errors import PicktreeError
-from ..mcap.reader import McapReader, RawMessage
+from ..mcap.message_table import RawMessage
+from ..mcap.reader import ChannelInfo, McapReader
 
 PART_METADATA = "picktree.part"
 """Name of the metadata in each file after the first: the state that it continues from."""
@@ -86,14 +84,6 @@ def part_paths(first: Path) -> dict[int, Path]:
 
 
 @dataclass(frozen=True, slots=True)
-class ChannelInfo:
-    topic: str
-    schema: str
-    encoding: str
-    messages: int
-
-
-@dataclass(frozen=True, slots=True)
 class _Part:
     """One file of a log. In a further file only messages later than `since` (ns) are new."""
 
@@ -102,11 +92,6 @@ class _Part:
     info: PartInfo | None
     since: int | None
 
-    @property
-    def ends(self) -> int:
-        """Time of the last message, ns."""
-        return max((chunk.end for chunk in self.reading.contents.chunks), default=0)
-
     def after(self, start: int | None) -> int | None:
         if self.since is None:
             return start
@@ -114,20 +99,7 @@ class _Part:
 
 
 _MAX_KEPT_BYTES = 48_000_000
-"""Maximum size of the messages that stay in memory; the largest topics are left out first."""
-
-
-def _within(
-    messages: Sequence[RawMessage], start: int | None, end: int | None, *, newest_first: bool
-) -> Iterator[RawMessage]:
-    """Return the messages with start ≤ time ≤ end (ns) of those of one topic, in order of time."""
-    first = 0 if start is None else bisect_left(messages, start, key=_time)
-    stop = len(messages) if end is None else bisect_right(messages, end, key=_time)
-    numbers = range(first, stop)
-    return (messages[number] for number in (reversed(numbers) if newest_first else numbers))
-
-
-_time = attrgetter("time")
+"""Maximum size of the messages that stay in memory."""
 
 
 class JoinedLog:
@@ -139,11 +111,10 @@ class JoinedLog:
     """
 
     def __init__(self, path: Path, keep: Collection[str] = ()) -> None:
-        """Open the log. `keep`: topics whose messages stay in memory once they have been read, within a
-        limit."""
+        """Open the log. `keep`: topics whose messages stay in memory once one was read, within a limit."""
         self.path = path
         self._keep = frozenset(keep)
-        self._kept: dict[str, list[RawMessage]] | None = None
+        self._limit = _MAX_KEPT_BYTES // (1 + len(part_paths(path)))
         self._parts: list[_Part] = []
         try:
             first = self._open(path)
@@ -182,27 +153,36 @@ class JoinedLog:
         found: dict[str, ChannelInfo] = {}
         counts: Counter[str] = Counter()
         for part in self._parts:
-            contents = part.reading.contents
-            for number, channel in contents.channels.items():
-                schema = contents.schemas.get(channel.schema_id)
-                name = schema.name if schema else ""
-                found.setdefault(channel.topic, ChannelInfo(channel.topic, name, channel.message_encoding, 0))
-                counts[channel.topic] += contents.counts[number]
+            for channel in part.reading.channels:
+                found.setdefault(channel.topic, channel)
+                counts[channel.topic] += channel.messages
             if part.since is not None and part.info is not None:
                 counts.subtract(part.info.repeated)
-        return tuple(
-            ChannelInfo(c.topic, c.schema, c.encoding, max(counts[c.topic], 0)) for c in found.values()
-        )
+        return tuple(replace(c, messages=max(counts[c.topic], 0)) for c in found.values())
+
+    @property
+    def is_rewritten(self) -> bool:
+        """Whether a file is damaged, missing, or written by another program than picktree."""
+        return bool(self.recovered) or any(part.reading.is_rewritten for part in self._parts)
+
+    @property
+    def writers(self) -> str:
+        """Programs that wrote the files, in their own words."""
+        return ", ".join(dict.fromkeys(filter(None, (part.reading.writer for part in self._parts))))
+
+    @property
+    def start(self) -> int:
+        """Time of the first message, ns."""
+        return self._parts[0].reading.start
 
     @property
     def end(self) -> int:
         """Time of the last message, ns."""
-        return max(part.ends for part in self._parts)
+        return max(part.reading.end for part in self._parts)
 
     @property
     def attachments(self) -> tuple[str, ...]:
-        names = (entry.name for part in self._parts for entry in part.reading.contents.attachments)
-        return tuple(dict.fromkeys(names))
+        return tuple(dict.fromkeys(name for part in self._parts for name in part.reading.attachments))
 
     def attachment(self, name: str) -> bytes | None:
         """Return the attachment's content; None when there is none of that name."""
@@ -221,46 +201,15 @@ class JoinedLog:
         newest_first: bool = False,
     ) -> Iterator[RawMessage]:
         """Yield messages of these topics with start ≤ time ≤ end (ns), in order of time."""
-        topic = next(iter(topics)) if topics is not None and len(topics) == 1 else None
-        if topic is not None and self._kept is not None and topic in self._kept:
-            yield from _within(self._kept[topic], start, end, newest_first=newest_first)
-        elif topic is not None and self._kept is None and start is end is None and self._is_widespread(topic):
-            yield from self._keeping(topic)
-        else:
-            for part in reversed(self._parts) if newest_first else self._parts:
-                yield from part.reading.messages(topics, part.after(start), end, newest_first=newest_first)
+        for part in reversed(self._parts) if newest_first else self._parts:
+            yield from part.reading.messages(topics, part.after(start), end, newest_first=newest_first)
 
     def times(self, topic: str) -> list[int]:
         """Return the times of a topic's messages, ns."""
         return [time for part in self._parts for time in part.reading.times(topic, part.after(None))]
 
-    def _is_widespread(self, topic: str) -> bool:
-        """Whether reading this topic means to unpack a good part of the log."""
-        contents = [part.reading.contents for part in self._parts]
-        return 4 * sum(each.holding(topic) for each in contents) > sum(len(each.chunks) for each in contents)
-
-    def _keeping(self, topic: str) -> Iterator[RawMessage]:
-        """Yield all messages of a topic, and keep those of `keep` when nobody stops before the end."""
-        kept: dict[str, list[RawMessage]] = {name: [] for name in self._keep}
-        sizes: Counter[str] = Counter()
-        for part in self._parts:
-            for message in part.reading.messages({topic, *kept}, part.after(None)):
-                if message.topic in kept:
-                    kept[message.topic].append(message)
-                    sizes[message.topic] += len(message.data)
-                    if sizes.total() > _MAX_KEPT_BYTES:
-                        largest = max(sizes, key=sizes.__getitem__)
-                        del kept[largest], sizes[largest]
-                if message.topic == topic:
-                    yield message
-        self._kept = {
-            name: found
-            for name, found in kept.items()
-            if all(a.time <= b.time for a, b in itertools.pairwise(found))
-        }
-
     def _open(self, path: Path) -> _Part:
-        reading = McapReader(path)
+        reading = McapReader(path, self._keep, self._limit)
         try:
             metadata = reading.metadata()
             words = metadata.get(PART_METADATA)
@@ -268,6 +217,12 @@ class JoinedLog:
                 info = PartInfo.from_words(words) if words is not None else None
             except (KeyError, ValueError) as error:
                 raise PicktreeError(f"{path}: the metadata {PART_METADATA} are damaged: {error}") from None
+            continued = float(metadata.get("picktree.continues", {}).get("time", "0"))
+            begin = info.start if info else round(continued * 1e9)
+            if reading.is_rewritten or reading.start != begin:
+                from .simulated_clock import restore_simulated_times  # protobuf is slow to load
+
+                restore_simulated_times(reading, begin)
         except PicktreeError:
             reading.close()
             raise
@@ -291,11 +246,11 @@ class JoinedLog:
             except PicktreeError as error:
                 lost = f"{lost} and {error}" if lost else str(error)
                 continue
-            assert part.info is not None
+            since = part.info.start if part.info is not None else self.end
             if lost:
-                gaps.append(f"{lost}: {self.end / 1e9:.2f} s to {part.info.start / 1e9:.2f} s lost")
+                gaps.append(f"{lost}: {self.end / 1e9:.2f} s to {since / 1e9:.2f} s lost")
                 lost = ""
-            self._parts.append(_Part(part.reading, part.metadata, part.info, part.info.start))
+            self._parts.append(_Part(part.reading, part.metadata, part.info, since))
         following = self._parts[-1].metadata.get(NEXT_METADATA, {}).get("part")
         if following is not None and not lost:
             lost = f"{path.with_name(following)} is missing"
@@ -304,8 +259,11 @@ class JoinedLog:
         return gaps
 
     def _goes_on(self, part: _Part, number: int, *, adjacent: bool) -> bool:
-        """Whether this part continues the log, according to the metadata of the files."""
+        """Whether this part continues the log, according to the metadata of the files; without any, by its
+        times."""
         before = self._parts[-1]
+        if not part.metadata and not before.metadata:
+            return part.reading.end > before.reading.end
         if part.info is None or part.info.number != number:
             return False
         if part.metadata.get("picktree") != self._parts[0].metadata.get("picktree"):

@@ -82,7 +82,8 @@ class RunInfo:
     mission: str
     scene: str
     robot: str
-    seed: int
+    seed: int | None
+    """Seed of everything random; None in a log without its metadata."""
     backend: str
     tick: float
     """Length of a tick, simulated s."""
@@ -105,6 +106,11 @@ class RunInfo:
     files: Mapping[str, str] = field(default_factory=_no_words)
     """SHA-256 in hex and path of the original file, by name of the attachment."""
     continues: ResumedFrom | None = None
+
+    @property
+    def seed_text(self) -> str:
+        """Seed in words, as `seed 7` or `seed unknown`."""
+        return f"seed {'unknown' if self.seed is None else self.seed}"
 
 
 @dataclass(frozen=True)

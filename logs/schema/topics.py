@@ -69,6 +69,15 @@ FIXED = (
 )  # fmt: skip
 
 
+_SIMULATED = frozenset(topic.name for topic in FIXED if topic.simulated)
+_CAMERAS = "/camera/"
+
+
+def is_simulated(name: str) -> bool:
+    """Whether the messages of the topic of this name make up the digest."""
+    return name in _SIMULATED or name.startswith(_CAMERAS)
+
+
 def colour_topic(camera: str) -> Topic:
     return Topic(f"/camera/{camera}/colour", "foxglove.CompressedImage", "protobuf")
 

@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from ...files.disk_cache import cached_arrays
 from ...robots.link_shapes import LinkShape, fingerprint
-from ...robots.model import TCP_FRAME, RobotModel, se3
+from ...robots.model import TCP_FRAME, RobotModel, joint_frame, se3
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.scene.description import Bin, Fixture
 from ...world.values import Array, Bounds
@@ -325,15 +325,15 @@ def _unpacked(archive: bytes) -> pin.GeometryModel:
 def _robot_piece(model: RobotModel, o: pin.GeometryObject) -> CollisionGeometry:
     frames = model.full.frames
     link = frames[o.parentFrame].name
-    chain, at = [link], o.parentFrame
+    chain, at = [o.parentFrame], o.parentFrame
     while at > 0:
         at = frames[at].parentFrame
-        chain.append(frames[at].name)
+        chain.append(at)
     if o.parentJoint == 0:
         part = GeometryOwner.BASE
     elif link in model.description.gripper.fingers:
         part = GeometryOwner.FINGER
-    elif model.description.flange_joint in chain:
+    elif joint_frame(model.full, model.description.flange_joint) in chain:
         part = GeometryOwner.HAND
     else:
         part = GeometryOwner.ARM
@@ -381,5 +381,5 @@ def _run(indices: list[int]) -> slice | list[int]:
 
 
 def _tcp(model: pin.Model) -> tuple[int, pin.SE3]:
-    frame = model.frames[model.getFrameId(TCP_FRAME)]
+    frame = model.frames[model.getFrameId(TCP_FRAME, pin.OP_FRAME)]
     return frame.parentJoint, frame.placement

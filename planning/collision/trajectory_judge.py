@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
-from ...robots.model import TCP_FRAME, RobotModel, pose_of
+from ...robots.model import TCP_FRAME, RobotModel, joint_frame, link_frame, pose_of
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.trajectory import Trajectory
 from ...world.values import Array
@@ -60,7 +61,7 @@ class TrajectoryVerifier:
         self._limbs: list[LinkSolid] = []
         self._things: list[_Thing] = []
         for element in model.collision_shapes():
-            frame = model.full.frames[model.full.getFrameId(element.link)]
+            frame = model.full.frames[link_frame(model.full, element.link)]
             if element.link in fingers:
                 part = GeometryOwner.FINGER
             elif element.link in beyond:
@@ -86,7 +87,7 @@ class TrajectoryVerifier:
         self._held_against = [
             k for k, a in enumerate(self._things) if a.part not in gripper and a.name not in carriers
         ]
-        tcp = model.full.frames[model.full.getFrameId(TCP_FRAME)]
+        tcp = model.full.frames[model.full.getFrameId(TCP_FRAME, pin.OP_FRAME)]
         self._tcp_joint, self._tcp_in_joint = tcp.parentJoint, pose_of(tcp.placement)
 
     def judge(
@@ -217,14 +218,15 @@ class _View:
 def _links_beyond(model: RobotModel) -> set[str]:
     """Return the links beyond the flange joint."""
     frames = model.full.frames
-    beyond = {model.full.getFrameId(model.description.flange_joint)}
+    beyond = {joint_frame(model.full, model.description.flange_joint)}
     for index, frame in enumerate(frames):
         if frame.parentFrame in beyond and index > 0:
             beyond.add(index)
-    return {frames[index].name for index in beyond}
+    return {frames[index].name for index in beyond if frames[index].type == pin.BODY}
 
 
 def _links_carrying_hand(model: RobotModel) -> set[str]:
     """Return the links that do not move against the hand."""
-    flange = model.full.frames[model.full.getFrameId(model.description.flange_joint)]
-    return {frame.name for frame in model.full.frames if frame.parentJoint == flange.parentJoint}
+    flange = model.full.frames[joint_frame(model.full, model.description.flange_joint)]
+    links = (frame for frame in model.full.frames if frame.type == pin.BODY)
+    return {link.name for link in links if link.parentJoint == flange.parentJoint}

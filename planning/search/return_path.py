@@ -130,8 +130,8 @@ class ReturnSearch:
         return q + step
 
     def _extend(self, q: Array, target: Array) -> Array | None:
-        """Return the furthest configuration on the straight motion to a target that belongs to the tree, the
-        first that is inside at most; None: the motion cannot begin."""
+        """Return the furthest allowed configuration on the straight motion to a target, at most the first one
+        inside. None: the motion cannot begin."""
         along, reached = target - q, None
         before = self._way.excess_at(q)
         count = self._steps(q, target)

@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Final
 
 from ...errors import PicktreeError
-from ...logs.mcap.reader import RawMessage
+from ...logs.mcap.message_table import RawMessage
 from ...logs.recording.recorder import RecordingState
 from ...logs.run_log import RunLog
 from ...logs.run_record import RunRecord
@@ -68,6 +68,11 @@ class RecordedRun:
     def recipe(self) -> Recipe:
         """Return the recipe with which the run started, at time 0 or at the checkpoint of another run."""
         info, log = self.run.info, self.run.log
+        if info.seed is None:
+            raise PicktreeError(
+                f"{log.path}: the log lacks its metadata, and with them the seed, so it cannot be run again; "
+                "keep the metadata when a log is filtered"
+            )
         if info.backend not in ("physics", "kinematic"):
             raise PicktreeError(f"{log.path}: the log is of the unknown backend {info.backend!r}")
         backend: Backend = info.backend
@@ -184,8 +189,7 @@ def simulated_messages(
 
     For a run that resumes from a checkpoint, the messages that only describe the state there are left out.
     """
-    fixed = {topic.name for topic in topics.FIXED if topic.simulated}
-    wanted = [name for name in log.topics if name in fixed or name.startswith("/camera/")]
+    wanted = [name for name in log.topics if topics.is_simulated(name)]
     continues = log.run.continues
     after = [time for time in (start, continues.time if continues else None) if time is not None]
     begin = max(after) + _TIME_TOLERANCE if after else None

@@ -16,7 +16,8 @@ from typing import Any, Final, TypeAlias
 from ...analysis.report.packing import Section, pack
 from ...analysis.report.stage_panel import packed_fixed, packed_link, packed_tool
 from ...errors import PicktreeError
-from ...logs.run_log import RunLog, find_log
+from ...logs.log_paths import find_log
+from ...logs.run_log import RunLog
 from ...logs.schema import topics
 from ...robots.loading import parse_robot
 from ...session.live.attach_socket import connect_to_run

@@ -16,9 +16,10 @@ from starlette.responses import FileResponse, PlainTextResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from ...errors import PicktreeError
+from ...logs.log_paths import find_log
 from ...logs.optional_libraries import install_command
 from ...logs.run_index import COLUMNS, RunIndex, RunRow
-from ...logs.run_log import RunLog, find_log
+from ...logs.run_log import RunLog
 from ..calls import JsonValue, call, watch
 from ..job_records import Job
 from ..jobs import job_text

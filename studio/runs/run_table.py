@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from ...errors import PicktreeError
+from ...logs.log_paths import RUNS_FOLDER
 from ...logs.run_index import RunFilter, RunIndex, RunRow
-from ...logs.run_log import RUNS_FOLDER
 from ..workspace import Workspace
 
 SORTS: Final[Mapping[str, Callable[[RunRow], Any]]] = {

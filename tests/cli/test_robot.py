@@ -132,6 +132,16 @@ def test_a_hand_is_mounted_on_an_arm_without(tmp_path: Path, capsys: pytest.Capt
     assert refused(capsys, arm, "-o", str(file)) == f"{file} is there already; --force writes over it\n"
 
 
+def test_what_xacro_left_in_a_urdf_is_no_matter(tmp_path: Path) -> None:
+    text = Path(load_robot("panda").urdf).read_text(encoding="utf-8")
+    left = '<xacro:property name="width" value="0.2"/><gazebo><file>$(find my_arm)/a.yaml</file></gazebo>'
+    text = text.replace("</robot>", f"<!-- ${{width}} -->{left}</robot>")
+    meshes = Path(load_robot("panda").urdf).parent / "meshes"
+    (tmp_path / "arm.urdf").write_text(text.replace("package://meshes", str(meshes)), encoding="utf-8")
+    arguments = ["robot", "new", str(tmp_path / "arm.urdf"), "-o", str(tmp_path / "arm.yaml")]
+    assert answer([*arguments, "--samples", "200", "--no-test"]) == 0
+
+
 @pytest.mark.parametrize(
     ("urdf", "found", "missing"),
     [

@@ -110,8 +110,10 @@ def test_torques_that_no_motor_has_are_guessed(effort: str, tmp_path: Path) -> N
     made = proposed(tmp_path, *efforts)
     model = RobotModel(made.robot)
     for k, limit in enumerate(made.draft.limits):
-        told = f"{limit.torque:g} Nm are a guess from gravity and inertia, for the URDF's effort of "
-        assert limit.guess.startswith(told)
+        assert limit.guess == (
+            f"{limit.torque:g} Nm are a guess from gravity and inertia, for the URDF's effort of "
+            f"{float(effort):g} Nm: see the data sheet"
+        )
         assert f"# the URDF's limits less 2.0 deg; torque: {limit.guess}" in made.text
         # It carries the arm and takes each joint to its speed in 0.3 s.
         assert limit.acceleration == pytest.approx(limit.velocity / 0.3, rel=0.02)
@@ -242,6 +244,12 @@ def test_the_advice_for_a_place_out_of_reach_measures_the_reach(tmp_path: Path) 
             "planning.goal_in_collision",
             "at the goal l3 is 6.6 mm deep in l1",
             "look at the collision geometry of l1 and l3 in the URDF, and at 'disabled_pairs:' in arm.yaml",
+        ),
+        (
+            "grasp.no_candidate",
+            "none of 16 grasps is free: 16 at the grasp l3 would be only 2.0 mm from table",
+            "look at the collision geometry of l3 in the URDF, and at 'tip', 'palm' and 'hand' under "
+            "'gripper:' in arm.yaml: it meets table",
         ),
         (
             "safety.stop",

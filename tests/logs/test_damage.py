@@ -21,6 +21,8 @@ from picktree.logs.recording.recorder import Recorder
 from picktree.logs.run_log import RunLog
 from picktree.world.belief.planning_scene import PlanningScene
 
+EXPECTED = "it does not begin as an MCAP file does; give a run's folder, or its log.mcap"
+
 
 def write(sample: ModuleType, path: Path) -> None:
     """Record for as long as the process lives."""
@@ -158,7 +160,7 @@ def test_each_damage_is_one_clear_error_or_costs_what_is_said(
             damages.commanded(["explain", str(path)])
         if number % 50 == 3:
             damages.commanded(["snapshot", str(path), "--at", "1", "-o", str(tmp_path / "a.png")])
-    assert {"damaged", "not a log: it does not begin as an MCAP file does"} <= said
+    assert {"damaged", f"not a log: {EXPECTED}"} <= said
     assert any(text.startswith("the file was not finished; recovered up to byte") for text in said)
 
 
@@ -217,10 +219,13 @@ def test_a_huge_chunk_takes_no_memory(log_path: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("data", "why"),
     [
-        (b"\x89MCAP0\r\n", "damaged at byte 8: the file ends without its summary"),
-        (b"\x89MCAP0\r\n" * 2, "damaged at byte 8: the file ends inside a record"),
-        (b"\x89MCAP0\r\n" + bytes(30), "damaged at byte 8: a record of the unknown kind 0"),
-        (b"", "not a log: it does not begin as an MCAP file does"),
+        (b"\x89MCAP0\r\n", "damaged at byte 8: the file ends without its summary; it holds no messages"),
+        (b"\x89MCAP0\r\n" * 2, "damaged at byte 8: the file ends inside a record; it holds no messages"),
+        (
+            b"\x89MCAP0\r\n" + bytes(30),
+            "damaged at byte 8: a record of the unknown kind 0; it holds no messages",
+        ),
+        (b"", f"not a log: an empty file; {EXPECTED}"),
     ],
 )
 def test_a_file_with_nothing_in_it_says_why(tmp_path: Path, data: bytes, why: str) -> None:
@@ -236,7 +241,7 @@ def test_what_is_no_log_is_told_so(tmp_path: Path) -> None:
     path.write_text("not a log at all")
     with pytest.raises(PicktreeError) as raised:
         RunLog(path)
-    assert str(raised.value) == f"{path}: not a log: it does not begin as an MCAP file does"
+    assert str(raised.value) == f"{path}: not a log: a text file; {EXPECTED}"
 
 
 def test_the_ending_carries_valid_check_sums(log_path: Path) -> None:

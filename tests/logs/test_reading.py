@@ -14,7 +14,8 @@ from google.protobuf.message_factory import GetMessageClass
 from mcap.reader import make_reader
 
 from picktree.errors import PicktreeError
-from picktree.logs.run_log import RunLog, find_log
+from picktree.logs.log_paths import find_log
+from picktree.logs.run_log import RunLog
 from picktree.logs.schema import topics
 from picktree.world.shapes import Box, Cylinder, Sphere
 

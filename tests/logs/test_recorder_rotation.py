@@ -14,9 +14,10 @@ from mcap.reader import make_reader
 
 from picktree.analysis import Run
 from picktree.errors import PicktreeError
+from picktree.logs.log_paths import find_log
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.recording.rotated_log import Rotation
-from picktree.logs.run_log import RunLog, find_log
+from picktree.logs.run_log import RunLog
 from picktree.logs.schema.records import Tick, TransitionRecord, WriteRecord
 from picktree.world.belief.planning_scene import PlanningScene
 
@@ -204,8 +205,8 @@ def test_a_damaged_file_costs_only_itself(copied: Path) -> None:
     (copied / "log-0003.mcap").write_bytes(b"rubbish")
     with RunLog(copied) as log:
         assert log.recovered == (
-            f"{copied / 'log-0003.mcap'}: not a log: it does not begin as an MCAP file does: "
-            "2.75 s to 4.15 s lost"
+            f"{copied / 'log-0003.mcap'}: not a log: a text file; it does not begin as an MCAP file does; "
+            "give a run's folder, or its log.mcap: 2.75 s to 4.15 s lost"
         )
 
 

@@ -7,6 +7,7 @@ import io
 import json
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,8 @@ from picktree.logs import run_index
 from picktree.logs.run_index import COLUMNS, RunFilter, RunIndex, RunRow
 from picktree.logs.run_result import RunResult
 from picktree.session.recipe import make_folder
+
+from .rewriting import Content
 
 
 @pytest.fixture
@@ -208,3 +211,34 @@ def test_nothing_is_deleted_where_nobody_can_be_asked(
     assert answer(["runs", str(runs), "--where", "seed == 0", "--prune"]) == 2
     assert "say --yes where nobody can be asked" in capsys.readouterr().err
     assert len(rows(runs)) == 2
+
+
+def test_a_folder_that_is_not_utf8_is_named_and_the_others_are_listed(
+    tmp_path: Path, log_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in (b"caf\xe9", b"fine"):
+        folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/" + name))
+        folder.mkdir()
+        shutil.copy(log_path, folder / "log.mcap")
+    for _ in range(2):  # the second time from the cache
+        found = {row.folder: row for row in rows(tmp_path)}
+        assert set(found) == {"fine", r"caf\xe9"}
+        assert found["fine"].status == "killed"  # the sample's result is none of a session
+        assert found[r"caf\xe9"].message == r"caf\xe9/log.mcap: the name is not UTF-8; rename it"
+    assert answer(["runs", str(tmp_path)]) == 0
+    assert "unreadable" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", [["explain"], ["export", "--to", "csv", "-o", "x"], ["resim", "--json"]])
+def test_a_name_that_is_not_utf8_is_one_sentence(
+    command: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert answer([*command, os.fsdecode(b"caf\xe9")]) == 2
+    assert capsys.readouterr().err == "caf\\xe9: the name is not UTF-8; rename it\n"
+
+
+def test_a_log_whose_result_was_left_out_is_not_called_killed(tmp_path: Path, picked: RunResult) -> None:
+    content = Content.of(picked.log)
+    replace(content, metadata=[]).write(tmp_path / "log.mcap")
+    (row,) = rows(tmp_path)
+    assert (row.status, row.seed, row.mission) == ("unknown", None, "unknown mission")

@@ -16,7 +16,8 @@ from picktree.files.marks import FileError
 from picktree.robots.link_shapes import UrdfPrimitive, link_geometry
 from picktree.robots.loading import load_robot, parse_robot, robot_names
 from picktree.robots.model import RobotModel
-from picktree.simulation.physics.robot.robot_body import patched_urdf
+from picktree.simulation.engine import Client
+from picktree.simulation.physics.robot.robot_body import RobotBody, patched_urdf
 from picktree.world.shapes import Box
 
 URDF = """\
@@ -287,3 +288,40 @@ def test_models_of_an_extra_that_is_not_installed_name_it(tmp_path: Path) -> Non
         patch.setattr(sys, "path", sys_path)
         with pytest.raises(FileError, match=r"'compas_fab' \(pip install 'picktree\[robots\]' has it\)"):
             load_robot("ur10e")
+
+
+def test_a_hand_without_a_flange_gets_one_behind_the_last_joint(robot_file: Path) -> None:
+    # The fingers hang on what the last joint moves; nothing of the hand may move by what is put in.
+    fixed = '<joint name="wrist" type="fixed"><parent link="upper"/><child link="hand"/></joint>'
+    plain = URDF.replace('<link name="hand"/>', "").replace(fixed, "").replace('"hand"', '"upper"')
+    (robot_file.parent / "arm.urdf").write_text(plain)
+    text = ROBOT.replace("flange_joint: wrist", "flange_joint: wrist\nflange_behind: turn")
+    robot_file.write_text(text.replace("link: hand", "link: upper"))
+    robot = load_robot(str(robot_file))
+    model = RobotModel(robot)
+    poses = model.link_poses(np.array([0.5]), 0.04)
+    assert poses["wrist_link"] == poses["upper"]
+    assert model.hand_mass == 0.0
+    body = RobotBody(robot, Client(), 1 / 240)
+    body.load()
+    assert set(body.links.values()) == {"base", "wrist_link", "upper", "left", "right"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("behind: turn", "behind: trun", "there is no joint 'trun' (did you mean 'turn'?)"),
+        (
+            "flange_joint: wrist",
+            "flange_joint: turn",
+            "the URDF has 'turn' or 'turn_link' already: give 'flange_joint' another name",
+        ),
+    ],
+)
+def test_a_flange_that_cannot_be_put_in_is_refused(
+    robot_file: Path, old: str, new: str, message: str
+) -> None:
+    text = ROBOT.replace("flange_joint: wrist", "flange_joint: wrist\nflange_behind: turn")
+    with pytest.raises(FileError) as caught:
+        parse_robot(text.replace("wrist", "flange").replace(old.replace("wrist", "flange"), new), robot_file)
+    assert f"flange_behind: no flange can be put in: {message}" in str(caught.value)

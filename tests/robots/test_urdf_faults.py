@@ -10,6 +10,7 @@ import pytest
 from picktree.cli.app import answer
 from picktree.cli.author.file_schemas import CHECKS
 from picktree.files.diagnostics.file_checks import check_files
+from picktree.planning.collision.collision_checker import robot_geometry
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 from picktree.robots.urdf_faults import UrdfError
@@ -153,6 +154,13 @@ FAULTS: dict[str, tuple[tuple[tuple[str, str], ...], tuple[str, ...]]] = {
             "joint 'j3': <orgin> is not read; write <origin>",
         ),
     ),
+    "doubled elements": (
+        (
+            ('<origin xyz="0 0 0.4"/>', '<origin xyz="0 0 0.4"/><origin/>'),
+            (L3, L3.replace("</inertial>", "</inertial><inertial/>")),
+        ),
+        ("link 'l3' has 2 <inertial>; keep one", "joint 'j3' has 2 <origin>; keep one"),
+    ),
     "xacro left over": (
         (('<origin xyz="0 0 0.4"/>', '<origin xyz="0 0 %{length}"/>'.replace("%", "$")),),
         ("joint 'j3': <origin xyz=\"0 0 ${length}\"> is a xacro expression; expand the file with `xacro`",),
@@ -232,11 +240,12 @@ def test_a_fault_is_told_by_new_and_by_check(
         (('"l3"', '"picktree_tcp"'),),
         (('axis xyz="0 0 1"', 'axis xyz=" 0  0 2 "'),),
         (('velocity="2"', 'velocity=" 2 "'),),
+        ((J2, J2.replace("</joint>", '<safety_controller soft_upper_limit="1.9"/></joint>')),),
         ((L3, f'{L3}<link name="tag"/><joint name="tag" type="fixed"><parent link="l1"/><child link="tag"/>'
           '<axis xyz="0 0 0"/><limit lower="1" upper="-1"/><safety_controller/></joint>'),),
     ],
     ids=["as it is", "no name", "namespace", "comment", "declaration", "joint as link", "joints as links",
-         "other letters", "universe", "tcp", "long axis", "spaces", "fixed joint"],
+         "other letters", "universe", "tcp", "long axis", "spaces", "safety", "fixed joint"],
 )  # fmt: skip
 def test_what_is_no_fault_gives_the_same_arm(edits: tuple[tuple[str, str], ...], tmp_path: Path) -> None:
     good = loaded(tmp_path, mini())
@@ -246,6 +255,7 @@ def test_what_is_no_fault_gives_the_same_arm(edits: tuple[tuple[str, str], ...],
     assert other.tcp(q).position == pytest.approx(good.tcp(q).position)
     assert other.gravity(q) == pytest.approx(good.gravity(q))
     assert other.hand_mass == pytest.approx(0.7)
+    assert len(robot_geometry(other)) == 10
     assert other.flange(q).position == pytest.approx(good.flange(q).position)
     assert len(other.link_poses(q, 0.02)) - len(good.link_poses(q, 0.02)) == ("tag" in str(edits))
 
@@ -314,7 +324,7 @@ def test_many_faults_are_counted(tmp_path: Path) -> None:
     (tmp_path / "mini.urdf").write_text(f"<robot>{links}</robot>")
     with pytest.raises(UrdfError) as caught:
         parsed_urdf(tmp_path / "mini.urdf")
-    assert (len(caught.value.faults), caught.value.faults[-1]) == (20, "41 more faults")
+    assert (len(caught.value.faults), caught.value.faults[-1]) == (20, "11 more faults")
 
 
 def test_a_mimic_inside_of_the_arm_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

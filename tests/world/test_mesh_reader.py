@@ -119,7 +119,10 @@ BAD: dict[str, tuple[str | bytes, str]] = {
         dae().replace(b"<scene>", b"<!--").replace(b"</scene>", b"-->"),
         "the mesh file is damaged, or of another format than its name says",
     ),
-    "cut.dae": (dae()[:150], "the mesh file is not readable as XML: no element found: line 3, column 32"),
+    "cut.dae": (
+        dae()[:150],
+        "the mesh file cannot be read: not readable as XML: no element found: line 3, column 32",
+    ),
 }  # fmt: skip
 
 

@@ -277,6 +277,8 @@ def _not_tried(case: Investigation, true: str) -> Finding | None:
     result = case.run.result
     if result is None or result.status not in ("success", "incomplete"):
         return None  # the run was over before its turn came
+    if case.run.log.lacks_something:
+        return None  # it may have been tried in what the log lacks
     moving = way_since(case, true, case.belief.tracks[item].times[0], case.end)
     title = f"the mission never tried {item}"
     reasons = [f"the belief had it from {seconds(case.belief.tracks[item].times[0])} on"]

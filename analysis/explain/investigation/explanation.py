@@ -187,9 +187,10 @@ class KeyMoment:
 @dataclass(frozen=True, slots=True)
 class ExplainedOutcome:
     status: str
-    """As in the result; without one `killed`, `crashed`, `running` or `continued`.
+    """As in the result; without one `killed`, `crashed`, `running`, `continued` or `unknown`.
 
-    It is `running` while the log is being written, and `continued` for a file that another one continues.
+    It is `running` while the log is being written, and `continued` for a file that another one continues. It
+    is `unknown` when another program has left out the result.
     """
     sentence: str
     end: float
