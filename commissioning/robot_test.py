@@ -138,7 +138,7 @@ class Trials:
     def _track(self, cell: CellSession) -> Verdict:
         worst = np.zeros(self._tested.model.n)
         speed = 0.0
-        for pose in ("observe", "home") if "observe" in self._tested.description.named else ("home",):
+        for pose in (self._other_pose(), "home"):
             error, most = self._moved(cell, pose)
             worst, speed = np.maximum(worst, error), max(speed, most)
         k = int(worst.argmax())
@@ -167,10 +167,15 @@ class Trials:
         cell.perform(watched())
         return worst, speed
 
+    def _other_pose(self) -> str:
+        """Return a named pose other than `home`; `home` when there is none."""
+        home, named = self._tested.model.named("home"), self._tested.description.named
+        others = (name for name in ("observe", "rest") if name in named)
+        return next((name for name in others if not np.allclose(named[name], home)), "home")
+
     def _brake(self, cell: CellSession) -> Verdict:
         world, model = cell.world, self._tested.model
-        goal = "observe" if "observe" in self._tested.description.named else "rest"
-        plan = cell.perform(world.plan.to(NamedGoal(goal), node="brake"))
+        plan = cell.perform(world.plan.to(NamedGoal(self._other_pose()), node="brake"))
         fastest = _fastest(plan.trajectory)
 
         def braked() -> Generator[None, None, tuple[float, float]]:

@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
+from ...perception.expectation.robot_mask import hidden_shares
 from ...planning.kinematics.inverse_kinematics import InverseKinematics
 from ...robots.model import RobotModel
 from ...robots.urdf_tree import UrdfTree, read_skeleton
+from ...world.scene.description import MAX_HIDDEN_SHARE, SceneDescription
+from ...world.scene.loading.scene_loading import load_scene
 from ...world.values import Array, Pose
+from ...world.workspace_excess import workspace_excess
 
+SCENE = "sort_small"
+"""Scene whose workspace contains the poses, and from whose cameras `home` does not hide the items."""
+WORKSPACE_SPARE = 0.02
+"""Least distance of the tool from the edge of the workspace, m."""
 FINGER_DIRECTIONS = 8
 """Number of finger directions that are tried."""
 HOME_DISTANCES = (0.36, 0.42, 0.48, 0.3, 0.24)
@@ -94,6 +103,8 @@ def propose_poses(model: RobotModel, space: FreeSpace, seed: int = 0) -> tuple[N
     if home is None:
         return None
     aside = _turned(model, space, home)
+    if aside is not None and _hides(model, home) and not _hides(model, aside):
+        home, comment = aside, "Turned to the side: in front, the arm would hide the table from a camera."
     rest = search.best(REST_DISTANCES, REST_HEIGHTS, folded=True)
     return (
         NamedPose("home", _rounded(home), comment),
@@ -114,6 +125,22 @@ def propose_poses(model: RobotModel, space: FreeSpace, seed: int = 0) -> tuple[N
     )
 
 
+@cache
+def _scene() -> SceneDescription:
+    return load_scene(SCENE)
+
+
+def _hides(model: RobotModel, q: Array) -> bool:
+    """Return whether the arm at q hides too much of the scene's items from a camera."""
+    return max(hidden_shares(model, _scene(), q).values(), default=0.0) > MAX_HIDDEN_SHARE
+
+
+def _in_workspace(model: RobotModel, q: Array) -> bool:
+    """Return whether the tool at q is inside of the scene's workspace."""
+    workspace = _scene().limits.workspace
+    return workspace_excess(workspace, model.tcp(q).position, WORKSPACE_SPARE) is None
+
+
 def _rounded(q: Array) -> tuple[float, ...]:
     return tuple(round(float(v), 3) for v in q)
 
@@ -125,7 +152,8 @@ def _turned(model: RobotModel, space: FreeSpace, home: Array) -> Array | None:
     for turn in (OBSERVE_ROTATION, -OBSERVE_ROTATION):
         aside = home.copy()
         aside[0] += turn
-        if model.planned_lower[0] <= aside[0] <= model.planned_upper[0] and space.free(aside):
+        within = model.planned_lower[0] <= aside[0] <= model.planned_upper[0]
+        if within and _in_workspace(model, aside) and space.free(aside):
             turned.append(aside)
     return min(turned, key=lambda q: round(abs(model.tcp(q).position[1]), 3), default=None)
 
@@ -184,7 +212,7 @@ class _Search:
                         for q in self._solutions(self._foot @ tool)
                     ]
         for posture in sorted(found, key=lambda p: (-p.value, tuple(p.q))):
-            if self._space.free(posture.q):
+            if _in_workspace(self._model, posture.q) and self._space.free(posture.q):
                 return posture.q
         return None
 

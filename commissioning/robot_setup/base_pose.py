@@ -18,8 +18,8 @@ from ...world.values import Array, Pose, Vector3
 from .link_geometry import LinkGeometry
 
 SCENE = "sort_small"
-HEIGHT_OVER_TABLE, HEIGHT_OVER_BIN = 0.12, 0.10
-"""Height of the tool before it grasps an item, over the table, and when it lets go, over the rim, m."""
+HEIGHTS_OVER_TABLE, HEIGHT_OVER_BIN = (0.02, 0.12), 0.10
+"""Heights of the tool at an item and before it, over the table, and where it lets go, over the rim, m."""
 YAWS = (0.0, np.pi / 4, np.pi / 2, 3 * np.pi / 4)
 """Directions of the fingers that are tried, rad."""
 STEPS_ALONG = tuple((0.05 * np.arange(-6, 7)).round(2).tolist())
@@ -68,8 +68,8 @@ def places() -> tuple[TargetPlace, ...]:
     found: list[TargetPlace] = []
     for spawn in scene.spawn:
         (left, front), (right, back) = spawn.area
-        for x, y in product(np.linspace(left, right, 3), np.linspace(front, back, 3)):
-            found.append(TargetPlace("items", np.array([x, y, HEIGHT_OVER_TABLE])))
+        for at in product(np.linspace(left, right, 3), np.linspace(front, back, 3), HEIGHTS_OVER_TABLE):
+            found.append(TargetPlace("items", np.array(at)))
     for bin_ in scene.bins:
         over = bin_.pose.apply(np.array([0.0, 0.0, bin_.size[2] + HEIGHT_OVER_BIN]))
         inwards = -np.sign(over * (1.0, 1.0, 0.0)) * (*(np.array(bin_.size[:2]) / CELLS_PER_SIDE), 0.0)
