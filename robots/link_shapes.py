@@ -92,7 +92,7 @@ def read_geometry(urdf: str) -> ElementTree.Element:
     for mesh in root.iter("mesh"):
         file = mesh_file(Path(urdf), mesh.get("filename", ""))
         if file is not None:
-            mesh.set("filename", str(file))
+            mesh.set("filename", str(file.absolute()))
     return root
 
 
