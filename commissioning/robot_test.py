@@ -22,9 +22,10 @@ from ..world.causes import Failure
 from ..world.scene.description import MAX_HIDDEN_SHARE
 from ..world.trajectory import Trajectory
 from ..world.values import Array
+from .robot_setup.base_pose import TargetPlace
 from .robot_setup.model_checks import RobotUnderTest, Verdict, check_model
 from .robot_test_result import RobotTestResult
-from .trial_advice import TargetPlace, advice, reach_advice
+from .trial_advice import advice, opening_advice, reach_advice
 
 SCENE, BIN = "self_test", "red_bin"
 HEIGHT_OVER_BIN = 0.1
@@ -103,7 +104,7 @@ class Trials:
         told, file = f"{cause}: {message}", self._tested.file
         if name in _OWN:
             return Verdict(name, False, told, f"look at {_OWN[name]} in {file}")
-        if "reach" in message and (found := reach_advice(self._tested.model, places, file)) is not None:
+        if "reach" in message and (found := reach_advice(self._tested, places, file)) is not None:
             return Verdict(name, False, f"{told}; {found[0]}", found[1])
         scene = None if self._cell is None else self._cell.world.scene
         bodies = () if scene is None else (*scene.fixtures, *scene.bins, *(str(o.id) for o in scene.objects))
@@ -247,6 +248,9 @@ class Trials:
         if found is None:
             change = f"see 'camera's view'; else look at 'base:' in {self._tested.file}"
             return Verdict(name, False, f"no {kind} is seen", change), ""
+        tested = self._tested
+        if (narrow := opening_advice(tested.description.gripper, found, tested.file)) is not None:
+            return Verdict(name, False, *narrow), ""
         bin_ = next(b for b in cell.world.description.bins if b.id == BIN)
         places = (
             TargetPlace(found.id, np.array(found.pose.position)),

@@ -4,58 +4,72 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
+from ..manipulation.grasp.grasp_candidates import MIN_SPARE_OPENING, grasp_candidates
 from ..planning.kinematics.inverse_kinematics import InverseKinematics
+from ..robots.description import GripperDescription
 from ..robots.model import RobotModel
+from ..world.belief.planning_scene import BeliefObject
 from ..world.values import Array, Pose
 from .robot_setup.arm_poses import first_joint, reach
+from .robot_setup.base_pose import YAWS, TargetPlace, propose_base
+from .robot_setup.model_checks import RobotUnderTest
 
 DISTANCE_STEP = 0.02
 """Step of the distances at which the tool is held down, m."""
 MAX_OVERHANG = 0.1
 """Distance beyond the measured reach up to which the tool is tried, m."""
-YAWS = (0.0, np.pi / 4, np.pi / 2, 3 * np.pi / 4)
-"""Directions of the fingers that are tried, rad."""
-BASE_SPARE = 0.05
-"""Distance by which a moved base brings a place into the reach, m."""
 
 
-@dataclass(frozen=True, slots=True)
-class TargetPlace:
-    """Place that a trial needs: name, and position (3,) of the tool there in the world, m."""
+def opening_advice(gripper: GripperDescription, item: BeliefObject, file: str) -> tuple[str, str] | None:
+    """Return how far a gripper opens for an item, and what to change; None: it opens far enough."""
+    if grasp_candidates(item, gripper):
+        return None
+    wider = replace(gripper, max_width=1.0)
+    width = min((grasp.expected_width for grasp in grasp_candidates(item, wider)), default=0.0)
+    told = (
+        f"it opens {1000 * gripper.max_width:.0f} mm; the {item.kind} is {1000 * width:.0f} mm wide, and "
+        f"needs {1000 * (width + MIN_SPARE_OPENING):.0f} mm"
+    )
+    change = f"look at 'max_width' in {file}; else mount another gripper, or lay out a scene"
+    return told, change
 
-    name: str
-    position: Array
 
-
-def reach_advice(model: RobotModel, places: tuple[TargetPlace, ...], file: str) -> tuple[str, str] | None:
+def reach_advice(
+    tested: RobotUnderTest, places: tuple[TargetPlace, ...], file: str
+) -> tuple[str, str] | None:
     """Return what was measured of the reach, and what to change; None: each place is within it.
 
     The reach is that of the tool pointing down, at the height of the place and in its direction.
     """
+    model = tested.model
     for place in places:
         away = place.position[:2] - first_joint(model)[:2]
         distance = float(np.linalg.norm(away))
         span = _span(model, away / max(distance, 1e-9), float(place.position[2]))
         if span is None:
             told = f"with the tool down it reaches nothing {1000 * place.position[2]:.0f} mm above the table"
-            change = f"raise or lower 'base:' in {file}, or look at the limits under 'joints:'"
-            return told, change
+            return told, _other_base(tested, file)
         near, far = span
-        if near - DISTANCE_STEP <= distance <= far + DISTANCE_STEP:
-            continue
-        nearer = distance > far
-        by = (distance - far if nearer else near - distance) + BASE_SPARE
-        told = (
-            f"its reach is {far:.2f} m with the tool down, from {near:.2f} m on; {place.name} is "
-            f"{distance:.2f} m from its first joint"
-        )
-        where = f"nearer to {place.name}" if nearer else f"away from {place.name}"
-        return told, f"move 'base:' in {file} by {by:.2f} m, {where}; or lay out a scene for that reach"
+        if not near - DISTANCE_STEP <= distance <= far + DISTANCE_STEP:
+            told = (
+                f"its reach is {far:.2f} m with the tool down, from {near:.2f} m on; {place.name} is "
+                f"{distance:.2f} m from its first joint"
+            )
+            return told, _other_base(tested, file)
     return None
+
+
+def _other_base(tested: RobotUnderTest, file: str) -> str:
+    """Return the advice for an arm that is too short, or too high or low, where it stands."""
+    better = propose_base(tested.model, tested.skeleton, tested.solids)
+    if better is None:
+        return f"lay out a scene for that reach: no other 'base:' in {file} brings more of this one within it"
+    x, y, z = better.at
+    return f"write 'at: [{x:g}, {y:g}, {z:g}]' under 'base:' in {file}: {better.sentence}"
 
 
 def _span(model: RobotModel, direction: Array, height: float) -> tuple[float, float] | None:

@@ -20,6 +20,8 @@ from ...world.values import Array, Pose, cross
 
 ROOMY_EXCESS, TIGHT_EXCESS = 0.020, 0.010
 """Greatest and least excess of the opening over the object's width, m, for the two tiers."""
+MIN_SPARE_OPENING = 0.6 * TIGHT_EXCESS
+"""Least excess of the full opening over the width of an object that is grasped with it, m."""
 NEIGHBOUR_MARGIN = {ROOMY_EXCESS: 0.003, TIGHT_EXCESS: 0.001}
 """Free distance demanded between the open hand and everything else, m."""
 TIP_CLEARANCE = 0.002
@@ -187,7 +189,7 @@ def _openings(width: float, max_width: float) -> Iterator[tuple[float, float]]:
     for tier in (ROOMY_EXCESS, TIGHT_EXCESS):
         if width + tier <= max_width:
             yield tier, width + tier
-        elif tier == ROOMY_EXCESS and max_width - width >= TIGHT_EXCESS * 0.6:
+        elif tier == ROOMY_EXCESS and max_width - width >= MIN_SPARE_OPENING:
             yield tier, max_width
 
 

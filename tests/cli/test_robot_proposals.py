@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -10,16 +12,18 @@ import pytest
 import trimesh
 
 from picktree.cli.app import answer
+from picktree.commissioning.robot_setup.base_pose import TargetPlace, propose_base
 from picktree.commissioning.robot_setup.joint_limits import is_placeholder
 from picktree.commissioning.robot_setup.model_checks import RobotUnderTest, check_model
 from picktree.commissioning.robot_setup.proposal import Proposal, ProposalRequest, propose
-from picktree.commissioning.trial_advice import TargetPlace, advice, reach_advice
+from picktree.commissioning.trial_advice import advice, opening_advice, reach_advice
 from picktree.errors import PicktreeError
 from picktree.planning.collision.collision_checker import CollisionChecker
 from picktree.planning.standing_links import standing_pairs
+from picktree.robots.loading import load_robot
 from picktree.robots.mesh_files import mesh_file
 from picktree.robots.model import RobotModel
-from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
@@ -214,22 +218,96 @@ def test_a_turret_may_touch_the_table_on_which_it_stands(tmp_path: Path) -> None
     assert standing_pairs(RobotModel(proposed(tmp_path).robot), scene) == ()
 
 
-def test_the_advice_for_a_place_out_of_reach_measures_the_reach(tmp_path: Path) -> None:
-    model = RobotModel(proposed(tmp_path).robot)
-    near, far = TargetPlace("red_block_1", np.array([0.5, 0.0, 0.1])), np.array([1.2, 0.0, 0.1])
-    assert reach_advice(model, (near,), "arm.yaml") is None
-    found = reach_advice(model, (near, TargetPlace("red_bin", far)), "arm.yaml")
+def test_the_advice_for_a_place_out_of_reach_leads_to_a_base_within_it(tmp_path: Path) -> None:
+    robot = proposed(tmp_path).robot
+    red_bin = TargetPlace("red_bin", np.array([0.42, 0.48, 0.2]))
+    assert reach_advice(RobotUnderTest.of(robot), (red_bin,), "arm.yaml") is None
+    away = RobotUnderTest.of(replace(robot, base_in_world=Pose((-0.5, 0.0, 0.0))))
+    found = reach_advice(away, (red_bin,), "arm.yaml")
     assert found is not None
     assert found[0].startswith("its reach is 0.")
-    assert found[0].endswith("; red_bin is 1.20 m from its first joint")
-    reached = float(found[0].split()[3])
-    assert found[1] == (
-        f"move 'base:' in arm.yaml by {1.25 - reached:.2f} m, nearer to red_bin; or lay out a scene for that "
-        "reach"
+    assert found[0].endswith("; red_bin is 1.04 m from its first joint")
+    told = re.match(r"write 'at: \[(.*), 0, 0\]' under 'base:' in arm.yaml: from there the tool, ", found[1])
+    assert told is not None
+    moved = RobotUnderTest.of(replace(robot, base_in_world=Pose((float(told[1]), 0.0, 0.0))))
+    assert reach_advice(moved, (red_bin,), "arm.yaml") is None
+    high = reach_advice(moved, (TargetPlace("lamp", np.array([0.4, 0.0, 2.5])),), "arm.yaml")
+    assert high == (
+        "with the tool down it reaches nothing 2500 mm above the table",
+        "lay out a scene for that reach: no other 'base:' in arm.yaml brings more of this one within it",
     )
-    high = reach_advice(model, (TargetPlace("lamp", np.array([0.4, 0.0, 2.5])),), "arm.yaml")
-    assert high is not None
-    assert high[0] == "with the tool down it reaches nothing 2500 mm above the table"
+
+
+SHORT = (
+    ('<origin xyz="0 0 0.4"/>', '<origin xyz="0 0 0.26"/>'),
+    ('<origin xyz="0 0 0.3"/>', '<origin xyz="0 0 0.2"/>'),
+    ('"0.08 0.06 0.46"', '"0.08 0.06 0.3"'), ('"0 0.09 0.2"', '"0 0.09 0.13"'),
+    ('"0.08 0.06 0.36"', '"0.08 0.06 0.24"'), ('"0 0 0.15"', '"0 0 0.1"'),
+)  # fmt: skip
+
+
+def test_a_short_arm_stands_where_it_reaches_most(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "mini.urdf").write_text(mini(*SHORT), encoding="utf-8")
+    file = tmp_path / "mini.yaml"
+    asked = ["robot", "new", str(tmp_path / "mini.urdf"), "-o", str(file), "--samples", "100", "--no-test"]
+    assert answer(asked) == 0
+    shown, text = capsys.readouterr().out, file.read_text(encoding="utf-8")
+    robot = load_robot(str(file))
+    x, y, z = robot.base_in_world.position
+    assert (0.05 <= x <= 0.25, y) == (True, 0.0)
+    told = "from there the tool, pointing down, reaches "
+    assert f"base: at [{x:g}, {y:g}, {z:g}] m, a proposal: {told}" in shown
+    assert f"# It is a proposal: {told}" in text
+    tested = RobotUnderTest.of(robot)
+    there = propose_base(tested.model, tested.skeleton, tested.solids)
+    assert there is None
+    # Neither the foot nor its outline is among the items.
+    assert x + 0.07 < 0.38
+
+
+def test_guessed_masses_are_light_enough_for_the_torques_of_the_urdf(tmp_path: Path) -> None:
+    def without(name: str) -> tuple[str, str]:
+        whole = link(name)
+        inertial = whole[whole.index("<inertial>") : whole.index("</inertial>") + len("</inertial>")]
+        return whole, whole.replace(inertial, "")
+
+    edits = [without(name) for name in ("l2", "l3", "l4", "l5", "l6")]
+    heavy = proposed(tmp_path, *edits)
+    weak = proposed(tmp_path, *edits, ('effort="150"', 'effort="40"'))
+    assert {f.density for f in heavy.draft.findings} == {1000.0}
+    (density,) = {f.density for f in weak.draft.findings}
+    assert 300.0 <= density < 1000.0
+    assert weak.draft.inertias["l2"].mass == pytest.approx(density * 0.08 * 0.06 * 0.46, rel=1e-6)
+    told = {f.link: f.sentence for f in weak.draft.findings}["l2"]
+    assert told.endswith(
+        f"of its hull at {density:.4g} kg/m³, a guess, light enough for the torques of the URDF"
+    )
+    model = RobotModel(weak.robot)
+    stretched = np.abs(model.gravity(np.array([0.0, 1.57, 0.0, 0.0, 0.0, 0.0])))
+    assert 20.0 < stretched[1] < 40.0 / 1.4
+    assert [limit.torque for limit in weak.draft.limits][:2] == [40.0, 40.0]
+
+
+def test_poses_of_a_large_arm_are_inside_of_the_workspace(tmp_path: Path) -> None:
+    made = proposed(tmp_path, ('<origin xyz="0 0 0.4"/>', '<origin xyz="0 0 1.0"/>'),
+                    ('<origin xyz="0 0 0.3"/>', '<origin xyz="0 0 0.9"/>'))  # fmt: skip
+    model = RobotModel(made.robot)
+    for pose in made.draft.poses:
+        x, y, z = model.tcp(np.array(pose.joints)).position
+        assert -0.2 < x < 0.9 and -0.9 < y < 0.9 and 0.0 < z < 1.2, pose.name
+
+
+def test_a_gripper_that_opens_too_little_is_told_so(tmp_path: Path) -> None:
+    gripper = proposed(tmp_path).robot.gripper
+    block = BeliefObject(
+        ObjectId("red_block_1"), "item", "block", "box", Box((0.04, 0.04, 0.04)), "red",
+        Pose((0.5, 0.0, 0.02)), 0.001, 0.01, 1.0, 0.0, place="table",
+    )  # fmt: skip
+    assert opening_advice(replace(gripper, max_width=0.047), block, "arm.yaml") is None
+    assert opening_advice(replace(gripper, max_width=0.021), block, "arm.yaml") == (
+        "it opens 21 mm; the block is 40 mm wide, and needs 46 mm",
+        "look at 'max_width' in arm.yaml; else mount another gripper, or lay out a scene",
+    )
 
 
 @pytest.mark.parametrize(
