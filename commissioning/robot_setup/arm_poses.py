@@ -222,7 +222,7 @@ class _Search:
         model = self._model
         count = range(RANDOM_CONFIGURATION_COUNT)
         drawn = [self._generator.uniform(model.planned_lower, model.planned_upper) for _ in count]
-        drawn.sort(key=lambda q: (-self._value(q), tuple(q)))
+        drawn.sort(key=lambda q: (not _in_workspace(model, q), -self._value(q), tuple(q)))
         foot = self._foot.inverse()
         ahead = (q for q in drawn if foot.apply(np.array(model.tcp(q).position))[0] > 0.0)
         return next((q for q in ahead if self._space.free(q)), None)
