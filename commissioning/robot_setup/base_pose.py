@@ -22,9 +22,9 @@ HEIGHTS_OVER_TABLE, HEIGHT_OVER_BIN = (0.02, 0.12), 0.10
 """Heights of the tool at an item and before it, over the table, and where it lets go, over the rim, m."""
 YAWS = (0.0, np.pi / 4, np.pi / 2, 3 * np.pi / 4)
 """Directions of the fingers that are tried, rad."""
-STEPS_ALONG = tuple((0.05 * np.arange(-6, 7)).round(2).tolist())
+STEPS_ALONG = tuple((0.025 * np.arange(-12, 13)).round(3).tolist())
 """Positions of the base that are tried along the table, m."""
-STEPS_UP = (0.0, 0.1, 0.2, 0.3)
+STEPS_UP = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 """Heights of the base that are tried, m: those of a pedestal."""
 RISE_COST = 2.0
 """Cost of a pedestal, in distances along the table."""
@@ -66,14 +66,15 @@ def places() -> tuple[TargetPlace, ...]:
     """Return the places that the tool has to reach in the scene: over the items' area, and over each bin."""
     scene = load_scene(SCENE)
     found: list[TargetPlace] = []
+    # What is missed most often comes first: it ends the search at a base early.
+    for bin_ in scene.bins:
+        over = bin_.pose.apply(np.array([0.0, 0.0, bin_.size[2] + HEIGHT_OVER_BIN]))
+        inwards = -np.sign(over * (1.0, 1.0, 0.0)) * (*(np.array(bin_.size[:2]) / CELLS_PER_SIDE), 0.0)
+        found += [TargetPlace(str(bin_.id), place) for place in (over, over + inwards)]
     for spawn in scene.spawn:
         (left, front), (right, back) = spawn.area
         for at in product(np.linspace(left, right, 3), np.linspace(front, back, 3), HEIGHTS_OVER_TABLE):
             found.append(TargetPlace("items", np.array(at)))
-    for bin_ in scene.bins:
-        over = bin_.pose.apply(np.array([0.0, 0.0, bin_.size[2] + HEIGHT_OVER_BIN]))
-        inwards = -np.sign(over * (1.0, 1.0, 0.0)) * (*(np.array(bin_.size[:2]) / CELLS_PER_SIDE), 0.0)
-        found += [TargetPlace(str(bin_.id), place) for place in (over + inwards, over)]
     return tuple(found)
 
 
