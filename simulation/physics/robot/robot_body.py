@@ -16,7 +16,8 @@ from ....errors import PicktreeError
 from ....robots.description import GripperDescription, RobotDescription
 from ....robots.finger_linkage import fingers_of
 from ....robots.gripper_mounting import mount_tool
-from ....robots.link_shapes import LinkShape, link_shapes, read_geometry
+from ....robots.link_shapes import LinkShape, link_shapes
+from ....robots.urdf_text import parsed_urdf
 from ....robots.urdf_tree import numbers_text
 from ....world.colours import COLOURS
 from ....world.mesh_reader import write_hull
@@ -37,7 +38,8 @@ def patched_urdf(robot: RobotDescription, folder: Path) -> str:
     planner's dynamics take it: the engine would give it 1 kg. No joint keeps its <dynamics>: damping and
     friction are in neither simulation nor controller.
     """
-    root = read_geometry(robot.urdf)
+    shapes = link_shapes(robot.urdf)
+    root = parsed_urdf(Path(robot.urdf))
     for joint in root.findall("joint"):
         # The engine adds damping explicitly, which spins light links up, and has no joint friction.
         for dynamics in joint.findall("dynamics"):
@@ -47,7 +49,7 @@ def patched_urdf(robot: RobotDescription, folder: Path) -> str:
     for link in links.values():
         for old in (*link.findall("visual"), *link.findall("collision")):
             link.remove(old)
-    for n, part in enumerate(link_shapes(robot.urdf)):
+    for n, part in enumerate(shapes):
         _put_shape(links[part.link], part, folder / f"hull_{n}.obj")
     for link in links.values():
         _show_what_collides(link)
