@@ -47,7 +47,10 @@ def block(folder: Path, name: str, size: float = 0.1, scale: float = 1.0) -> Pat
     ("shape", "message"),
     [
         ('<box size="0 0.1 0.1"/>', '<box size="0 0.1 0.1"> must be greater than 0'),
-        ('<box size="0.1 0.1"/>', '<box size="0.1 0.1"> has 2 numbers, not three; write it as size="0.1 0.1 0.1"'),
+        (
+            '<box size="0.1 0.1"/>',
+            '<box size="0.1 0.1"> has 2 numbers, not three; write it as size="0.1 0.1 0.1"',
+        ),
         ('<box size="0,1 0,2 0,3"/>', '<box size="0,1 0,2 0,3"> has a decimal comma; write 0.1'),
         ('<box/>', "<box> has no size; write it, in m"),
         ('<cylinder radius="-0.03" length="0.1"/>', '<cylinder radius="-0.03"> must be greater than 0'),
