@@ -232,7 +232,8 @@ def vector_faults(
         return
     here = f'{where}: <{element.tag} {key}="{_shortened(text)}">'
     if numbers is not None:
-        yield f'{here} has {len(numbers)} numbers, not three; write it as {key}="{example}"'
+        count = "1 number" if len(numbers) == 1 else f"{len(numbers)} numbers"
+        yield f'{here} has {count}, not three; write it as {key}="{example}"'
     elif (right := numbers_of(text.replace(",", " "))) and len(right) == 3:
         yield f'{here} has commas; write "{" ".join(f"{number:g}" for number in right)}"'
     else:

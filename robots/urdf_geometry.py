@@ -110,10 +110,11 @@ def _faults(urdf: Path, link: str, element: ElementTree.Element) -> Iterator[str
             plain = filename.removeprefix(PACKAGE).removeprefix("file://")
             yield f"{where}: mesh {plain!r} not found: {urdf.parent / plain}"
         if "scale" in shape.attrib:
-            faults = [*vector_faults(where, shape, "scale", "0.001 0.001 0.001")]
+            scale = shape.get("scale", "")
+            faults = [*vector_faults(where, shape, "scale", " ".join([*(scale.split()[:1] or "1")] * 3))]
             yield from faults
-            if not faults and not all(numbers_of(shape.get("scale", "")) or ()):
-                yield f'{where}: <mesh scale="{shape.get("scale")}"> must not be 0'
+            if not faults and not all(numbers_of(scale) or ()):
+                yield f'{where}: <mesh scale="{scale}"> must not be 0'
     elif shape.tag not in _SIZES:
         yield f"{where}: <{shape.tag}> is no shape that is read here ({_SHAPES})"
     for key in _SIZES.get(shape.tag, ()):

@@ -60,7 +60,7 @@ def block(folder: Path, name: str, size: float = 0.1, scale: float = 1.0) -> Pat
         ('<capsule radius="0" length="0.1"/>', '<capsule radius="0"> must be greater than 0'),
         (
             '<mesh filename="ok.stl" scale="0.5"/>',
-            '<mesh scale="0.5"> has 1 numbers, not three; write it as scale="0.001 0.001 0.001"',
+            '<mesh scale="0.5"> has 1 number, not three; write it as scale="0.5 0.5 0.5"',
         ),
         ('<mesh filename="ok.stl" scale="1 0 1"/>', '<mesh scale="1 0 1"> must not be 0'),
         (
