@@ -12,9 +12,9 @@ from ..files.marks import Diagnostic, FileError, Location
 from ..files.shipped_files import find_file
 from ..files.yaml.document import Document, read_document
 from ..robots.description import RobotDescription
-from ..robots.link_shapes import mesh_paths
 from ..robots.loading import SHIPPED as ROBOTS
 from ..robots.loading import check_robot, robot_names
+from ..robots.urdf_geometry import mesh_paths
 from ..world.causes import OUR_PREFIXES, Cause, all_causes
 from ..world.scene.description import MAX_HIDDEN_SHARE, SceneDescription
 from ..world.scene.loading.scene_loading import SHIPPED as SCENES

@@ -1,15 +1,13 @@
-"""Shapes of a robot's links: one reading of a URDF's geometry for planner, physics, masks and pictures."""
+"""Shapes of links: the convex bodies that planner, physics, masks and pictures take, from one reading."""
 
 from __future__ import annotations
 
-import copy
 import math
-import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Final, Literal, NoReturn, TypeAlias
+from typing import Final, NoReturn, TypeAlias
 
 import numpy as np
 
@@ -17,31 +15,18 @@ from ..errors import PicktreeError
 from ..files.disk_cache import cached_arrays
 from ..world import mesh_reader, shapes
 from ..world.mesh_reader import FlatMesh, MeshError, hull_corners, read_mesh
-from ..world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, convex_hull, extents
-from ..world.values import Array, Pose, Vector3
-from .mesh_files import mesh_file
-from .urdf_faults import UrdfError
+from ..world.shapes import ConvexMesh, Shape, convex_hull, extents
+from ..world.values import Array, Pose
+from .urdf_geometry import (
+    Geometry,
+    UrdfMesh,
+    UrdfPrimitive,
+    element_faults,
+    link_geometry,
+    links_seen_only,
+)
 from .urdf_text import parsed_urdf
-from .urdf_tree import numbers_text, origin_pose, skeleton_of
-
-
-@dataclass(frozen=True, slots=True)
-class UrdfMesh:
-    """A mesh file that belongs to a link: scale its vertices, then place it by `pose_in_link`."""
-
-    link: str
-    path: str
-    pose_in_link: Pose
-    scale: Vector3 = (1.0, 1.0, 1.0)
-
-
-@dataclass(frozen=True, slots=True)
-class UrdfPrimitive:
-    """A primitive that belongs to a link."""
-
-    link: str
-    shape: Box | Cylinder | Sphere
-    pose_in_link: Pose
+from .urdf_tree import UrdfTree, skeleton_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +41,6 @@ class LinkShape:
     """Share of its hull that a mesh fills, 0 … 1; 1 for a primitive."""
 
 
-Which = Literal["visual", "collision"]
 Stamp: TypeAlias = tuple[int, int, int]
 
 MAX_SIZE_RATIO = 4.0
@@ -70,194 +54,6 @@ MIN_SCALED_SIZE = 0.002
 UNITS: Final = ((1000.0, "millimetres"), (100.0, "centimetres"), (39.37, "inches"))
 
 
-def read_geometry(urdf: str) -> ElementTree.Element:
-    """Read a URDF with its geometry in the form that all parts of picktree take.
-
-    Mesh files have full paths. A capsule is a cylinder with a sphere at either end. A link that is seen and
-    has no collision geometry collides as it is seen. Raises PicktreeError when the file is no URDF.
-    """
-    try:
-        root = parsed_urdf(Path(urdf))
-    except UrdfError as error:
-        raise PicktreeError(f"{urdf}: {error}") from None
-    for link in root.findall("link"):
-        for which in ("visual", "collision"):
-            for element in link.findall(which):
-                _split_capsule(urdf, link, element)
-        if link.find("collision") is None:
-            for element in link.findall("visual"):
-                stand_in = copy.deepcopy(element)
-                stand_in.tag = "collision"
-                link.append(stand_in)
-    for mesh in root.iter("mesh"):
-        file = mesh_file(Path(urdf), mesh.get("filename", ""))
-        if file is not None:
-            mesh.set("filename", str(file.absolute()))
-    return root
-
-
-def _split_capsule(urdf: str, link: ElementTree.Element, element: ElementTree.Element) -> None:
-    """Replace a visual or collision element with a capsule by three: its length counts between the spheres'
-    centres."""
-    geometry = element.find("geometry")
-    capsule = None if geometry is None else geometry.find("capsule")
-    if geometry is None or capsule is None:
-        return
-    name = link.get("name", "")
-    radius, length = (_size(urdf, name, capsule, key) for key in ("radius", "length"))
-    pose = _origin(urdf, name, element)
-    place = list(link).index(element) + 1
-    for n, z in enumerate((0.0, length / 2, -length / 2)):
-        part = element if n == 0 else copy.deepcopy(element)
-        inside = part.find("geometry")
-        assert inside is not None
-        for old in (*inside, *part.findall("origin")):
-            (inside if old in list(inside) else part).remove(old)
-        at = pose @ Pose((0.0, 0.0, z))
-        ElementTree.SubElement(part, "origin", xyz=numbers_text(at.position), rpy=numbers_text(at.rpy()))
-        if n == 0:
-            ElementTree.SubElement(inside, "cylinder", radius=repr(radius), length=repr(length))
-        else:
-            ElementTree.SubElement(inside, "sphere", radius=repr(radius))
-            link.insert(place, part)
-
-
-def link_geometry(urdf: str, which: Which) -> tuple[UrdfMesh | UrdfPrimitive, ...]:
-    """Return all visual or collision elements of a URDF file, in the order of the file.
-
-    Raises PicktreeError at the first that cannot be used.
-    """
-    return tuple(_elements(urdf, read_geometry(urdf), which))
-
-
-def _elements(urdf: str, root: ElementTree.Element, which: Which) -> Iterator[UrdfMesh | UrdfPrimitive]:
-    for link in root.findall("link"):
-        for element in link.findall(which):
-            yield _element(urdf, link.get("name", ""), element)
-
-
-def _element(urdf: str, link: str, element: ElementTree.Element) -> UrdfMesh | UrdfPrimitive:
-    geometry = element.find("geometry")
-    if geometry is None or len(geometry) != 1:
-        _refuse(urdf, link, f"the <geometry> of its <{element.tag}> must be one shape", _SHAPES)
-    pose, kind = _origin(urdf, link, element), geometry[0]
-    if kind.tag == "mesh":
-        filename = kind.get("filename", "")
-        path = mesh_file(Path(urdf), filename)
-        if path is None:
-            plain = filename.removeprefix("package://").removeprefix("file://")
-            raise PicktreeError(f"{urdf}: mesh {plain!r} not found: {Path(urdf).parent / plain}")
-        return UrdfMesh(link, str(path), pose, _vector(urdf, link, kind, "scale", "1 1 1"))
-    if kind.tag == "box":
-        shape: Box | Cylinder | Sphere = Box(_vector(urdf, link, kind, "size"))
-    elif kind.tag == "cylinder":
-        shape = Cylinder(_size(urdf, link, kind, "radius"), _size(urdf, link, kind, "length"))
-    elif kind.tag == "sphere":
-        shape = Sphere(_size(urdf, link, kind, "radius"))
-    else:
-        _refuse(urdf, link, f"<{kind.tag}> is no shape that is read here", _SHAPES)
-    return UrdfPrimitive(link, shape, pose)
-
-
-_SHAPES = "one of <mesh>, <box>, <cylinder>, <sphere>, <capsule>"
-
-
-def _refuse(urdf: str, link: str, message: str, hint: str = "") -> NoReturn:
-    raise PicktreeError(f"{urdf}: link {link!r}: {message}" + (f" ({hint})" if hint else ""))
-
-
-def _origin(urdf: str, link: str, element: ElementTree.Element) -> Pose:
-    origin = element.find("origin")
-    try:
-        pose = origin_pose(origin)
-        if all(map(math.isfinite, pose.position)):
-            return pose
-    except ValueError:
-        pass
-    written = "" if origin is None else " ".join(f'{key}="{value}"' for key, value in origin.items())
-    _refuse(urdf, link, f"<origin {written}> of its <{element.tag}> must be three numbers each")
-
-
-def _numbers(urdf: str, link: str, shape: ElementTree.Element, key: str, count: int, default: str) -> Array:
-    text = shape.get(key, default)
-    written = f'<{shape.tag} {key}="{text}">' if key in shape.attrib else f"<{shape.tag}> without {key!r}"
-    wanted = "one number" if count == 1 else f"{count} numbers"
-    try:
-        numbers = np.array([float(word) for word in text.split()], dtype=np.float64)
-    except ValueError:
-        point = text.replace(", ", " ").replace(",", ".")
-        hint = f'as {key}="{point}"' if "," in text else ""
-        _refuse(urdf, link, f"{written} must be {wanted}", hint)
-    if len(numbers) != count:
-        hint = f'as {key}="{" ".join([text.strip()] * count)}"' if len(numbers) == 1 else ""
-        _refuse(urdf, link, f"{written} must be {wanted}, not {len(numbers)}", hint)
-    if not np.isfinite(numbers).all():
-        _refuse(urdf, link, f"{written} must be finite")
-    return numbers
-
-
-def _vector(
-    urdf: str, link: str, shape: ElementTree.Element, key: Literal["size", "scale"], default: str = ""
-) -> Vector3:
-    numbers = _numbers(urdf, link, shape, key, 3, default)
-    x, y, z = numbers.tolist()
-    if key == "size" and numbers.min() <= 0.0:
-        _refuse(urdf, link, f'<{shape.tag} size="{shape.get(key)}"> must be greater than 0 in each direction')
-    if not numbers.all():
-        _refuse(urdf, link, f'<{shape.tag} {key}="{shape.get(key)}"> must not be 0')
-    return (x, y, z)
-
-
-def _size(urdf: str, link: str, shape: ElementTree.Element, key: str) -> float:
-    (number,) = _numbers(urdf, link, shape, key, 1, "").tolist()
-    if number <= 0.0:
-        _refuse(urdf, link, f'<{shape.tag} {key}="{shape.get(key)}"> must be greater than 0')
-    return number
-
-
-def geometry_faults(urdf: str) -> tuple[str, ...]:
-    """Return a sentence for each element of a URDF whose geometry cannot be used, with its link."""
-    try:
-        root = read_geometry(urdf)
-    except PicktreeError as error:
-        return (str(error).removeprefix(f"{urdf}: "),)
-    found: dict[str, None] = {}
-    collisions: list[UrdfMesh | UrdfPrimitive] = []
-    for which in ("visual", "collision"):
-        for link in root.findall("link"):
-            for element in link.findall(which):
-                try:
-                    part = _element(urdf, link.get("name", ""), element)
-                except PicktreeError as error:
-                    found[str(error).removeprefix(f"{urdf}: ")] = None
-                else:
-                    collisions += [part] if which == "collision" else []
-    if not found:
-        try:
-            link_shapes(urdf)
-        except PicktreeError:
-            seen_only = links_seen_only(urdf)
-            for part in collisions:  # one by one, since all that is wrong is wanted
-                try:
-                    _shaped(urdf, root, part, may_be_flat=part.link in seen_only)
-                except PicktreeError as error:
-                    found[str(error).removeprefix(f"{urdf}: ")] = None
-    return tuple(found)
-
-
-def mesh_paths(urdf: str, *which: Which) -> tuple[str, ...]:
-    """Return the mesh files of a URDF's elements, each once: of both kinds unless `which` names one."""
-    parts = [part for one in which or ("visual", "collision") for part in link_geometry(urdf, one)]
-    return tuple(dict.fromkeys(part.path for part in parts if isinstance(part, UrdfMesh)))
-
-
-def links_seen_only(urdf: str) -> tuple[str, ...]:
-    """Return the links that have visual and no collision geometry, in the order of the file."""
-    root = parsed_urdf(Path(urdf))
-    links = [link for link in root.findall("link") if link.find("collision") is None]
-    return tuple(link.get("name", "") for link in links if link.find("visual") is not None)
-
-
 def link_shapes(urdf: str) -> tuple[LinkShape, ...]:
     """Return the bodies with which the links of a URDF collide, in the order of the file.
 
@@ -267,6 +63,24 @@ def link_shapes(urdf: str) -> tuple[LinkShape, ...]:
     elements = _collisions(urdf, _stamp(urdf))
     stamps = tuple(_stamp(element.path) for element in elements if isinstance(element, UrdfMesh))
     return _known_shapes(urdf, elements, stamps)
+
+
+def geometry_faults(urdf: str) -> tuple[str, ...]:
+    """Return a sentence for each shape of a URDF that cannot be used, with its link."""
+    if faults := element_faults(urdf):
+        return faults
+    try:
+        link_shapes(urdf)
+    except PicktreeError:
+        found: dict[str, None] = {}
+        seen_only, tree = links_seen_only(urdf), _tree(urdf)
+        for part in link_geometry(urdf, "collision"):  # one by one, since all that is wrong is wanted
+            try:
+                _shaped(urdf, tree, part, may_be_flat=part.link in seen_only)
+            except PicktreeError as error:
+                found[str(error).removeprefix(f"{urdf}: ")] = None
+        return tuple(found)
+    return ()
 
 
 def fingerprint(parts: tuple[LinkShape, ...]) -> bytes:
@@ -283,13 +97,13 @@ def _stamp(file: str) -> Stamp:
 
 
 @lru_cache(maxsize=8)
-def _collisions(urdf: str, stamp: Stamp) -> tuple[UrdfMesh | UrdfPrimitive, ...]:
+def _collisions(urdf: str, stamp: Stamp) -> tuple[Geometry, ...]:
     return link_geometry(urdf, "collision")
 
 
 @lru_cache(maxsize=8)
 def _known_shapes(
-    urdf: str, elements: tuple[UrdfMesh | UrdfPrimitive, ...], stamps: tuple[Stamp, ...]
+    urdf: str, elements: tuple[Geometry, ...], stamps: tuple[Stamp, ...]
 ) -> tuple[LinkShape, ...]:
     inputs = (
         Path(urdf),
@@ -313,14 +127,13 @@ _MAKERS: Final = (mesh_reader, shapes, Path(__file__), "numpy", "scipy", "trimes
 """Code that the shapes depend on."""
 
 
-def _shapes(urdf: str, elements: Sequence[UrdfMesh | UrdfPrimitive]) -> dict[str, Array]:
+def _shapes(urdf: str, elements: Sequence[Geometry]) -> dict[str, Array]:
     """Return the corners of each mesh's hull, and the share of it that is filled; 0: it has none."""
-    root = read_geometry(urdf)
-    seen_only = links_seen_only(urdf)
+    seen_only, tree = links_seen_only(urdf), _tree(urdf)
     arrays: dict[str, Array] = {}
     filling: list[float] = []
     for n, element in enumerate(elements):
-        shaped = _shaped(urdf, root, element, may_be_flat=element.link in seen_only)
+        shaped = _shaped(urdf, tree, element, may_be_flat=element.link in seen_only)
         filling.append(0.0 if shaped is None else max(shaped.filling, 1e-6))
         if shaped is not None and isinstance(shaped.shape, ConvexMesh):
             arrays[f"{n} corners"] = np.array(shaped.shape.vertices)
@@ -331,13 +144,11 @@ def _convex(points: Array, source: str) -> ConvexMesh:
     return ConvexMesh(tuple((x, y, z) for x, y, z in points.tolist()), source)
 
 
-def _shaped(
-    urdf: str, root: ElementTree.Element, element: UrdfMesh | UrdfPrimitive, *, may_be_flat: bool
-) -> LinkShape | None:
+def _shaped(urdf: str, tree: UrdfTree, element: Geometry, *, may_be_flat: bool) -> LinkShape | None:
     """Return the convex body of one element; None for a flat mesh that may be flat. Raises PicktreeError."""
     link = element.link
     if isinstance(element, UrdfPrimitive):
-        _doubt_size(urdf, root, element, element.shape)
+        _doubt_size(urdf, tree, element, element.shape)
         return LinkShape(link, element.shape, element.pose_in_link)
     try:
         mesh = read_mesh(Path(element.path))
@@ -351,7 +162,7 @@ def _shaped(
     except MeshError as error:
         refuse_mesh(urdf, element, error)
     shape = _convex(points, element.path)
-    _doubt_size(urdf, root, element, shape)
+    _doubt_size(urdf, tree, element, shape)
     volume = float(convex_hull(points).volume)
     filled = mesh.volume() * abs(float(np.prod(element.scale)))
     return LinkShape(link, shape, element.pose_in_link, min(1.0, filled / volume))
@@ -365,16 +176,14 @@ def refuse_mesh(urdf: str, element: UrdfMesh, error: MeshError) -> NoReturn:
 
 def refuse_size(urdf: str, element: UrdfMesh, points: Array) -> None:
     """Raise PicktreeError when points (n, 3) of a mesh, m, ask for another unit than metres."""
-    _doubt_size(urdf, read_geometry(urdf), element, _convex(points, element.path))
+    _doubt_size(urdf, _tree(urdf), element, _convex(points, element.path))
 
 
-def _doubt_size(
-    urdf: str, root: ElementTree.Element, element: UrdfMesh | UrdfPrimitive, shape: Shape
-) -> None:
+def _doubt_size(urdf: str, tree: UrdfTree, element: Geometry, shape: Shape) -> None:
     """Raise PicktreeError when the size of a shape asks for another unit than metres."""
     low, high = extents(shape, np.eye(3))
     size = high - low
-    longest, reach = float(size.max()), _length(root)
+    longest, reach = float(size.max()), _length(tree)
     if isinstance(element, UrdfMesh):
         file = Path(element.path).name
         unscaled = float((size / np.abs(np.array(element.scale))).max())
@@ -388,7 +197,6 @@ def _doubt_size(
                     "is it in metres? then it has no scale")  # fmt: skip
     if reach < MIN_ROBOT_LENGTH:
         return
-    tree = skeleton_of(root)
     stands = all(tree.joints[name].type == "fixed" for name in tree.joints_to(element.link))
     if longest <= (MAX_FOOT_RATIO if stands else MAX_SIZE_RATIO) * reach:
         return
@@ -402,14 +210,18 @@ def _doubt_size(
     _refuse(urdf, element.link, f"{what} is {sizes} m large, and the whole robot {reach:.2g} m long", remedy)
 
 
-def _length(root: ElementTree.Element) -> float:
-    """Return the length of the longest chain of joints, m; 0 when the links are no tree."""
-    try:
-        tree = skeleton_of(root)
-    except UrdfError:
-        return 0.0
+def _length(tree: UrdfTree) -> float:
+    """Return the length of the longest chain of joints, m."""
     lengths = [0.0]
     for link in tree.links:
         chain = (tree.joints[name].child_in_parent.position for name in tree.joints_to(link))
         lengths.append(sum(math.hypot(*position) for position in chain))
     return max(lengths)
+
+
+def _tree(urdf: str) -> UrdfTree:
+    return skeleton_of(parsed_urdf(Path(urdf)))
+
+
+def _refuse(urdf: str, link: str, message: str, hint: str = "") -> NoReturn:
+    raise PicktreeError(f"{urdf}: link {link!r}: {message}" + (f" ({hint})" if hint else ""))

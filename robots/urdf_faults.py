@@ -122,17 +122,17 @@ def _inertial_faults(link: ElementTree.Element) -> Iterator[str]:
     if inertial is None:
         return
     mass, inertia = inertial.find("mass"), inertial.find("inertia")
-    yield from _origin_faults(where, inertial.find("origin"))
+    yield from origin_faults(where, inertial.find("origin"))
     if mass is None:
         yield f'{where}: <inertial> has no <mass>; write it in kg, as <mass value="1.5"/>'
     else:
-        yield from _number_faults(where, mass, "value", "kg", least=0.0)
+        yield from number_faults(where, mass, "value", "kg", least=0.0)
     if inertia is None:
         return
     for key in ("ixx", "iyy", "izz"):
-        yield from _number_faults(where, inertia, key, "kg·m²")
+        yield from number_faults(where, inertia, key, "kg·m²")
     for key in ("ixy", "ixz", "iyz"):
-        yield from _number_faults(where, inertia, key, "kg·m²", needed=False)
+        yield from number_faults(where, inertia, key, "kg·m²", needed=False)
 
 
 def _joint_faults(joint: ElementTree.Element) -> Iterator[str]:
@@ -145,20 +145,20 @@ def _joint_faults(joint: ElementTree.Element) -> Iterator[str]:
         element = joint.find(end)
         if element is None or not element.get("link"):
             yield f'{where} has no {end}; name it, as <{end} link="link_1"/>'
-    yield from _origin_faults(where, joint.find("origin"))
+    yield from origin_faults(where, joint.find("origin"))
     if kind in (*MOVING, "planar"):
         yield from _axis_faults(where, joint.find("axis"))
     if kind in MOVING:
         yield from _limit_faults(where, kind, joint.find("limit"))
     if (soft := joint.find("safety_controller")) is not None:
         for key in ("soft_lower_limit", "soft_upper_limit"):
-            yield from _number_faults(where, soft, key, _unit(kind), needed=False)
+            yield from number_faults(where, soft, key, _unit(kind), needed=False)
     if (dynamics := joint.find("dynamics")) is not None:
         for key in ("damping", "friction"):
-            yield from _number_faults(where, dynamics, key, "SI units", needed=False, least=0.0)
+            yield from number_faults(where, dynamics, key, "SI units", needed=False, least=0.0)
     if (mimic := joint.find("mimic")) is not None:
-        yield from _number_faults(where, mimic, "multiplier", "", needed=False)
-        yield from _number_faults(where, mimic, "offset", _unit(kind), needed=False)
+        yield from number_faults(where, mimic, "multiplier", "", needed=False)
+        yield from number_faults(where, mimic, "offset", _unit(kind), needed=False)
 
 
 def _unit(kind: str | None) -> str:
@@ -169,7 +169,7 @@ def _axis_faults(where: str, axis: ElementTree.Element | None) -> Iterator[str]:
     if axis is None or axis.get("xyz") is None:
         return
     text = axis.get("xyz", "")
-    faults = [*_vector_faults(where, axis, "xyz")]
+    faults = [*vector_faults(where, axis, "xyz")]
     yield from faults
     if not faults and not any(numbers_of(text) or ()):
         yield f'{where}: <axis xyz="{text}"> has no direction; write that of its motion, as xyz="0 0 1"'
@@ -185,14 +185,14 @@ def _limit_faults(where: str, kind: str, limit: ElementTree.Element | None) -> I
             )
         return
     rate = "m/s" if kind == "prismatic" else "rad/s"
-    yield from _number_faults(
+    yield from number_faults(
         where, limit, "effort", "N" if kind == "prismatic" else "Nm", needed=kind in LIMITED
     )
-    yield from _number_faults(where, limit, "velocity", rate, needed=kind in LIMITED)
+    yield from number_faults(where, limit, "velocity", rate, needed=kind in LIMITED)
     if kind not in LIMITED:
         return
     for key in ("lower", "upper"):
-        yield from _number_faults(where, limit, key, _unit(kind), needed=False)
+        yield from number_faults(where, limit, key, _unit(kind), needed=False)
     lower, upper = number_of(limit.get("lower", "0")), number_of(limit.get("upper", "0"))
     if lower is None or upper is None:
         return
@@ -206,13 +206,14 @@ def _limit_faults(where: str, kind: str, limit: ElementTree.Element | None) -> I
         )
 
 
-def _origin_faults(where: str, origin: ElementTree.Element | None) -> Iterator[str]:
+def origin_faults(where: str, origin: ElementTree.Element | None) -> Iterator[str]:
+    """Yield what is wrong with an <origin>, if there is one."""
     if origin is None:
         return
     for key, most, told in (("xyz", MAX_OFFSET, "millimetres"), ("rpy", MAX_ANGLE, "degrees")):
         if (text := origin.get(key)) is None:
             continue
-        faults = [*_vector_faults(where, origin, key)]
+        faults = [*vector_faults(where, origin, key)]
         yield from faults
         if not faults and max(map(abs, numbers_of(text) or (0.0,))) > most:
             scale, unit = (1e-3, "m") if key == "xyz" else (math.pi / 180, "rad")
@@ -220,14 +221,18 @@ def _origin_faults(where: str, origin: ElementTree.Element | None) -> Iterator[s
             yield f'{where}: <origin {key}="{text}"> is in {unit}: are these {told}? Write "{right}"'
 
 
-def _vector_faults(where: str, element: ElementTree.Element, key: str) -> Iterator[str]:
+def vector_faults(
+    where: str, element: ElementTree.Element, key: str, example: str = "0 0 1"
+) -> Iterator[str]:
+    """Yield what is wrong with an attribute of three numbers; `example`: one that is right."""
     text = element.get(key, "")
     numbers = numbers_of(text)
     if numbers is not None and len(numbers) == 3:
         return
     here = f'{where}: <{element.tag} {key}="{_shortened(text)}">'
     if numbers is not None:
-        yield f'{here} has {len(numbers)} numbers, not three; write it as {key}="0 0 1"'
+        count = "1 number" if len(numbers) == 1 else f"{len(numbers)} numbers"
+        yield f'{here} has {count}, not three; write it as {key}="{example}"'
     elif (right := numbers_of(text.replace(",", " "))) and len(right) == 3:
         yield f'{here} has commas; write "{" ".join(f"{number:g}" for number in right)}"'
     else:
@@ -235,7 +240,7 @@ def _vector_faults(where: str, element: ElementTree.Element, key: str) -> Iterat
         yield f"{here} {_misread(words[0], '')}"
 
 
-def _number_faults(
+def number_faults(
     where: str,
     element: ElementTree.Element,
     key: str,
@@ -244,6 +249,7 @@ def _number_faults(
     needed: bool = True,
     least: float | None = None,
 ) -> Iterator[str]:
+    """Yield what is wrong with an attribute of one number in `unit`."""
     text = element.get(key)
     if text is None:
         if needed:

@@ -24,9 +24,9 @@ from ..files.yaml.document import read_document
 from ..logs.recording.rotated_log import NO_ROTATION, Rotation
 from ..logs.schema.records import ResumedFrom
 from ..robots.description import RobotDescription
-from ..robots.link_shapes import mesh_paths
 from ..robots.loading import load_robot
 from ..robots.mesh_files import mesh_file
+from ..robots.urdf_geometry import mesh_paths
 from ..robots.urdf_text import parsed_urdf
 from ..simulation.backends import Backend
 from ..simulation.fault_files.fault_entries import FaultFile

@@ -17,9 +17,10 @@ from ...files.shipped_files import is_file
 from ...files.xml_text import XmlError, parse_xml
 from ...files.yaml.file_text import Unreadable, read_bytes
 from ...robots.gripper_mounting import NamedUrdf
-from ...robots.link_shapes import UrdfMesh, UrdfPrimitive, link_geometry, link_shapes
+from ...robots.link_shapes import link_shapes
 from ...robots.mesh_files import AMENT_PATH, ROS_PATH, mesh_file, package_folder
 from ...robots.urdf_faults import UrdfError
+from ...robots.urdf_geometry import UrdfMesh, UrdfPrimitive, link_geometry
 from ...robots.urdf_text import MAX_BYTES, parsed_urdf
 from ...robots.urdf_tree import (
     UrdfTree,

@@ -20,10 +20,10 @@ from ...robots.gripper_mounting import (
     NamedUrdf,
     write_composed_urdf,
 )
-from ...robots.link_shapes import links_seen_only
 from ...robots.loading import parse_robot
 from ...robots.model import RobotModel
 from ...robots.urdf_faults import MOVING, UrdfError
+from ...robots.urdf_geometry import links_seen_only
 from ...robots.urdf_text import parsed_urdf
 from ...robots.urdf_tree import UrdfTree, read_skeleton
 from ...world.values import Array, Pose

@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass, replace
 
 from ...files.value_wording import listed
 from ...robots.description import RobotDescription
-from ...robots.link_shapes import links_seen_only
 from ...robots.model import RobotModel
+from ...robots.urdf_geometry import links_seen_only
 from ..robot_test_result import RobotTestResult
 from .proposal import Proposal
 from .self_collision import summary

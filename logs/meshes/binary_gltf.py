@@ -16,15 +16,9 @@ from numpy.typing import NDArray
 from ...files.disk_cache import cached_arrays
 from ...robots import link_shapes as link_shapes_module
 from ...robots import urdf_tree
-from ...robots.link_shapes import (
-    LinkShape,
-    UrdfPrimitive,
-    link_geometry,
-    link_shapes,
-    refuse_mesh,
-    refuse_size,
-)
-from ...robots.link_shapes import UrdfMesh as MeshFile
+from ...robots.link_shapes import LinkShape, link_shapes, refuse_mesh, refuse_size
+from ...robots.urdf_geometry import UrdfMesh as MeshFile
+from ...robots.urdf_geometry import UrdfPrimitive, link_geometry
 from ...world import mesh_reader, shapes, values
 from ...world.mesh_reader import MeshError, hull_corners, material_library
 from ...world.shapes import Box, ConvexMesh, Shape

@@ -15,9 +15,10 @@ from picktree.cli.author.file_schemas import CHECKS
 from picktree.commissioning.robot_setup.model_checks import RobotUnderTest, Verdict, check_model
 from picktree.files.diagnostics.file_checks import check_files
 from picktree.perception.expectation.robot_mask import hidden_shares
-from picktree.robots.link_shapes import read_geometry
 from picktree.robots.loading import SHIPPED, load_robot, robot_names
+from picktree.robots.mesh_files import mesh_file
 from picktree.robots.model import RobotModel
+from picktree.robots.urdf_text import parsed_urdf
 from picktree.world.scene.description import MAX_HIDDEN_SHARE
 from picktree.world.scene.loading.scene_loading import load_scene, scene_names
 
@@ -27,11 +28,20 @@ HIDING = "  home: [0, 0.05, 0, -1.75, 0, 1.8, 0.785]"
 MASSES, LIMITS, HOME, FINGERS, TOOL = "masses", "limits", "home", "fingers", "tool frame"
 
 
+def panda_urdf() -> ElementTree.Element:
+    """Return the Panda's URDF with full paths of its meshes."""
+    urdf = Path(load_robot("panda").urdf)
+    root = parsed_urdf(urdf)
+    for mesh in root.iter("mesh"):
+        mesh.set("filename", str(mesh_file(urdf, mesh.get("filename", ""))))
+    return root
+
+
 def panda(
     folder: Path, urdf: Callable[[ElementTree.Element], None] = lambda root: None, **lines: str
 ) -> Path:
     """Write a Panda whose URDF was changed, and whose file has other lines that begin with these words."""
-    root = read_geometry(load_robot("panda").urdf)
+    root = panda_urdf()
     urdf(root)
     ElementTree.ElementTree(root).write(folder / "arm.urdf")
     text = (SHIPPED / "panda.yaml").read_text(encoding="utf-8")
@@ -163,7 +173,7 @@ def test_a_new_robot_is_tested(tmp_path: Path, capfd: pytest.CaptureFixture[str]
 def test_a_urdf_with_four_faults_is_made_a_robot_whose_test_names_each(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    root = read_geometry(load_robot("panda").urdf)
+    root = panda_urdf()
     link = one(root, "link", "panda_link4")
     link.remove(child(link, "inertial"))
     child(one(root, "joint", "panda_joint2"), "limit").set("effort", "8.7")

@@ -13,9 +13,10 @@ import trimesh
 from picktree.errors import PicktreeError
 from picktree.logs.meshes.binary_gltf import link_meshes, read_glb
 from picktree.planning.collision.collision_checker import robot_geometry
-from picktree.robots.link_shapes import geometry_faults, link_shapes, links_seen_only
+from picktree.robots.link_shapes import geometry_faults, link_shapes
 from picktree.robots.loading import load_robot, robot_names
 from picktree.robots.model import RobotModel
+from picktree.robots.urdf_geometry import links_seen_only
 from picktree.simulation.engine import Client
 from picktree.simulation.physics.robot.robot_body import RobotBody
 from picktree.world.shapes import ConvexMesh, Cylinder, Sphere, corners, greatest_length
@@ -45,18 +46,21 @@ def block(folder: Path, name: str, size: float = 0.1, scale: float = 1.0) -> Pat
 @pytest.mark.parametrize(
     ("shape", "message"),
     [
-        ('<box size="0 0.1 0.1"/>', '<box size="0 0.1 0.1"> must be greater than 0 in each direction'),
-        ('<box size="0.1 0.1"/>', '<box size="0.1 0.1"> must be 3 numbers, not 2'),
-        ('<box size="0,1 0,2 0,3"/>', '<box size="0,1 0,2 0,3"> must be 3 numbers (as size="0.1 0.2 0.3")'),
-        ('<box/>', "<box> without 'size' must be 3 numbers, not 0"),
+        ('<box size="0 0.1 0.1"/>', '<box size="0 0.1 0.1"> must be greater than 0'),
+        (
+            '<box size="0.1 0.1"/>',
+            '<box size="0.1 0.1"> has 2 numbers, not three; write it as size="0.1 0.1 0.1"',
+        ),
+        ('<box size="0,1 0,2 0,3"/>', '<box size="0,1 0,2 0,3"> has a decimal comma; write 0.1'),
+        ('<box/>', "<box> has no size; write it, in m"),
         ('<cylinder radius="-0.03" length="0.1"/>', '<cylinder radius="-0.03"> must be greater than 0'),
-        ('<cylinder length="0.1"/>', "<cylinder> without 'radius' must be one number, not 0"),
-        ('<cylinder radius="3cm" length="1"/>', '<cylinder radius="3cm"> must be one number'),
-        ('<sphere radius="nan"/>', '<sphere radius="nan"> must be finite'),
+        ('<cylinder length="0.1"/>', "<cylinder> has no radius; write it, in m"),
+        ('<cylinder radius="3cm" length="1"/>', '<cylinder radius="3cm"> has a unit; write 0.03, in m'),
+        ('<sphere radius="nan"/>', '<sphere radius="nan"> is no finite number; write one, in m'),
         ('<capsule radius="0" length="0.1"/>', '<capsule radius="0"> must be greater than 0'),
         (
             '<mesh filename="ok.stl" scale="0.5"/>',
-            '<mesh scale="0.5"> must be 3 numbers, not 1 (as scale="0.5 0.5 0.5")',
+            '<mesh scale="0.5"> has 1 number, not three; write it as scale="0.5 0.5 0.5"',
         ),
         ('<mesh filename="ok.stl" scale="1 0 1"/>', '<mesh scale="1 0 1"> must not be 0'),
         (
@@ -116,8 +120,7 @@ def test_geometry_that_cannot_be_used_is_told_with_its_link(
     assert geometry_faults(file)[0] == f"link 'l2': {message}"
     with pytest.raises(PicktreeError) as raised:
         link_shapes(file)
-    # Geometry that is only seen collides as it is seen.
-    assert str(raised.value) == f"{file}: link 'l2': {message}".replace("<visual>", "<collision>")
+    assert str(raised.value) == f"{file}: link 'l2': {message}"
 
 
 def test_all_faults_of_a_file_are_told_at_once(tmp_path: Path) -> None:
@@ -137,7 +140,7 @@ def test_a_capsule_is_a_cylinder_between_two_spheres(tmp_path: Path) -> None:
     parts = link_shapes(urdf(tmp_path, '<capsule radius="0.03" length="0.2"/>', origin=origin))
     assert [part.shape for part in parts] == [Cylinder(0.03, 0.2), Sphere(0.03), Sphere(0.03)]
     places = [part.pose_in_link.position for part in parts]
-    np.testing.assert_allclose(places, [[0, 0, 0.2], [-0.1, 0, 0.2], [0.1, 0, 0.2]], atol=1e-12)
+    np.testing.assert_allclose(places, [[0, 0, 0.2], [0.1, 0, 0.2], [-0.1, 0, 0.2]], atol=1e-12)
     np.testing.assert_allclose(parts[0].pose_in_link.rotation()[:, 2], [1, 0, 0], atol=1e-12)
 
 

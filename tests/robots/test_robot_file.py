@@ -13,11 +13,12 @@ import trimesh
 
 from picktree.errors import PicktreeError
 from picktree.files.marks import FileError
-from picktree.robots.link_shapes import UrdfPrimitive, link_geometry
 from picktree.robots.loading import load_robot, parse_robot, robot_names
 from picktree.robots.model import RobotModel
+from picktree.robots.urdf_geometry import UrdfPrimitive, link_geometry
 from picktree.simulation.engine import Client
-from picktree.simulation.physics.robot.robot_body import RobotBody, patched_urdf
+from picktree.simulation.physics.robot.engine_urdf import patched_urdf
+from picktree.simulation.physics.robot.robot_body import RobotBody
 from picktree.world.shapes import Box
 
 URDF = """\

@@ -18,9 +18,9 @@ from picktree.commissioning.robot_setup.proposal import ProposalRequest, propose
 from picktree.files.marks import FileError
 from picktree.robots.description import RobotDescription
 from picktree.robots.finger_linkage import LinkageFingers, SliderPair, fingers_of
-from picktree.robots.link_shapes import link_geometry
 from picktree.robots.loading import load_robot, parse_robot
 from picktree.robots.model import RobotModel
+from picktree.robots.urdf_geometry import link_geometry
 from picktree.simulation.checkpoints import GripperCommand
 from picktree.simulation.engine import Client, reset
 from picktree.simulation.physics.robot.robot_body import RobotBody
