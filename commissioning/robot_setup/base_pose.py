@@ -22,11 +22,9 @@ HEIGHTS_OVER_TABLE, HEIGHT_OVER_BIN = (0.02, 0.12), 0.10
 """Heights of the tool at an item and before it, over the table, and where it lets go, over the rim, m."""
 YAWS = (0.0, np.pi / 4, np.pi / 2, 3 * np.pi / 4)
 """Directions of the fingers that are tried, rad."""
-MIN_SINGULAR_VALUE = 0.02
-"""Least singular value of the Jacobian at a place that counts as reached: straight lines start there."""
-STEPS_ALONG = tuple((0.025 * np.arange(-12, 13)).round(3).tolist())
+STEPS_ALONG = tuple((0.05 * np.arange(-6, 7)).round(2).tolist())
 """Positions of the base that are tried along the table, m."""
-STEPS_UP = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
+STEPS_UP = (0.0, 0.1, 0.2, 0.3)
 """Heights of the base that are tried, m: those of a pedestal."""
 RISE_COST = 2.0
 """Cost of a pedestal, in distances along the table."""
@@ -115,7 +113,7 @@ class _Reach:
 
     def __init__(self, model: RobotModel) -> None:
         self._ik, self._generator = InverseKinematics(model), np.random.default_rng(0)
-        self._model, self._home = model, model.named("home")
+        self._home = model.named("home")
 
     def missed(self, moved: Vector3, most: int) -> list[str]:
         """Return the names of places out of reach from a displaced base; it stops at `most` of them."""
@@ -130,11 +128,7 @@ class _Reach:
 
     def _reaches(self, position: Vector3) -> bool:
         poses = (Pose.from_rpy(position, (np.pi, 0.0, yaw)) for yaw in YAWS)
-        found = (q for pose in poses for q in self._ik.solutions(pose, self._generator, self._home, 1))
-        return any(self._singular_value(q) >= MIN_SINGULAR_VALUE for q in found)
-
-    def _singular_value(self, q: Array) -> float:
-        return float(np.linalg.svd(self._model.jacobian(q), compute_uv=False)[-1])
+        return any(self._ik.solutions(pose, self._generator, self._home, 1) for pose in poses)
 
 
 def _foot(model: RobotModel, tree: UrdfTree, solids: Mapping[str, LinkGeometry]) -> Array:
