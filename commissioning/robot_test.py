@@ -27,7 +27,7 @@ from .robot_setup.model_checks import RobotUnderTest, Verdict, check_model
 from .robot_test_result import RobotTestResult
 from .trial_advice import advice, opening_advice, reach_advice
 
-SCENE, BIN = "self_test", "red_bin"
+SCENE = "self_test"
 HEIGHT_OVER_BIN = 0.1
 """Height of the tool over the rim of a bin when it lets go, m."""
 REST_TIME = 1.0
@@ -251,12 +251,13 @@ class Trials:
         tested = self._tested
         if (narrow := opening_advice(tested.description.gripper, found, tested.file)) is not None:
             return Verdict(name, False, *narrow), ""
-        bin_ = next(b for b in cell.world.description.bins if b.id == BIN)
+        into = cell.world.scene.destination(found.id)
+        bin_ = next(b for b in cell.world.description.bins if b.id == into)
         places = (
             TargetPlace(found.id, np.array(found.pose.position)),
-            TargetPlace(BIN, bin_.pose.apply(np.array([0.0, 0.0, bin_.size[2] + HEIGHT_OVER_BIN]))),
+            TargetPlace(bin_.id, bin_.pose.apply(np.array([0.0, 0.0, bin_.size[2] + HEIGHT_OVER_BIN]))),
         )
-        steps = (Grasp(object=found.id), Place(object=found.id, into=BIN))
+        steps = (Grasp(object=found.id), Place(object=found.id, into=bin_.id))
         result = next((r for r in map(cell.run, steps) if not r), None)
         if result is not None:
             return self._failed(name, result.cause, result.message, places), result.cause
