@@ -92,7 +92,10 @@ def fingerprint(parts: tuple[LinkShape, ...]) -> bytes:
 
 def _stamp(file: str) -> Stamp:
     """Return the inode, its last change and the size by which a changed file is told, within one process."""
-    stat = Path(file).stat()
+    try:
+        stat = Path(file).stat()
+    except OSError as error:
+        raise PicktreeError(f"{file}: {error.strerror}") from None
     return stat.st_ino, stat.st_ctime_ns, stat.st_size
 
 

@@ -73,7 +73,7 @@ def _described(
     assert urdf is not None and joints is not None and widest is not None
     return RobotDescription(
         name=document.path.stem,
-        urdf=str(urdf),
+        urdf=str(urdf.absolute()),
         base_in_world=robot.base.pose(),
         joints=tuple(robot.joints),
         limits=tuple(JointLimits(**joint.model_dump()) for joint in robot.joints.values()),
@@ -192,7 +192,7 @@ def _urdf(check: DocumentChecker, loc: Location, text: str, source: Path) -> Nam
             return None
     else:
         # Libraries for meshes have rules of their own for relative paths.
-        path = source.parent.absolute() / text
+        path = source.parent / text
     if not is_file(path):
         check.fault(loc, f"there is no file {path}", code="P501")
         return None

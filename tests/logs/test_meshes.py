@@ -18,6 +18,8 @@ URDF = """
   <link name="base"><visual><geometry><mesh filename="package://part.obj"/></geometry></visual></link>
   <link name="bare"/>
   <link name="tip"><visual><origin xyz="0 0 1"/><geometry><box size="0.1 0.1 0.2"/></geometry></visual></link>
+  <joint name="a" type="fixed"><parent link="base"/><child link="bare"/></joint>
+  <joint name="b" type="fixed"><parent link="bare"/><child link="tip"/></joint>
 </robot>
 """
 OBJ = """mtllib part.mtl
