@@ -175,7 +175,7 @@ class RobotFile(FileModel):
     flange_joint: str
     """The fixed joint between arm and hand, where the wrist sensor sits."""
     flange_behind: str | None = None
-    """The arm's last joint, where the URDF has no fixed joint between arm and hand: `flange_joint` is put in
+    """The arm's last joint, of a URDF without a fixed joint between arm and hand. `flange_joint` is put in
     behind it, and what that joint moves becomes the hand."""
     payload: Mass | None = None
     """Rated payload: what may hang on the flange, the hand itself included. Not watched unless given."""
