@@ -15,6 +15,8 @@ from .link_geometry import LinkGeometry, UnsuitableUrdf
 
 MAX_SLIDE = 1.0
 """Greatest range of a finger that slides, m; more looks like millimetres."""
+MIN_PARALLEL_COSINE = np.cos(np.radians(2.0))
+"""Least cosine between the axes of two hinges that count as parallel."""
 
 
 class FingerMotion:
@@ -140,6 +142,27 @@ class FingerMotion:
         """Return the distance between the two fingers' mean points, m."""
         one, other = (self.points(link, drive) for link in self.links)
         return float(np.linalg.norm(one.mean(axis=0) - other.mean(axis=0)))
+
+    def hinge(self) -> Array | None:
+        """Return the direction (3,) of all hinges that move the fingers, in the palm's frame.
+
+        None when a finger only slides, or when the hinges are not parallel.
+        """
+        palm = self._skeleton.pose(self._hand.palm, {}).rotation()
+        found: list[Array] = []
+        for link in self.links:
+            names = [name for name in self._skeleton.joints_to(link) if name in self.ratios]
+            joints = [self._skeleton.joints[name] for name in names]
+            axes = [
+                palm.T @ self._skeleton.pose(joint.child, {}).rotation() @ np.array(joint.axis)
+                for joint in joints
+                if joint.type != "prismatic"
+            ]
+            if not axes:
+                return None
+            found += [axis / float(np.linalg.norm(axis)) for axis in axes]
+        parallel = all(abs(float(axis @ found[0])) > MIN_PARALLEL_COSINE for axis in found)
+        return found[0] if parallel else None
 
     def static(self, link: str) -> Array:
         """Return a static link's points (n, 3) in the palm's frame, m."""

@@ -24,11 +24,13 @@ MAX_LEVEL_DEVIATION = 0.5e-3
 MIN_PAD_AREA_SHARE = 0.15
 """Least area of the pad's level, as a share of all area that faces the other finger."""
 MIN_TCP_TIP_DISTANCE = 0.002
-"""Least distance of a frame of the URDF behind the tips where they reach least, m."""
+"""Least distance of a frame of the URDF behind the pads' ends where they reach least, m."""
 MAX_TCP_TIP_DISTANCE = 0.010
-"""Greatest distance of the TCP from the finger tips where they reach furthest, m."""
+"""Greatest distance of the TCP from the pads' ends where they reach furthest, m."""
 TCP_TIP_CLEARANCE = 0.006
-"""Distance of the TCP behind the tips where they reach least, m."""
+"""Distance of the TCP behind the pads' ends where they reach least, m."""
+MAX_ROUNDED_TIP = 0.003
+"""Greatest length of a tip beyond its level face that still belongs to the pad, m."""
 MAX_PAD_THICKNESS, MIN_PAD_THICKNESS = 0.020, 0.004
 """Greatest and least thickness of a pad's box behind its face, m."""
 MIN_OPENING = 0.010
@@ -41,6 +43,8 @@ MIN_SNAP_COSINE = np.cos(np.radians(8.0))
 """Least cosine to an axis of the hand's frame from which a direction is set to that axis."""
 MIN_OUT_SNAP_COSINE = np.cos(np.radians(20.0))
 """The same for the direction out of the hand, which the middle of a one-sided palm leaves uncertain."""
+MAX_ACROSS_COSINE = np.sin(np.radians(8.0))
+"""Greatest cosine between the hinges of fingers and the closing direction that count as square."""
 EDGE_SAMPLES = 30
 """Number of points on each edge of a mesh when the rest of a finger is measured."""
 KNUCKLE_CLEARANCE = 0.002
@@ -124,7 +128,8 @@ class GripperMeter:
             )
         tips = [max(float(self._motion.finger(n, p, axes)[:, 2].max()) for n in range(2)) for p in positions]
         near, far = self._levels(opened, axes)
-        tcp, comment = self._tcp(axes, max(tips), max(tips) - min(tips), near, far)
+        short = tips[-1] - max(self._top(n, opened, axes, level) for n, level in enumerate((near, far)))
+        tcp, comment = self._tcp(axes, max(tips) - short, max(tips) - min(tips), near, far)
         shift = np.array(tcp.position) @ axes
         return self._described(axes, tcp, comment, shift, positions, widths, tips)
 
@@ -137,6 +142,11 @@ class GripperMeter:
         out = (one.mean(axis=0) + other.mean(axis=0)) / 2
         out = out - self._motion.back(self._behind)
         out = out - closing * float(out @ closing)
+        # Hinged fingers move across their hinges, however one-sided the palm is.
+        hinge = self._motion.hinge()
+        if hinge is not None and abs(float(hinge @ closing)) < MAX_ACROSS_COSINE:
+            across = _unit(hinge - closing * float(hinge @ closing))
+            out = out - across * float(out @ across)
         if float(np.linalg.norm(out)) < 1e-4:
             out = np.array([0.0, 0.0, 1.0]) - closing * float(closing[2])
         out = _snapped(_unit(out), MIN_OUT_SNAP_COSINE)
@@ -189,7 +199,8 @@ class GripperMeter:
     ) -> tuple[Pose, str]:
         """Return the TCP in the palm's frame, with a comment.
 
-        A frame of the URDF is used when it stays between the pads at each opening: a tool frame at the tips
+        `furthest` is where the pads end when they reach furthest, `spread` how far they retract, m. A frame of
+        the URDF is used when it stays between the pads at each opening: a tool frame at the tips
         of closed fingers on hinges is in front of them once they open.
         """
         low = (
@@ -333,16 +344,20 @@ class GripperMeter:
         ]
         behind = float((side * beside[:, 1]).max()) - side * level.y if len(beside) else MIN_PAD_THICKNESS
         depth = min(max(behind, MIN_PAD_THICKNESS), MAX_PAD_THICKNESS)
-        # The pad extends to the tip: a rounded edge there can press, too.
-        top = (
-            float(points[:, 2].max())
-            if float(points[:, 2].max()) - level.high[2] < 0.003
-            else float(level.high[2])
-        )
+        top = self._top(n, opened, axes, level)
         low, high = level.low, level.high
         size = (max(float(high[0] - low[0]), 0.004), depth, max(top - float(low[2]), 0.004))
         centre = np.array([(low[0] + high[0]) / 2, level.y + side * depth / 2, (low[2] + top) / 2])
         return Box(size), self._in_finger(n, centre, axes, opened)
+
+    def _top(self, n: int, drive: float, axes: Array, level: _Level) -> float:
+        """Return where a finger's pad ends along the axis out of the hand, m.
+
+        A pad extends to a tip that is near: a rounded edge there can press, too. It ends before a tip that
+        tapers away from the other finger.
+        """
+        tip, end = float(self._motion.finger(n, drive, axes)[:, 2].max()), float(level.high[2])
+        return tip if tip - end < MAX_ROUNDED_TIP else end
 
     def _bodies(self, axes: Array, opened: float) -> tuple[tuple[Box, Pose], ...]:
         """Return a box of each finger between pad and palm, in its link's frame; none where all is pad."""
