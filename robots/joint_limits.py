@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import degrees, tau
-
-import pinocchio as pin
+from typing import TYPE_CHECKING
 
 from ..world.values import Array
-from .model import RobotModel
+
+if TYPE_CHECKING:
+    import pinocchio as pin
+
+    from .model import RobotModel
 
 DEGREES_HINT = "degrees? Numbers without a unit are in rad"
 """Question about a hinge that is more than a turn beyond its limit."""

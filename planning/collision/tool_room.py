@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...robots.joint_limits import JointExcess, joint_excesses
-from ...robots.model import RobotModel
 from ...world.values import Array, Bounds, Vector3
 from ...world.workspace_excess import WorkspaceExcess, workspace_excess
+
+if TYPE_CHECKING:
+    from ...robots.model import RobotModel
 
 WORKSPACE_MARGIN = 0.002
 """Distance of the tool to the edges of the workspace that planning keeps, m."""
