@@ -29,6 +29,8 @@ FORMATS = ("stl", "obj", "dae", "ply", "off", "glb")
 MAX_BYTES = 200_000_000
 MAX_TRIANGLES = 4_000_000
 MAX_MATERIAL_BYTES = 1_000_000
+MAX_EXTENT = 1e9
+"""Greatest coordinate of which a hull is computed, m: beyond it squares lose their meaning."""
 MIN_THICKNESS = 1e-5
 """Extent of a hull in its thinnest direction below which a mesh is flat, m."""
 DEFAULT_COLOUR = (0.93, 0.93, 0.94)
@@ -102,8 +104,10 @@ def parse_mesh(raw: bytes, path: Path) -> TriangleMesh:
         raise MeshError(f"the mesh has {len(faces):,} triangles", f"{MAX_TRIANGLES:,} at most; simplify it")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise MeshError("the mesh has faces of vertices that it lacks")
-    used = np.unique(faces)
-    if bad := int((~np.isfinite(vertices[used]).all(axis=1)).sum()):
+    # What no face names is no part of the body.
+    used, places = np.unique(faces, return_inverse=True)
+    vertices, faces = vertices[used], places.reshape(-1, 3).astype(np.int64)
+    if bad := int((~np.isfinite(vertices).all(axis=1)).sum()):
         raise MeshError(
             f"the mesh has {bad} of {len(used)} vertices that are not finite numbers", "export it anew"
         )
@@ -111,7 +115,10 @@ def parse_mesh(raw: bytes, path: Path) -> TriangleMesh:
 
 
 def hull_corners(points: Array) -> Array:
-    """Return the corners (k, 3) of the convex hull of points (n, 3). Raises FlatMesh."""
+    """Return the corners (k, 3) of the convex hull of points (n, 3), m. Raises FlatMesh; MeshError for points
+    beyond MAX_EXTENT."""
+    if not float(np.abs(points).max()) <= MAX_EXTENT:
+        raise MeshError(f"the mesh reaches further than {MAX_EXTENT:g} m", "is its unit right?")
     centred = points - points.mean(axis=0)
     _, axes = np.linalg.eigh(centred.T @ centred)
     if float(np.ptp(centred @ axes, axis=0).min()) < MIN_THICKNESS:

@@ -75,6 +75,7 @@ GOOD: dict[str, str | bytes] = {
     "with colours.obj": V.replace("\n", " 1 0 0\n") + F,
     "in UTF-16.obj": (V + F).encode("utf-16"),
     "with a name in Latin-1.obj": "o Hügel\n".encode("latin-1") + (V + F).encode(),
+    "with a vertex of no face.off": off().replace("4 4 6", "5 4 6").replace("\n3 0 2 1", "\n9 9 9\n3 0 2 1"),
     "with lines and points.obj": V + "l 1 2\np 1\n" + F,
     "metres.dae": dae(),
     "a unit without a number.dae": dae("<unit/>"),
@@ -153,6 +154,12 @@ def test_faces_have_the_colours_of_their_materials(tmp_path: Path) -> None:
     (tmp_path / "part.obj").write_bytes(text.encode("latin-1"))
     colours = read_mesh(tmp_path / "part.obj").colours.tolist()
     assert sorted(colours) == [[0, 1, 0], [1, 0, 0], [1, 0, 0], [1, 0, 0]]
+
+
+def test_a_mesh_beyond_all_bounds_is_told() -> None:
+    for size in (1e10, np.inf):
+        with pytest.raises(MeshError, match=r"^the mesh reaches further than 1e\+09 m; is its unit right\?$"):
+            hull_corners(CORNERS * size if np.isfinite(size) else np.where(CORNERS > 0, size, CORNERS))
 
 
 @pytest.mark.parametrize("thickness", [0.0, 1e-6])
