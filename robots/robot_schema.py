@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from ..files.yaml.file_models import Angle, Angles, FileModel, Force, Mass, Sizes, Vector, quantity
+from ..files.yaml.named_files import NamedFile
 from ..world.planner_names import PlannerName
 from ..world.shapes import Box
 from ..world.values import Pose
@@ -138,7 +139,7 @@ class InertiaFile(FileModel):
 class MountFile(FrameFile):
     """A gripper of another URDF, hung on the arm; `at` and `rpy` place its first link in the arm's link."""
 
-    urdf: str
+    urdf: Annotated[str, NamedFile("urdf")]
     """The gripper's URDF, named as the arm's. It may hold more than the gripper."""
     link: str = ""
     """Its links from this one on are taken; without it, all."""
@@ -153,7 +154,7 @@ class MountFile(FrameFile):
 class RobotFile(FileModel):
     """A robot: an arm with a gripper, described beside its URDF."""
 
-    urdf: str
+    urdf: Annotated[str, NamedFile("urdf")]
     """Its URDF: a path beside this file, or 'package:path' inside an installed Python package."""
     mount: MountFile | None = None
     """A gripper of another URDF, for an arm that comes without one."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import os
 import posixpath
 import zipfile
 from collections import Counter
@@ -16,10 +17,11 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
-from typing import Final
+from typing import Final, assert_never
 
 from ..errors import PicktreeError
 from ..files.file_names import fitted
+from ..files.marks import Location
 from ..files.yaml.document import read_document
 from ..logs.recording.rotated_log import NO_ROTATION, Rotation
 from ..logs.schema.records import ResumedFrom
@@ -34,9 +36,9 @@ from ..simulation.fault_files.fault_loading import load_faults
 from ..trees.loading.loader import load_mission
 from ..trees.loading.registry import NodeRegistry
 from ..trees.mission import Mission, Plugin, name_of
-from ..world.scene.description import MESH_SETS, SceneDescription
+from ..world.mesh_reader import material_files
+from ..world.scene.description import SceneDescription
 from ..world.scene.loading.scene_loading import load_scene
-from ..world.shapes import ConvexMesh
 from .checkpoints import RunState
 
 
@@ -138,10 +140,7 @@ def recipe_files(recipe: Recipe) -> Iterator[Attachment]:
     yield from mission_files(recipe.mission)
     scene, robot = recipe.scene, recipe.robot
     yield Attachment("scene.yaml", scene.text, "application/yaml", Path(scene.source))
-    yield from scene_meshes(scene)
-    if scene.assortment is not None and scene.assortment.meshes not in MESH_SETS:
-        folder = Path(scene.assortment.meshes)
-        yield Attachment(ASSORTMENT_MESHES, packed_folder(folder), "application/zip", folder)
+    yield from scene_files(scene)
     urdf = Path(robot.urdf)
     yield Attachment("robot.yaml", robot.text, "application/yaml", Path(robot.source))
     yield Attachment("robot.urdf", urdf.read_bytes(), "application/xml", urdf)
@@ -162,17 +161,55 @@ def fingerprints(recipe: Recipe, files: Iterator[Attachment] | list[Attachment])
     return {**found, **installed_meshes(recipe.robot)}
 
 
-def scene_meshes(scene: SceneDescription) -> Iterator[Attachment]:
-    """Yield the meshes of the catalogue as `mesh/hexagon.obj`, or `mesh/KIND/hexagon.obj` where two share a
-    name."""
-    files = {e.kind: Path(e.shape.source) for e in scene.catalogue if isinstance(e.shape, ConvexMesh)}
-    named = Counter(file.name for file in set(files.values()))
-    given: set[str] = set()
-    for kind, file in files.items():
-        name = f"mesh/{file.name}" if named[file.name] == 1 else f"mesh/{kind}/{file.name}"
-        if name not in given:
-            given.add(name)
-            yield Attachment(name, file.read_bytes(), "model/mesh", file)
+def scene_files(scene: SceneDescription) -> Iterator[Attachment]:
+    """Yield the files that a scene names, in whatever form: meshes, and folders of them as archives.
+
+    A mesh is `mesh/hexagon.obj`, or `mesh/KIND/hexagon.obj` where two share a name. What stands in the text
+    already (`base`), or has an attachment of its own (`robot`), is left out.
+    """
+    meshes: list[tuple[dict[str, Path], dict[str, Path]]] = []
+    for name in scene.files:
+        path = Path(name.text)
+        match name.role:
+            case "mesh":
+                alone, apart = scene_mesh_names(name.loc, path.name)
+                meshes.append((dict(with_materials(alone, path)), dict(with_materials(apart, path))))
+            case "mesh folder":
+                yield Attachment(ASSORTMENT_MESHES, packed_folder(path), "application/zip", path)
+            case "robot" | "scene" | "urdf":
+                pass
+            case _:
+                assert_never(name.role)
+    sources = Counter(name for name, _ in {both for alone, _ in meshes for both in alone.items()})
+    named: dict[str, Path] = {}
+    for alone, apart in meshes:
+        named |= apart if any(sources[name] > 1 for name in alone) else alone
+    for name, file in named.items():
+        yield Attachment(name, file.read_bytes(), "model/mesh", file)
+
+
+def scene_mesh_names(loc: Location, file: str) -> tuple[str, str]:
+    """Return the names in a log of the mesh at `loc` of a scene: by its file alone, and by its owner, too."""
+    section, owner = str(loc[0]), str(loc[1])
+    return (
+        f"mesh/{file}",
+        f"mesh/{owner}/{file}" if section == "catalogue" else f"mesh/{section}/{owner}/{file}",
+    )
+
+
+def with_materials(name: str, mesh: Path) -> Iterator[tuple[str, Path]]:
+    """Yield name and file of a mesh, and of the libraries of materials that it names."""
+    yield name, mesh
+    if mesh.suffix.lower() == ".obj":
+        for library, file in material_files(mesh.read_bytes(), mesh.parent).items():
+            yield beside(name, os.fsdecode(library)), file
+
+
+def beside(name: str, reference: str) -> str:
+    """Return the name in a log of a file that the file `name` names; it stays inside of its top folder."""
+    top = name.partition("/")[0]
+    inner = posixpath.join(posixpath.dirname(name.removeprefix(f"{top}/")), reference)
+    return f"{top}/{plain_reference(inner)}"
 
 
 @lru_cache(maxsize=2)
@@ -206,10 +243,11 @@ def _names_packages(text: str) -> bool:
 
 
 def robot_meshes(urdf: str) -> tuple[tuple[str, Path], ...]:
-    """Return all meshes that a URDF names, visual and collision, each once: name in the log, file."""
-    named = dict(_references(urdf))
-    files = {file: Path(file) for file in mesh_paths(urdf)}
-    return tuple((named[path], file) for path, file in sorted(files.items()) if path in named)
+    """Return all meshes that a URDF names, visual and collision, with their materials, each once: name in
+    the log, file."""
+    drawn = set(mesh_paths(urdf))
+    named = sorted((path, name) for path, name in _references(urdf) if path in drawn)
+    return tuple(dict(both for path, name in named for both in with_materials(name, Path(path))).items())
 
 
 def plain_reference(filename: str) -> str:

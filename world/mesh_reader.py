@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from ..files.shipped_files import is_file
 from ..files.xml_text import XmlError, decode_xml, parse_xml
 from ..files.yaml.file_text import Unreadable, read_bytes
 from .shapes import convex_hull
@@ -240,16 +241,28 @@ def _loaded(raw: bytes, kind: str, materials: dict[str, bytes]) -> trimesh.Scene
     return loaded
 
 
+def material_names(raw: bytes) -> tuple[bytes, ...]:
+    """Return the names of the libraries of materials in an OBJ file's content, each once."""
+    return tuple(dict.fromkeys(line.strip() for line in _LIBRARY.findall(raw)))
+
+
+def material_files(raw: bytes, folder: Path) -> dict[bytes, Path]:
+    """Return the libraries of materials that an OBJ file in `folder` names and that are there, by name."""
+    found: dict[bytes, Path] = {}
+    for library in material_names(raw):
+        written = (os.fsdecode(library), library.decode("latin-1"))
+        file = next((folder / name for name in written if is_file(folder / name)), None)
+        if file is not None:
+            found[library] = file
+    return found
+
+
 def _materials(raw: bytes, folder: Path) -> dict[str, bytes]:
-    """Return the libraries of materials that an OBJ file names and that are there, by name."""
+    """Return the content of the libraries of materials that can be read, by name."""
     found: dict[str, bytes] = {}
-    for library in _LIBRARY.findall(raw):
-        name = os.fsdecode(library.strip())
-        for written in (name, library.strip().decode("latin-1")):
-            with suppress(Unreadable):
-                content = read_bytes(folder / written, MAX_MATERIAL_BYTES)
-                found[_ascii(library.strip()).decode()] = _ascii(content)
-                break
+    for library, file in material_files(raw, folder).items():
+        with suppress(Unreadable):
+            found[_ascii(library).decode()] = _ascii(read_bytes(file, MAX_MATERIAL_BYTES))
     return found
 
 

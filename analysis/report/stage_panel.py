@@ -14,7 +14,7 @@ from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
 from ...logs.run_log import RunLog
 from ...logs.schema.records import BodyRecord, Candidates, LinkMesh, PartRecord
 from ...manipulation.pick.pick_candidates import ACCEPTED_VERDICT, count_rejections, describe_rejections
-from ...robots.loading import parse_robot
+from ...robots.loading import read_tcp
 from ...world.colours import COLOURS
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Array, Pose
@@ -149,12 +149,12 @@ def packed_tool(log: RunLog, links: Sequence[str]) -> Packable:
         return None
     try:
         text = log.attachment("robot.yaml").decode("utf-8", "replace")
-        robot = parse_robot(text, log.path)
-    except (PicktreeError, OSError):
+        tcp = read_tcp(text, log.path)
+    except PicktreeError:
+        tcp = None
+    if tcp is None or tcp.link not in links:
         return {"link": len(links) - 1, "at": list(row(Pose()))}
-    if robot.tcp_link not in links:
-        return {"link": len(links) - 1, "at": list(row(Pose()))}
-    return {"link": links.index(robot.tcp_link), "at": list(row(robot.tcp_in_link))}
+    return {"link": links.index(tcp.link), "at": list(row(tcp.pose()))}
 
 
 def _object(one: BelievedBody, fixed: Sequence[PartRecord]) -> Packable:

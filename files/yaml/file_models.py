@@ -137,7 +137,14 @@ def _smaller_unit(
     return f"write {meant}" if fits else ""
 
 
-def as_mapping(key: str, given: object) -> BeforeValidator:
+@dataclass(frozen=True)
+class ShortForm(BeforeValidator):
+    """Reads a bare value as a mapping with one key."""
+
+    key: str = ""
+
+
+def as_mapping(key: str, given: object) -> ShortForm:
     """A bare value stands for a mapping with one key; `given` is what may be written."""
 
     def wrap(value: object) -> object:
@@ -145,7 +152,7 @@ def as_mapping(key: str, given: object) -> BeforeValidator:
             return cast("object", value)
         return {key: value}
 
-    return BeforeValidator(wrap, json_schema_input_type=given)
+    return ShortForm(wrap, given, key)
 
 
 def check_name(value: str) -> str:
@@ -236,7 +243,7 @@ def partial_model(model: type[Model], value: object, faulty: Collection[Location
             if not field.is_required():
                 found[name] = field.get_default(call_default_factory=True)
         else:
-            part = _part(_declared(field), cast("dict[str, object]", value)[key], below)
+            part = _part(declared_type(field), cast("dict[str, object]", value)[key], below)
             if part is not _HOLE:
                 found[name] = part
     made = model.model_construct(None, **found)
@@ -275,8 +282,8 @@ def _part(annotation: object, value: object, faulty: Sequence[Location]) -> obje
     return _HOLE
 
 
-def _declared(field: FieldInfo) -> object:
-    """The field's annotation with its metadata, as it was written."""
+def declared_type(field: FieldInfo) -> object:
+    """Return a field's annotation with its metadata, as it was written."""
     return Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
 
 

@@ -10,15 +10,16 @@ from __future__ import annotations
 
 import hashlib
 import io
+import os
 import posixpath
 import tempfile
 import xml.etree.ElementTree as ElementTree
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from types import TracebackType
-from typing import Any, Protocol, cast
+from typing import Any, Protocol, assert_never, cast
 
 import yaml
 from pydantic import TypeAdapter, ValidationError
@@ -27,8 +28,9 @@ from ...errors import PicktreeError
 from ...files.atomic_write import whole
 from ...files.marks import FileError
 from ...files.yaml.document import Document, read_document
+from ...files.yaml.named_files import FileName, file_names, renamed
 from ...robots.description import RobotDescription
-from ...robots.loading import check_robot, parse_robot, robot_names
+from ...robots.loading import COMPOSED, check_robot, parse_robot, robot_names
 from ...robots.mesh_files import mesh_file
 from ...robots.urdf_text import parse_urdf
 from ...simulation.backends import Backend
@@ -36,16 +38,20 @@ from ...simulation.fault_files.fault_entries import FaultFile
 from ...simulation.fault_files.fault_loading import parse_faults
 from ...trees.loading.loader import parse_mission
 from ...trees.mission import Mission, RecordedFiles
+from ...world.mesh_reader import material_names
 from ...world.scene.description import MESH_SETS, SceneDescription
 from ...world.scene.loading.scene_loading import check_scene
+from ...world.scene.scene_schema import SceneFile
 from ..recipe import (
     ASSORTMENT_MESHES,
     DEFAULT_TIME_LIMIT,
     ROBOT_MESHES,
     Recipe,
+    beside,
     fingerprints,
     plain_reference,
     recipe_files,
+    scene_mesh_names,
 )
 
 
@@ -106,17 +112,9 @@ class Unpacking:
         path = folder / f"{_inside(self._info.scene)}.yaml"
         document = read_document(path, "scene", text)
         data = cast("dict[str, Any]", document.data)
-        moved = False
-        for kind, entry in _entries(data.get("catalogue")):
-            if isinstance(mesh := entry.get("mesh"), str):
-                moved = self._put_mesh(kind, mesh, entry, folder) or moved
-        robot = str(data.get("robot"))
-        if robot not in robot_names():
-            # This text only needs a robot file that exists; `robot` reads its content.
-            data["robot"], moved = "robot/robot.yaml", True
-            self._put(folder / "robot" / "robot.yaml", self._log.attachment("robot.yaml"))
-        moved = self._put_assortment(data.get("assortment"), folder) or moved
-        document = read_document(path, "scene", _dumped(data)) if moved else document
+        places = {name: self._place(name, folder) for name in file_names(SceneFile, data)}
+        moved = {name.loc: place for name, place in places.items() if place != name.text}
+        document = read_document(path, "scene", _dumped(renamed(data, moved))) if moved else document
         return replace(check_scene(document).required(), text=text)
 
     def robot(self) -> RobotDescription:
@@ -134,7 +132,7 @@ class Unpacking:
                 if installed.read_bytes() == urdf:
                     return robot
         data["urdf"] = "robot.urdf"
-        for done in ("mount", "inertias"):
+        for done in COMPOSED:
             data.pop(done, None)  # the URDF of the log has it already
         self._put(folder / "robot.urdf", self._with_meshes(urdf, folder, installed))
         return replace(parse_robot(_dumped(data), path), text=text)
@@ -149,36 +147,51 @@ class Unpacking:
         named = data.pop("scene", None) is not None
         return replace(parse_faults(_dumped(data) if named else text, path), text=text)
 
-    def _put_mesh(self, kind: str, mesh: str, entry: dict[str, Any], folder: Path) -> bool:
-        """Put the mesh where the scene names it. True when the entry names another place now."""
-        base = posixpath.basename(mesh)
-        name = next((n for n in (f"mesh/{kind}/{base}", f"mesh/{base}") if n in self._names), None)
-        if name is None:
-            raise PicktreeError(f"{self._log.path}: the mesh {mesh} of the scene is not in the log")
-        plain = plain_reference(mesh)
-        at = plain if plain == posixpath.normpath(mesh) else name
-        self._put(folder / at, self._log.attachment(name))
-        entry["mesh"] = at
-        return at != mesh
+    def _place(self, name: FileName, folder: Path) -> str:
+        """Put the file that a scene names into the folder, unless it is shipped. Return its name there."""
+        match name.role:
+            case "mesh":
+                return self._place_mesh(name, folder)
+            case "mesh folder":
+                return name.text if name.text in MESH_SETS else self._place_meshes(name.text, folder)
+            case "robot" if name.text in robot_names():
+                return name.text
+            case "robot":
+                # The scene's text only needs a robot file that exists; `robot` reads its content.
+                self._put(folder / "robot" / "robot.yaml", self._log.attachment("robot.yaml"))
+                return "robot/robot.yaml"
+            case "scene" | "urdf":
+                return name.text  # the text of the log stands without a base
+            case _:
+                assert_never(name.role)
 
-    def _put_assortment(self, entry: object, folder: Path) -> bool:
-        """Put the meshes of an assortment where its entry then names them. False: it has no folder of its
-        own."""
-        if not isinstance(entry, dict):
-            return False
-        given = cast("dict[str, Any]", entry)
-        if given.get("meshes") in MESH_SETS:
-            return False
+    def _place_mesh(self, mesh: FileName, folder: Path) -> str:
+        """Put the mesh and its materials where the scene names it, if that is inside of the folder."""
+        alone, apart = scene_mesh_names(mesh.loc, PurePosixPath(mesh.text).name)
+        name = next((n for n in (apart, alone) if n in self._names), None)
+        if name is None:
+            raise PicktreeError(f"{self._log.path}: the mesh {mesh.text} of the scene is not in the log")
+        plain = plain_reference(mesh.text)
+        place = plain if plain == posixpath.normpath(mesh.text) else name
+        content = self._log.attachment(name)
+        self._put(folder / place, content)
+        for library in map(os.fsdecode, material_names(content)):
+            if (held := beside(name, library)) in self._names:
+                at = plain_reference(posixpath.join(posixpath.dirname(place), library))
+                self._put(folder / at, self._log.attachment(held))
+        return place
+
+    def _place_meshes(self, meshes: str, folder: Path) -> str:
+        """Put the meshes of an assortment into a folder of their own."""
         if ASSORTMENT_MESHES not in self._names:
             raise PicktreeError(
-                f"{self._log.path}: the meshes {given.get('meshes')} of the assortment are not in the log; "
+                f"{self._log.path}: the meshes {meshes} of the assortment are not in the log; "
                 "it was made by an older version"
             )
         with zipfile.ZipFile(io.BytesIO(self._log.attachment(ASSORTMENT_MESHES))) as archive:
             for name in archive.namelist():
                 self._put(folder / "assortment" / Path(name).name, archive.read(name))
-        given["meshes"] = "assortment"
-        return True
+        return "assortment"
 
     def _with_meshes(self, urdf: bytes, folder: Path, installed: Path | None) -> bytes:
         """Return the URDF, with its meshes beside it: those of the log, else the same ones of the installed
@@ -194,6 +207,9 @@ class Unpacking:
                 content = self._installed_mesh(name, filename, installed)
             self._put(folder / plain, content)
             mesh.set("filename", plain)
+        for name, held in self._below(ROBOT_MESHES):
+            if not (folder / name).exists():  # a library of materials, which a mesh names
+                self._put(folder / name, self._log.attachment(held))
         return ElementTree.tostring(root)
 
     def _installed_mesh(self, name: str, filename: str, installed: Path | None) -> bytes:
@@ -237,13 +253,6 @@ def _inside(name: str) -> str:
 
 def _data(text: str, path: Path, kind: str) -> dict[str, Any]:
     return cast("dict[str, Any]", read_document(path, kind, text).data)
-
-
-def _entries(catalogue: object) -> list[tuple[str, dict[str, Any]]]:
-    if not isinstance(catalogue, dict):
-        return []
-    kinds = cast("Mapping[str, object]", catalogue)
-    return [(kind, cast("dict[str, Any]", entry)) for kind, entry in kinds.items() if isinstance(entry, dict)]
 
 
 def _dumped(data: Mapping[str, Any]) -> str:

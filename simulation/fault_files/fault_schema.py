@@ -22,6 +22,7 @@ from ...files.yaml.file_models import (
     Vector,
     quantity,
 )
+from ...files.yaml.named_files import NamedFile
 from ...world.colours import ITEM_COLOURS
 from ...world.scene.body_schema import UnknownFile
 from ...world.scene.description import Form
@@ -227,7 +228,7 @@ class ExpectFile(FileModel):
 class FaultsRestFile(FileModel):
     """Keys of a fault file besides its list."""
 
-    scene: str | None = None
+    scene: Annotated[str, NamedFile("scene")] | None = None
     """A scene, shipped or a file next to this one. Kinds, colours and numbers of items, cameras and joints
     are checked against it."""
     expect: ExpectFile | None = None

@@ -19,7 +19,7 @@ from ...errors import PicktreeError
 from ...logs.log_paths import find_log
 from ...logs.run_log import RunLog
 from ...logs.schema import topics
-from ...robots.loading import parse_robot
+from ...robots.loading import read_tcp
 from ...session.live.attach_socket import connect_to_run
 from ..calls import JsonValue
 from .run_picture import MAX_LINES, LogMessage, RunPicture
@@ -174,9 +174,9 @@ class FollowedRun:
             time.sleep(_LOG_PERIOD)
         with RunLog(find_log(self.folder)) as log:
             link = ""
-            with suppress(PicktreeError, OSError):
-                text = log.attachment("robot.yaml").decode("utf-8", "replace")
-                link = parse_robot(text, log.path).tcp_link
+            with suppress(PicktreeError):
+                tcp = read_tcp(log.attachment("robot.yaml").decode("utf-8", "replace"), log.path)
+                link = "" if tcp is None else tcp.link
             picture = RunPicture(link)
             info = log.run
             picture.set("run", {"mission": info.mission, "scene": info.scene, "robot": info.robot,

@@ -23,6 +23,7 @@ from ...files.yaml.file_models import (
     as_mapping,
     quantity,
 )
+from ...files.yaml.named_files import NamedFile
 from ..colours import COLOURS, ITEM_COLOURS, PLAIN_COLOURS
 from .description import Form
 
@@ -76,7 +77,7 @@ class SphereFile(FileModel):
 class MeshFile(FileModel):
     """A convex body from a mesh file."""
 
-    file: str
+    file: Annotated[str, NamedFile("mesh")]
     """An OBJ or STL file; its path counts from this file. Its hull is what the robot handles."""
     scale: Annotated[float, quantity("", above=0)] = 1.0
     """Factor on the mesh's own coordinates: 0.001 for a mesh in mm."""

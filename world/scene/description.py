@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
+from ...files.yaml.named_files import FileName
 from ..protocols import Intrinsics
 from ..shapes import Box, Shape
 from ..values import Bounds, ObjectId, Pose, Vector3
@@ -361,6 +362,8 @@ class SceneDescription:
     """Calibration of cameras and tool; the poses in `cameras` contain its corrections already."""
     assortment: Assortment | None = None
     """Things without a catalogue; None: there are none."""
+    files: tuple[FileName, ...] = field(default=(), compare=False, repr=False)
+    """Files that the scene names, each with its path as text."""
 
     @property
     def heaped(self) -> bool:

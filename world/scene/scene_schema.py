@@ -22,6 +22,7 @@ from ...files.yaml.file_models import (
     as_mapping,
     quantity,
 )
+from ...files.yaml.named_files import NamedFile
 from ..colours import ITEM_COLOURS
 from ..planner_names import PlannerName
 from .body_schema import CatalogueFile, Corner, FixtureFile, UnknownFile
@@ -288,7 +289,7 @@ class SensorsFile(FileModel):
 class AssortmentFile(FileModel):
     """Things without a catalogue: only the simulation and the scorer know their shapes."""
 
-    meshes: str
+    meshes: Annotated[str, NamedFile("mesh folder")]
     """Folder with OBJ files beside this file, or `random_urdfs`, the set of 999 things that comes with
     pybullet. Each `o` group of a file is a convex part."""
     scale: Annotated[float, Field(gt=0, le=1000)] = 1.0
@@ -309,10 +310,10 @@ class AssortmentFile(FileModel):
 class RestFile(FileModel):
     """Keys of a scene file beside its sections."""
 
-    base: str | None = None
+    base: Annotated[str, NamedFile("scene")] | None = None
     """A scene, shipped or a file beside this one, on which this one is laid: mappings merge, other values
     replace, null removes."""
-    robot: str
+    robot: Annotated[str, NamedFile("robot")]
     """A shipped robot, or a robot file beside this one."""
     limits: LimitsFile = LimitsFile()
     """Limits that the safety monitor enforces."""

@@ -54,13 +54,11 @@ def arm_of(run: RunRecord) -> InverseKinematics | None:
         return None
     # They are slow to import, and needed for few failures.
     from ....planning.kinematics.inverse_kinematics import InverseKinematics
-    from ....robots.loading import parse_robot
     from ....robots.model import RobotModel
 
-    text = run.log.attachment("robot.yaml").decode("utf-8", "replace")
     with tempfile.TemporaryDirectory() as folder:
         try:
-            return InverseKinematics(RobotModel(parse_robot(text, Path(folder) / "robot.yaml")))
+            return InverseKinematics(RobotModel(Unpacking(run.log, Path(folder)).robot()))
         except (PicktreeError, OSError, ValueError):
             return None
 

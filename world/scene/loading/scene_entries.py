@@ -10,6 +10,7 @@ from ....files.disk_cache import cached_arrays
 from ....files.marks import Location
 from ....files.yaml.document_checker import DocumentChecker
 from ....files.yaml.file_text import Unreadable, read_bytes
+from ....files.yaml.named_files import path_of
 from ... import mesh_reader
 from ...mesh_reader import FlatMesh, MeshError, hull_corners, parse_mesh
 from ...shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
@@ -271,8 +272,8 @@ def _shape(check: DocumentChecker, loc: Location, entry: CatalogueFile) -> Shape
     if entry.mesh is not None:
         at = (*loc, "mesh")
         try:
-            # Relative to the file in which it is named, which may be the base of this one.
-            return load_convex(Path(check.document.mark(at).file).parent / entry.mesh.file, entry.mesh.scale)
+            file = path_of(check.document, (*at, "file"), entry.mesh.file)
+            return load_convex(file, entry.mesh.scale)
         except MeshError as error:
             check.fault(at, error.message, error.hint, code="P409")
             return None

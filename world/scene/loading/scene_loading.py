@@ -16,10 +16,12 @@ from ....files.shipped_files import find_file, shipped_names
 from ....files.value_wording import suggest_name
 from ....files.yaml.document import Document, merge_patch, read_document
 from ....files.yaml.document_checker import DocumentChecker
+from ....files.yaml.named_files import located
 from ...values import Bounds, ObjectId, Pose
 from ..body_schema import CatalogueFile, FixtureFile, UnknownFile
 from ..calibration_results import SceneCalibration
 from ..description import (
+    MESH_SETS,
     MIN_FELT_MASS,
     Bin,
     CatalogueEntry,
@@ -40,6 +42,7 @@ from ..scene_schema import (
     DestinationFile,
     FeedFile,
     RestFile,
+    SceneFile,
     SpawnFile,
 )
 from .feed_loading import belt, check_belts, check_feed, check_totes, delivery
@@ -220,6 +223,7 @@ class _Parts:
             calibration=known,
             planner=rest.planner or "",
             assortment=assortment(self.document, rest.assortment),
+            files=located(self.document, SceneFile, MESH_SETS),
         )
 
     def _robot(self, name: str) -> Path | None:

@@ -13,6 +13,7 @@ from ....files.marks import Location
 from ....files.value_wording import describe, suggest_name
 from ....files.yaml.document import Document
 from ....files.yaml.document_checker import DocumentChecker
+from ....files.yaml.named_files import path_of
 from ...shapes import Box, Cylinder, Shape, Sphere, corners
 from ...values import Bounds, ObjectId
 from ..description import ASSORTMENT, MESH_SETS, Assortment, Bin, CatalogueEntry, Fixture, Spawn
@@ -265,7 +266,7 @@ def _meshes(document: Document, name: str) -> str:
     """Return the name of a set, or the path of a folder, which counts from the file that names it."""
     if name in MESH_SETS:
         return name
-    return str((Path(document.mark(("assortment", "meshes")).file).parent / name).resolve())
+    return str(path_of(document, ("assortment", "meshes"), name).resolve())
 
 
 def tote_area(tote: Bin) -> tuple[tuple[float, float], tuple[float, float]]:
