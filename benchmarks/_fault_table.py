@@ -11,7 +11,7 @@ from typing import Any
 from _fault_measures import Measure
 from picktree.batch.statistics.rates import Rate, rate
 from picktree.simulation.fault_files.fault_entries import FaultExpectation
-from picktree.world.causes import cause_named, matches
+from picktree.world.causes import matches
 
 COLUMNS: Mapping[str, str] = {
     "took effect": "of all runs, those in which a fault did something (a `fault` event that neither waits "
@@ -89,7 +89,7 @@ class Line:
 
 def is_right(cause: str, expect: FaultExpectation) -> bool:
     """Whether a cause is among those that count as the right ones."""
-    return any(matches(pattern, cause_named(cause)) for pattern in expect.causes)
+    return any(matches(pattern, cause) for pattern in expect.causes)
 
 
 def names_root(measure: Measure, expect: FaultExpectation) -> bool:

@@ -229,16 +229,18 @@ def cause_named(name: str) -> Cause:
         raise PicktreeError(f"unknown cause {name!r}; known: {', '.join(_causes)}") from None
 
 
-def matches(pattern: str, cause: Cause) -> bool:
-    """Whether a `when:` pattern (`grasp.missed`, `grasp.*`, `*`) covers the cause.
+def matches(pattern: str, cause: Cause | str) -> bool:
+    """Whether a `when:` pattern (`grasp.missed`, `grasp.*`, `*`) covers the cause, or the cause of that name.
 
-    `*` does not match `internal.error`: a fault of the program is not to be recovered by accident.
+    A log may have causes of plug-ins that are not registered here: they are known by name only. `*` does not
+    match `internal.error`: a fault of the program is not to be recovered by accident.
     """
+    name = str(cause)
     if pattern == "*":
-        return cause.name != internal.ERROR.name
+        return name != internal.ERROR.name
     if pattern.endswith(".*"):
-        return cause.name.startswith(pattern[:-1])
-    return cause.name == pattern
+        return name.startswith(pattern[:-1])
+    return name == pattern
 
 
 @dataclass(frozen=True, slots=True)

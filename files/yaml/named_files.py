@@ -99,7 +99,9 @@ def _forms(model: type[BaseModel]) -> tuple[tuple[Location, FileRole], ...]:
 
 def _marked(kind: Any, loc: Location, above: tuple[object, ...]) -> Iterator[tuple[Location, FileRole]]:
     for one, marks in _alternatives(kind):
-        yield from ((loc, mark.role) for mark in marks if one is str and isinstance(mark, NamedFile))
+        for mark in marks:
+            if one is str and isinstance(mark, NamedFile):
+                yield loc, mark.role
         for inner in _short_forms(one, marks):
             yield from _marked(inner, loc, above)
         for key, inner in () if one in above else _fields(one):

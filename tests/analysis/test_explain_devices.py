@@ -18,8 +18,10 @@ from picktree.analysis.explain.investigation.explanation import Explanation
 from picktree.simulation.backends import Backend
 from picktree.simulation.kinematic.camera import KinematicCamera
 from picktree.simulation.physics.rgbd_camera import PhysicsCamera
+from picktree.world.causes import known_causes
 from picktree.world.protocols import RgbdImage
 
+from ..trees.waving import WAVE, forgotten
 from .test_explain_roots import BALL, BLOCK, MISSION, blind, run
 
 CAN = "  - {of: {can: 1}, colours: [green], area: {min: [0.5, 0.1], max: [0.52, 0.12]}}\n"
@@ -210,3 +212,24 @@ def test_a_picture_that_stands_still_is_named(
         assert any("overhead stands still" in f.message for f in explain(log).failures) == (
             backend == "physics"
         )
+
+
+def test_a_cause_is_explained_without_the_plug_in_that_registers_it(tmp_path: Path) -> None:
+    (tmp_path / "wave.py").write_text(
+        WAVE.replace(
+            "        yield\n", '        yield\n        raise Failure(TIRED, "it has waved enough")\n'
+        )
+    )
+    mission = MISSION.replace("kind: mission\n", "kind: mission\nplugins: [wave.py]\n").replace(
+        "                - Place: ", "                - Wave\n                - Place: "
+    )
+    fault = "{fault: wrench_dead, when: {at: 1 s}, lasts: 2 s}"
+    with forgotten():
+        folder = run(tmp_path, fault=fault, mission=mission)
+    (tmp_path / "wave.py").unlink()
+    assert "wave.tired" not in known_causes()
+    with Run(folder) as log:
+        found = explain(log)
+        assert {"wave.tired", "safety.stale_sensor"} <= {failure.cause for failure in found.failures}
+        told = " ".join(to_text(log, found, "LOG").split())
+        assert "wave.tired" in told and "it has waved enough" in told

@@ -54,7 +54,7 @@ plugins: [plugins/wave.py]
 trees:
   Main: {Sequence: [Look, Wave]}
 """
-LOOK = "picktree: 1\nkind: mission\nlibrary: true\ntrees: {Look: {Log: {message: look}}}\n"
+LOOK = "picktree: 1\nkind: mission\nlibrary: true\nplugins: [nod.py]\ntrees: {Look: Nod}\n"
 WAVE = '''\
 from picktree.trees.skill import Skill, Steps
 from picktree.skill_world.world import World
@@ -76,6 +76,7 @@ FILES: Mapping[str, str] = {
     "missions/look.yaml": MISSION,
     "missions/parts/look.yaml": LOOK,
     "missions/plugins/wave.py": WAVE,
+    "missions/parts/nod.py": WAVE.replace("Wave", "Nod"),
     "parts/lump.obj": PAINTED,
     "parts/paint.mtl": PAINT,
     "others/lump.obj": SMALLER,

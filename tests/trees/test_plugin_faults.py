@@ -400,3 +400,34 @@ def test_a_plug_in_that_is_not_there(tmp_path: Path, plugin: str, code: str, tex
         mission(home, "{Main: AlwaysSuccess}", plugin)
     (found,) = caught.value.faults
     assert (found.code, str(found)) == (code, f"{home}/m.yaml:3:11: plugins[0]: {text}")
+
+
+FOLLOWING = """{Main: {Recover: {
+  do: {Sequence: [{Wave: {times: 2}}, {Script: {code: "a := done"}}, Waev, Grsap]},
+  when: {wave.tired: Wave, wave.*: Wave, wave.tierd: AlwaysSuccess, grasp.mised: AlwaysSuccess}}}}"""
+
+
+def said(folder: Path, plugin: str) -> list[tuple[str, str]]:
+    with pytest.raises(FileError) as caught:
+        mission(folder, FOLLOWING, plugin)
+    return [(each.code, each.message.partition(" (")[0]) for each in caught.value.faults]
+
+
+def test_what_follows_from_a_plug_in_that_cannot_be_loaded_is_not_told_again(tmp_path: Path) -> None:
+    (tmp_path / "wave.py").write_text(f"import no_such_module\n{WAVE}")
+    first, *others = said(tmp_path, "wave.py")
+    assert first[0] == "P252"
+    assert others == [
+        ("P207", "unknown node 'Waev'"),
+        ("P207", "unknown node 'Grsap'"),
+        ("P233", "no cause is called 'wave.tierd'"),
+        ("P233", "no cause is called 'grasp.mised'"),
+    ]
+
+
+def test_of_a_plug_in_without_a_text_any_name_may_be(tmp_path: Path) -> None:
+    assert said(tmp_path, "wave.py") == [
+        ("P257", "there is no plug-in 'wave.py' beside the mission"),
+        ("P207", "unknown node 'Grsap'"),
+        ("P233", "no cause is called 'grasp.mised'"),
+    ]

@@ -10,6 +10,7 @@ from typing import TypeAlias
 from ...files.marks import Location
 from ...files.yaml.document import Document
 from ...files.yaml.reader import Value
+from ...world.causes import OUR_PREFIXES
 from ..controls import Sequence
 from ..declaration import NodeDeclaration
 from ..mission import NodeSpec
@@ -129,7 +130,8 @@ class ChildReader:
 
     def _check_pattern(self, pattern: str, loc: Location, trail: str) -> None:
         patterns = self._registry.patterns
-        if pattern not in patterns:
+        ours = pattern.partition(".")[0] in OUR_PREFIXES
+        if pattern not in patterns and not self._registry.is_lost(pattern, near=ours):
             hint = self._faults.nearest(pattern, patterns)
             self._fault(loc, trail, f"no cause is called {show(pattern)}", hint, code="P233", key=True)
 

@@ -144,7 +144,9 @@ class NodeSpecReader:
                 # The name may be right, and its plug-in installed but broken.
                 hint = "; ".join(problem.message for problem in self._registry.problems)
                 detail = "\n".join(filter(None, (problem.traceback for problem in self._registry.problems)))
-            if near or not self._lacking:
+            if self._registry.is_lost(identity, near=near):
+                self._faults.leave_out(site.trail)  # the plug-in is a fault already
+            elif near or not self._lacking:
                 message = f"unknown node {show(identity)}"
                 self._fault(loc, above, message, hint, code="P207", key=key, detail=detail)
         else:

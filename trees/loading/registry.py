@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -44,6 +45,8 @@ class NodeRegistry:
         self._plugins: list[Plugin] = []
         self._asked: set[str] = set()
         self._problems: list[PluginProblem] = []
+        self._lost: list[str] = []
+        """Texts of the plug-ins of `plugins:` that could not be loaded; empty where there is none."""
         self._pending = installed
         self.add(NODES, "picktree.trees")
         self.add(nodes, "given")
@@ -101,6 +104,7 @@ class NodeRegistry:
         other._nodes, other._from = dict(self._nodes), dict(self._from)
         other._plugins, other._asked = list(self._plugins), set(self._asked)
         other._problems, other._pending = list(self._problems), self._pending
+        other._lost = list(self._lost)
         return other
 
     def add(self, nodes: Iterable[type[Node]], source: str) -> None:
@@ -124,8 +128,22 @@ class NodeRegistry:
     def add_plugin(self, plugin: str, folder: Path) -> None:
         """Add a module by its name, or a Python file in `folder`. Raises PluginError with the reason."""
         self._load_installed()  # so that it is the mission's plug-in that hears that an ID is taken
-        self._take(load_plugin(plugin, folder))
+        try:
+            self._take(load_plugin(plugin, folder))
+        except PluginError:
+            self._lost.append(_text(folder / plugin) if plugin.endswith(".py") else "")
+            raise
         self._asked.add(plugin)
+
+    def is_lost(self, name: str, *, near: bool = False) -> bool:
+        """Whether a node, cause or family may be of a plug-in that could not be loaded.
+
+        Its text has the name then. Where there is no text, any name may be its, but one that is `near` a
+        known one.
+        """
+        word = re.escape(name.removesuffix(".*"))
+        pattern = rf"(?<![\w.]){word}" + (r"\." if name.endswith(".*") else r"(?![\w.])")
+        return any(re.search(pattern, text) if text else not near for text in self._lost)
 
     def _take(self, plugin: Plugin) -> None:
         self.add(plugin.nodes, plugin.name)
@@ -141,6 +159,13 @@ class NodeRegistry:
                 self._take(load_installed(value, distribution))
             except PluginError as error:
                 self._problems.append(PluginProblem(f"{name} ({value})", error.message, error.detail))
+
+
+def _text(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8", errors="replace")
+    except (OSError, ValueError):
+        return ""
 
 
 def _is_ours(module: str) -> bool:

@@ -22,6 +22,7 @@ class MissionDiagnostics:
         self._kept: list[Diagnostic] = []
         self._more = 0
         self._nodes = 0
+        self._left_out: list[str] = []
 
     def has_room(self, document: Document, loc: Location) -> bool:
         """Count a node of the text; return False when there are too many for the mission to be built."""
@@ -64,15 +65,20 @@ class MissionDiagnostics:
         mark = document.key_mark(loc) if key else document.mark(loc)
         self._kept.append(Diagnostic(mark, trail, message, hint, code, detail=detail))
 
+    def leave_out(self, trail: str) -> None:
+        """Note a node that is not read because of an error that is reported elsewhere."""
+        self._left_out.append(trail)
+
     def nearest(self, name: str, known: Iterable[str]) -> str:
         """Return the nearest name as `suggest_name`, which is costly; empty when the list is full."""
         return "" if self.full else suggest_name(name, known)
 
     def within(self, tree: str) -> bool:
-        """Whether any error lies in that tree."""
+        """Whether any error lies in that tree, or a node that was left out."""
         starts = (f"{tree}/", f"trees.{tree}.")
         names = (tree, f"trees.{tree}")
-        return any(f.where in names or f.where.startswith(starts) for f in self._kept)
+        places = (*(fault.where for fault in self._kept), *self._left_out)
+        return any(place in names or place.startswith(starts) for place in places)
 
     def all(self) -> tuple[Diagnostic, ...]:
         """Return the errors in the order of the files; the last one gives the number that was left out."""

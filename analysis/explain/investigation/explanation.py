@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias, cast
 from ....logs.episodes.episode import Fate
 from ....logs.run_account import CureAttempt, Episodes, FailureLink
 from ....logs.schema.records import Values
-from ....world.causes import cause_named, matches
+from ....world.causes import matches
 
 Confidence: TypeAlias = Literal["likely", "possible", "the log does not tell"]
 """How sure an explanation is of a cause.
@@ -244,7 +244,7 @@ class DeviceFinding:
 
     def covers(self, failure: FailureStory, start: float) -> bool:
         """Whether a failure of a visit that began at `start` may come from the device."""
-        if not any(matches(pattern, cause_named(failure.cause)) for pattern in self.explains):
+        if not any(matches(pattern, failure.cause) for pattern in self.explains):
             return False
         if failure.evidence.get("joint") == self.finding.about:
             return failure.time >= self.spans[0][0]

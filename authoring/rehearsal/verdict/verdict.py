@@ -14,7 +14,7 @@ from ....trees.running.runner import BehaviourTree, SubTree
 from ....trees.status import NodeStatus
 from ....trees.values.port_types import show
 from ....trees.values.references import Reference, attribute
-from ....world.causes import FailureReport, cause_named, matches
+from ....world.causes import FailureReport, matches
 from ..cases.cases_schema import (
     ANY_LEAVES,
     OUTCOMES,
@@ -138,7 +138,7 @@ def _fits(turn: ExpectedStart, run: LeafRun) -> bool:
         return False
     if not turn.outcome or turn.outcome in OUTCOMES:
         return not turn.outcome or turn.outcome == run.outcome
-    return bool(run.cause) and matches(turn.outcome, cause_named(run.cause))
+    return bool(run.cause) and matches(turn.outcome, run.cause)
 
 
 def _wanted(turn: ExpectedStart) -> str:
@@ -221,7 +221,7 @@ class _Comparison:
             yield self._at((*expect.loc, "ticks"), "the mission still runs", outcome.ticks)
 
     def _handled(self, wanted: ExpectedHandling) -> Iterator[ExpectationMiss]:
-        of_cause = [h for h in self._trace.handled if matches(wanted.cause, cause_named(h.cause))]
+        of_cause = [h for h in self._trace.handled if matches(wanted.cause, h.cause)]
         found = [
             h
             for h in of_cause
