@@ -11,8 +11,8 @@ from ..trees.plugins.plugin_import import lazy_node
 
 if TYPE_CHECKING:
     from ..trees.node import Node
-    from .await_items import AwaitItems as AwaitItems
-    from .exchange_bin import ExchangeBin as ExchangeBin
+    from .feed import AwaitItems as AwaitItems
+    from .feed import ExchangeBin as ExchangeBin
     from .go_to import GoTo as GoTo
     from .grasp import Grasp as Grasp
     from .gripper import CloseGripper as CloseGripper
@@ -44,8 +44,8 @@ MODULES = {
     "GoTo": "go_to",
     "OpenGripper": "gripper",
     "CloseGripper": "gripper",
-    "AwaitItems": "await_items",
-    "ExchangeBin": "exchange_bin",
+    "AwaitItems": "feed",
+    "ExchangeBin": "feed",
     "Jog": "jog",
     "Survey": "survey",
     "TouchTarget": "touch_target",

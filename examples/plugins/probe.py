@@ -1,9 +1,20 @@
 """A skill of one's own in one file: a mission beside it says `plugins: [plugins/probe.py]`."""
 
-from picktree.skill_world.world import World
-from picktree.trees.ports import In, Out, port
-from picktree.trees.skill import ARM, GRIPPER, Skill, Steps
-from picktree.world.causes import Cause, Failure, control, register_cause, safety
+from picktree.skills.plugin import (
+    ARM,
+    GRIPPER,
+    Cause,
+    Failure,
+    In,
+    Out,
+    Skill,
+    Steps,
+    World,
+    control,
+    port,
+    register_cause,
+    safety,
+)
 
 NOTHING = register_cause(Cause("probe.nothing", "Nothing is there to be felt.", "probe deeper"))
 

@@ -1,9 +1,19 @@
 """A skill of my own: the mission beside this file says `plugins: [lift.py]`."""
 
-from picktree.skill_world.world import World
-from picktree.trees.ports import In, Out, port
-from picktree.trees.skill import ARM, Skill, Steps
-from picktree.world.causes import Cause, Failure, control, register_cause, safety
+from picktree.skills.plugin import (
+    ARM,
+    Cause,
+    Failure,
+    In,
+    Out,
+    Skill,
+    Steps,
+    World,
+    control,
+    port,
+    register_cause,
+    safety,
+)
 
 BLOCKED = register_cause(Cause("lift.blocked", "Something is in the way above the hand.", "retreat safely"))
 
