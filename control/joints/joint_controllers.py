@@ -18,11 +18,10 @@ MIN_PATH_DECELERATION = 1.0
 """Least deceleration of the progress along a path, 1/s²: braking on the path ends within a second in any
 case."""
 PATH_BRAKING_SHARE = 0.6
-"""Acceleration of braking on a path, as a share of its limits. All joints at their limits would exceed their
-torques."""
+"""Acceleration of braking on a path, as a share of its limits."""
 MAX_PATH_DECELERATION = 60.0
 BRAKING_TORQUE_SHARE = 0.85
-"""Share of the torque limits that braking off the path takes."""
+"""Share of the torque limits that braking takes: the servo and a held object need the rest."""
 TORQUE_RELAXATIONS = 8
 """Iterations that redistribute torque from joints with a reserve to joints that lack it."""
 MIN_BRAKING_SHARE = 0.15
@@ -105,8 +104,8 @@ class TrajectoryController:
     """Controller that follows a trajectory in time. It brakes *on the path*, which was checked for
     collisions.
 
-    Progress s runs with rate r = 1. While braking, r falls such that |q″r² − q′·u| stays within the joints'
-    acceleration limits, with u the deceleration of the progress.
+    Progress s runs with rate r = 1. While braking, r falls by u a second: the joints accelerate by
+    q″r² − q′·u, within their limits, and M(q″r² − q′·u) + bias(q, q′r) stays within their torques.
     """
 
     name: ClassVar[str] = "Track"
@@ -117,6 +116,7 @@ class TrajectoryController:
         """Commanded part of the trajectory, s."""
         self.done = False
         self._period = period
+        self._model = model
         self._limit = PATH_BRAKING_SHARE * model.acceleration_limit
         self._times: list[float] = trajectory.times.tolist()
         self._coefficients = trajectory.polynomials()
@@ -189,16 +189,23 @@ class TrajectoryController:
     def _slow_down(self) -> None:
         c = self._coefficients[self._segment]
         t = self.progress - self._times[self._segment]
-        powers = t ** np.arange(5.0)
-        along = (_FIRST_DERIVATIVE * powers) @ c[1:]
+        powers = t ** np.arange(6.0)
+        position = powers @ c
+        along = (_FIRST_DERIVATIVE * powers[:5]) @ c[1:]
         bend = (_SECOND_DERIVATIVE * powers[:4]) @ c[2:] * (self._rate * self._rate)
-        speed = np.abs(along)
-        moving = speed > 1e-6
-        deceleration = MAX_PATH_DECELERATION
-        if moving.any():
-            room = (self._limit + np.sign(along) * bend)[moving] / speed[moving]
-            deceleration = min(max(float(room.min()), MIN_PATH_DECELERATION), MAX_PATH_DECELERATION)
+        mass = self._model.mass_matrix(position)
+        torque = mass @ bend + self._model.bias(position, along * self._rate)
+        most = BRAKING_TORQUE_SHARE * self._model.torque_limit
+        room = min(_room(bend, -along, self._limit), _room(torque, mass @ -along, most))
+        deceleration = min(max(room, MIN_PATH_DECELERATION), MAX_PATH_DECELERATION)
         self._rate = max(0.0, self._rate - deceleration * self._period)
+
+
+def _room(base: Array, change: Array, limit: Array) -> float:
+    """Return the greatest u with |base + u·change| within the limits (n,); infinite where nothing changes."""
+    size = np.abs(change)
+    moving = size > 1e-6
+    return float(((limit - np.sign(change) * base)[moving] / size[moving]).min(initial=math.inf))
 
 
 def reversed_trajectory(trajectory: Trajectory, done: float, rate: float = 0.3) -> Trajectory | None:

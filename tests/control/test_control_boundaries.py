@@ -10,8 +10,10 @@ import pytest
 from picktree.control.cartesian.soft_limits import SoftJointLimits, distance_to_workspace_edge
 from picktree.control.commands import JointCommand
 from picktree.control.execution.contact_reflex import ContactReflex
-from picktree.control.joints.joint_controllers import BrakeController
-from picktree.control.safety.safety_monitor import SafetyMonitor
+from picktree.control.joints.joint_controllers import BrakeController, TrajectoryController
+from picktree.control.safety.safety_monitor import OVERLOAD_TORQUE_SHARE, SafetyMonitor
+from picktree.planning.requests import Scaling
+from picktree.planning.timing.time_parameterization import time_corners
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.causes import Failure
 from picktree.world.scene.description import SafetyLimits
@@ -91,6 +93,32 @@ def test_braking_off_the_path_needs_no_more_torque_than_there_is() -> None:
             at, before = command.position, command.velocity
             periods += 1
         assert periods * PERIOD < 1.5
+
+
+def test_braking_on_the_path_needs_no_more_torque_than_there_is() -> None:
+    """Plans take at most 0.7 of it. A motion that was handed over took 1.4 when nobody went on with it."""
+    rng = np.random.default_rng(5)
+    reached = 0.0
+    for _ in range(20):
+        way = [np.clip(HOME + rng.uniform(-1.0, 1.0, 7), MODEL.lower, MODEL.upper) for _ in range(3)]
+        trajectory = time_corners(MODEL, np.array(way), Scaling(1.0, 1.0), 0.1)
+        assert trajectory is not None
+        for start in np.linspace(0.1, 0.9, 9):
+            track = TrajectoryController(trajectory, MODEL, PERIOD)
+            track.start(0.0, JointState(way[0], np.zeros(7), np.zeros(7)), JointCommand(way[0], np.zeros(7)))
+            track.progress = float(start) * trajectory.duration
+            at = before = JointCommand(*trajectory.sample(track.progress))
+            track.brake()
+            began, periods = track.progress, 0
+            while not track.done:
+                at, before = track.update(0.0, JointState(at.position, at.velocity, np.zeros(7))), at
+                if not track.done:  # the last step ends between two periods
+                    change = (at.velocity - before.velocity) / PERIOD
+                    torque = MODEL.inverse_dynamics(before.position, before.velocity, change)
+                    reached = max(reached, float((np.abs(torque) / MODEL.torque_limit).max()))
+                periods += 1
+            assert periods * PERIOD <= 1.05 and track.progress - began < 0.5
+    assert 0.8 < reached < OVERLOAD_TORQUE_SHARE
 
 
 def test_a_line_is_inside_as_far_as_its_first_side() -> None:
