@@ -72,7 +72,7 @@ class RunRecord:
 
     def __repr__(self) -> str:
         result = self.result
-        parts = [self.info.mission, self.info.seed_text, f"{self.end:.1f} s"]
+        parts = [self.info.mission, self.info.seed_text, f"{self.duration:.1f} s"]
         if result is not None:
             items = result.items
             parts += [result.status, f"{items.sorted} of {items.total} items sorted" if items.total else ""]
@@ -97,6 +97,11 @@ class RunRecord:
     def end(self) -> float:
         """Time of the last message, simulated s."""
         return self.log.end
+
+    @property
+    def duration(self) -> float:
+        """Simulated time of the run, s, as its result has it; without one, that of the last message."""
+        return self.end if self.result is None else self.result.sim_seconds
 
     @property
     def last_tick(self) -> float:

@@ -10,7 +10,7 @@ from ..trees.ports import In, Out, child, children, optional_child, port, table
 from ..trees.status import NodeStatus
 from ..trees.values.failure_reports import with_attached
 from ..trees.values.port_types import PortProblem, PortValues
-from ..world.causes import FailureReport, internal, matches, tree
+from ..world.causes import FailureReport, internal, matches, tree, world
 from ..world.events.run_events import CuredEvent, RecoveryEvent
 from .budget import budgets_above
 
@@ -57,6 +57,10 @@ class RecoveryControl(ControlNode, abstract=True):
         """Node that runs before the final failure; None: none."""
         return None
 
+    def ends_with(self, label: str) -> bool:
+        """Return whether the handler takes the place of `tried`: with its success the node succeeds."""
+        return False
+
     @classmethod
     def goes_on_after(cls, cure: NodeStatus) -> bool:
         """Return whether `tried` runs again after a handler with this end."""
@@ -97,7 +101,8 @@ class RecoveryControl(ControlNode, abstract=True):
         label = self.cure_of(report)
         if not label and matches(str(internal.ANY), report.cause):
             return self.fail_with(report)
-        if not label or self._runs >= self.most_runs() or self._is_stuck():
+        ends = self.ends_with(label)
+        if not label or (not ends and (self._runs >= self.most_runs() or self._is_stuck(label))):
             return self._give_up()
         refusal = self._pay()
         if refusal is not None:
@@ -105,26 +110,40 @@ class RecoveryControl(ControlNode, abstract=True):
             self._reports = (*self._reports[:-1], refusal)
             return self._give_up()
         self._handler = label
-        attempts = f"attempt {self._runs} of {self.most_runs()}"
+        told = f"tried (attempt {self._runs} of {self.most_runs()})" if not ends else "done instead"
         self.world.journal.note(
             RecoveryEvent(
-                f"{report.cause} in {report.node}: {label} is tried ({attempts})",
+                f"{report.cause} in {report.node}: {label} is {told}",
                 self.path,
                 cause=report.cause.name,
                 failed=report.node,
                 reason=report.message,
                 handler=label,
                 attempt=self._runs,
+                ends=ends,
             )
         )
         return NodeStatus.RUNNING
 
-    def _is_stuck(self) -> bool:
+    def _is_stuck(self, label: str) -> bool:
         """Return whether nothing has changed since the body failed, in this run or in an earlier one.
 
         After its own first failure a second handler is tried, which may do more than the first.
         """
-        return all(report.evidence.get("unchanged") is True for report in self._reports[-2:])
+        if all(report.evidence.get("unchanged") is True for report in self._reports[-2:]):
+            return True
+        return len(self._reports) > 1 and self._is_gone(*self._reports[-2:], label)
+
+    def _is_gone(self, before: FailureReport, last: FailureReport, label: str) -> bool:
+        """Return whether the object is unknown although what is tried against that has just been done.
+
+        It was unknown before, or the same handler has looked for it, and it was given up.
+        """
+        if last.cause is not world.UNKNOWN_OBJECT or before.evidence.get("object") != last.evidence.get(
+            "object"
+        ):
+            return False
+        return before.cause is last.cause or self.cure_of(before) == label
 
     def _tell(self, report: FailureReport | None) -> None:
         """Write the outputs: the running attempt, or the failed one with its report."""
@@ -149,12 +168,14 @@ class RecoveryControl(ControlNode, abstract=True):
         return None
 
     def _handle(self) -> NodeStatus:
-        handler = self.cure(self._handler)
+        handler, ends = self.cure(self._handler), self.ends_with(self._handler)
         state = handler.step()
         if state is NodeStatus.RUNNING:
             return state
         self._handler = ""
-        if self.goes_on_after(state):
+        if ends and state is NodeStatus.SUCCESS:
+            return state
+        if not ends and self.goes_on_after(state):
             self._tell(None)
             return NodeStatus.RUNNING
         failed = (handler.failure,) if handler.failure is not None else ()
@@ -269,21 +290,27 @@ class Recover(RecoveryControl):
     A cause without a handler fails at once. A handler that fails ends the node with the original cause, the
     handler's attached. When all attempts are used up, `give_up` is run: it leaves the arm in a state from
     which others can go on. So it is when nothing has changed since an earlier try (evidence `unchanged`) and
-    two handlers did not help, or the first try of this run fails so. The node then fails with the last cause,
-    the earlier ones attached. A fault of the program is handled only where `when` names it: `internal.error`.
+    two handlers did not help, or the first try of this run fails so; and when an object is unknown after what
+    is tried against that. The node then fails with the last cause, the earlier ones attached. A fault of the
+    program is handled only where a pattern names it: `internal.error`.
+
+    A handler of `instead` takes the place of `do`: it comes before those of `when`, after the last attempt,
+    too, and with its success the node succeeds. So an item that is no good is done when it is in quarantine.
     The outputs give `do`, the handlers and `give_up` the number of the attempt and the handled failure. The
     tick ends between a handler and the next attempt.
     """
 
-    flow = Recovery(runs="attempts", resort="give_up")
+    flow = Recovery(runs="attempts", resort="give_up", instead="instead")
     example = """
     Recover:
       attempts: 3
-      do: {Grasp: {object: "{item}"}}
+      do: [{Grasp: {object: "{item}"}}, {Place: {object: "{item}", into: red_bin}}]
       when:
         grasp.missed: [SafeRetreat, {Observe: {camera: overhead}}]
         control.*: SafeRetreat
       otherwise: SafeRetreat
+      instead:
+        place.full: {Place: {object: "{item}", into: blue_bin}}
       give_up: {SafeRetreat: {hand: open}}
     """
 
@@ -295,12 +322,18 @@ class Recover(RecoveryControl):
     body = child("what is to succeed")
     handlers = table("cause, or family of causes, and what may cure it", key="when", of="cause")
     otherwise = optional_child("what may cure all other causes", key="otherwise")
+    endings = table(
+        "cause, or family of causes, and what is done in place of `do`, which is not tried again",
+        key="instead",
+        of="cause",
+    )
     last_resort = optional_child("what is done before failing for good", key="give_up")
 
     @classmethod
     def check_ports(cls, given: PortValues) -> tuple[str, ...]:
-        if not given.any_of("when", "otherwise"):
-            return ("without `when` or `otherwise` nothing is recovered; use RetryUntilSuccessful to retry",)
+        if not given.any_of("when", "otherwise", "instead"):
+            lacking = "without `when`, `otherwise` or `instead` nothing is recovered"
+            return (f"{lacking}; use RetryUntilSuccessful to retry",)
         return ()
 
     def tried(self) -> Node:
@@ -310,7 +343,7 @@ class Recover(RecoveryControl):
         return self.attempts
 
     def cure_of(self, report: FailureReport) -> str:
-        for pattern in self.handlers:
+        for pattern in (*self.endings, *self.handlers):
             if matches(pattern, report.cause):
                 return pattern
         # A program fault must not be handled by accident.
@@ -321,7 +354,10 @@ class Recover(RecoveryControl):
     def cure(self, label: str) -> Node:
         if label == _OTHERWISE and self.otherwise is not None:
             return self.otherwise
-        return self.handlers[label]
+        return self.endings[label] if label in self.endings else self.handlers[label]
+
+    def ends_with(self, label: str) -> bool:
+        return label in self.endings
 
     def resort(self) -> Node | None:
         return self.last_resort

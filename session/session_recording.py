@@ -21,6 +21,7 @@ from ..trees.running.runner import NodeInfo, NodeReport, TickReport
 from ..trees.status import NodeStatus
 from ..world.events.run_events import BeltStopsEvent, BinExchangedEvent, DeliveryEvent, FaultEvent
 from ..world.journal import Entry, JournalEvent
+from ..world.scene.destinations import MEASURES, asks_for
 from ..world.values import Array, Pose
 from . import environment
 from .arithmetic_probe import arithmetic
@@ -88,6 +89,7 @@ class SessionRecorder:
             rotation=rotation,
             resumed=start.state.recording if start else None,
             listener=_listener(observers),
+            measured=any(asks_for(recipe.scene.destinations, name) for name in MEASURES),
         )
 
     def __enter__(self) -> SessionRecorder:

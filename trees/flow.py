@@ -153,6 +153,7 @@ class Recovery(ChildFlow):
     """The first child runs; after a failure the handler of its cause, then the first child again.
 
     The other children are handlers: those of a table `of` causes for their pattern, the rest for any cause.
+    Those of the table `instead` end the node with their success, and come before the others.
     """
 
     runs: str = ""
@@ -161,6 +162,8 @@ class Recovery(ChildFlow):
     """Whether the first run does not count."""
     resort: str = ""
     """Slot of the child that runs before the node fails for good; empty: none."""
+    instead: str = ""
+    """Table of handlers that take the place of the first child; empty: none."""
     skipped_handler: Lead = AGAIN
     """Consequence of a skipped handler."""
 

@@ -121,6 +121,9 @@ def _state(case: Investigation, item: str) -> ItemState:
     placed = [at.time for at in case.events(ItemDoneEvent) if at.record.object == item]
     if aside and aside[-1] > max(placed, default=-1.0):
         return "aside"
+    score = case.scores.get(case.pairs.get(item, ""))
+    if score is not None:
+        return "done" if score.verdict == "sorted" else "left"
     destination = case.destination(body)
     return "done" if destination and is_at(body.place, destination) else "left"
 

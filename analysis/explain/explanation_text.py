@@ -237,7 +237,7 @@ def notes_on(run: Run) -> tuple[str, ...]:
 
 def _head(run: Run) -> str:
     info = run.info
-    length = f"{run.last_tick:.1f} s simulated"
+    length = f"{run.duration:.1f} s simulated"
     return f"{info.mission}, scene {info.scene}, {info.seed_text}, {info.backend}: {length}"
 
 

@@ -253,7 +253,7 @@ def _facts(run: Run) -> list[tuple[str, str]]:
         ("Robot", info.robot),
         ("Seed", info.seed_text.removeprefix("seed ")),
         ("Backend", info.backend),
-        ("Simulated", f"{run.end:.2f} s in {len(run.ticks)} ticks of {info.tick:g} s"),
+        ("Simulated", f"{run.duration:.2f} s in {len(run.ticks)} ticks of {info.tick:g} s"),
     ]
     if info.parameters:
         rows.append(("Parameters", ", ".join(f"{name}={value}" for name, value in info.parameters.items())))
@@ -327,7 +327,7 @@ def write_report(run: Run, file: Path) -> WrittenReport:
     data = text.encode("utf-8")
     with whole([file], file) as (beside,):
         beside.write_bytes(data)
-    return WrittenReport(file, len(data), time.perf_counter() - began, run.end)
+    return WrittenReport(file, len(data), time.perf_counter() - began, run.duration)
 
 
 def report(run: Run) -> str:

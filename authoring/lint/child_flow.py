@@ -74,6 +74,8 @@ class ChildWalk:
         self._parts = spec.children
         self._handlers: dict[int, tuple[str, str]] = {}
         """Label and pattern of each handler, by its place."""
+        self._endings: set[int] = set()
+        """Places of the handlers whose success ends the node."""
         if isinstance(flow, Recovery):
             self._sort_handlers(flow)
         if isinstance(flow, Pipeline) or (isinstance(flow, Branch) and flow.reactive):
@@ -168,12 +170,16 @@ class ChildWalk:
     def _sort_handlers(self, flow: Recovery) -> None:
         """Put the handlers behind the first child: those of a cause, those of any, the last resort."""
         spec, tried = self._spec, self._parts[0]
-        slots = sorted(self._node.slots, key=lambda slot: (slot.key == flow.resort, slot.of))
+        slots = sorted(
+            self._node.slots, key=lambda slot: (slot.key == flow.resort, slot.key != flow.instead, slot.of)
+        )
         parts = [tried]
         for slot in slots:
             for label, part in spec.slots.get(slot.key, ()):
                 if part is tried:
                     continue
+                if slot.key == flow.instead:
+                    self._endings.add(len(parts))
                 if slot.key != flow.resort:
                     name = label if slot.of == "cause" else slot.key if slot.arity == "one" else part.name
                     self._handlers[len(parts)] = (name, label if slot.of == "cause" else "*")
@@ -228,6 +234,8 @@ class ChildWalk:
             case Branch() if index == 0 and status is not SKIPPED:
                 chosen = 1 if status is SUCCESS else 2
                 return chosen if chosen < len(self._parts) else status
+            case Recovery() if index in self._endings:
+                return SUCCESS if status is SUCCESS else FAILURE
             case Recovery(skipped_handler=skipped) if index in self._handlers:
                 return skipped if status is SKIPPED else AGAIN if status is SUCCESS else FAILURE
             case Recovery() if index:
@@ -254,7 +262,8 @@ class ChildWalk:
             lead = self._lead(index, status)
             state = state.written(self._passed[index]) if isinstance(lead, int) else state
             if not isinstance(lead, int):
-                self._end(status, lead, state, before.tried() if recovers and before else reasons)
+                failing = lead is not SUCCESS and recovers and before is not None
+                self._end(status, lead, state, before.tried() if failing and before else reasons)
             elif status is SKIPPED:
                 self._arriving[lead].add(came, (state,), before)
             else:
@@ -322,6 +331,12 @@ class ChildWalk:
         for index, (label, pattern) in self._handlers.items():
             mask = self._walk.causes.matching(pattern)
             caught, failures = narrowed(failures, mask), narrowed(failures, ~mask)
+            if index in self._endings:
+                if caught:
+                    self._walk.handles(self._spec, label)
+                    self._arriving[index].fail(together(caught))
+                    self._ends.add(RUNNING, caught)
+                continue
             if caught and run < self._most:
                 self._walk.handles(self._spec, label)
                 self._arriving[index].fail(together(caught))

@@ -238,6 +238,8 @@ class RunningNode:
     """The item was set aside since a trouble was taken up."""
     answers: bool = False
     """It is one that tells which handler it runs."""
+    ends: bool = False
+    """The handler that it told of last is done instead of the branch."""
     again: bool = False
     """It has run the child again whose failure had come up."""
     settled: list[str] = field(default_factory=list[str])

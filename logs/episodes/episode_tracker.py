@@ -165,7 +165,7 @@ class EpisodeTracker:
         elif change.status == "IDLE":
             self._close(node, halted=True)
         else:
-            fate: Fate = "branched" if self._kind(node) == "choosing" else "cured"
+            fate: Fate = "branched" if self._kind(node) == "choosing" or node.ends else "cured"
             for number in [n for n in node.taken if n in self._troubles]:
                 self._decide(number, "given_up" if node.aside else "cured", fate, node)
             self._settle(node.arrived, self._open.get(self._parents.get(node.path, "")), node)
@@ -256,7 +256,7 @@ class EpisodeTracker:
         node.failing, node.dealing = failing, True
         label = event.handler
         self._take_up(node, label, label)
-        node.called = label
+        node.called, node.ends = label, event.ends
 
     def _take_up(self, node: RunningNode, handler: str, cure: str) -> None:
         """The node tries something against what has come up; a Fallback against all that came up so far.

@@ -90,8 +90,8 @@ class SpawnedBody(Protocol):
     def role(self) -> str: ...
 
 
-def belief_record(o: BeliefObject) -> BodyRecord:
-    """Return the record of a body of the planning scene."""
+def belief_record(o: BeliefObject, *, measured: bool = False) -> BodyRecord:
+    """Return the record of a body of the planning scene. `measured`: rules ask for measures of items."""
     record = BodyRecord(
         id=o.id,
         kind=o.kind,
@@ -108,17 +108,18 @@ def belief_record(o: BeliefObject) -> BodyRecord:
         last_seen=o.last_seen,
         blocks=tuple(BlockRecord(block.size, block.at) for block in o.blocks),
     )
-    if o.role == "item" and o.kind == "unknown":
+    if o.role == "item" and (measured or o.kind == "unknown"):
         return ThingRecord(**vars(record), mass=o.mass, size=o.size, tag=o.tag)
     return record
 
 
-def truth_record(body: SpawnedBody) -> BodyRecord:
-    """Return the record of a body of the simulation, with its seating when it is at a hole."""
+def truth_record(body: SpawnedBody, *, measured: bool = False) -> BodyRecord:
+    """Return the record of a body of the simulation, with its seating when it is at a hole. `measured`: rules
+    ask for measures of items."""
     shape = _portable(body.shape)
     seat = body.seat if isinstance(body, SimulatedBody) else None
     record = BodyRecord(body.id, body.kind, body.form, body.colour, shape, body.pose, body.role, seat=seat)
-    if isinstance(body, SimulatedBody) and body.kind == "unknown":
+    if isinstance(body, SimulatedBody) and (measured or body.kind == "unknown"):
         return ThingRecord(**vars(record), mass=body.mass, size=greatest_length(body.shape), tag=body.tag)
     return record
 

@@ -86,12 +86,15 @@ class Recorder:
         rotation: Rotation = NO_ROTATION,
         resumed: RecordingState | None = None,
         listener: Listener | None = None,
+        measured: bool = False,
     ) -> None:
         """Open the log and write its metadata.
 
         `resumed`: the run resumes from a checkpoint, and its digest continues. `listener` receives every
-        message after it is written.
+        message after it is written. `measured`: rules of destinations ask for measures of items, which are
+        then recorded.
         """
+        self._measured = measured
         self.path = path.absolute()
         self._file = LogFile(
             self.path, rotation=rotation, checkpoint=checkpoint, chunk_bytes=chunk_bytes, wall=wall
@@ -314,7 +317,8 @@ class Recorder:
             self._event(now, journal_records.belief_event(change))
         if changed or now - self._believed >= SCENE_PERIOD - 1e-6:
             self._believed = now
-            scene = Scene(tuple(journal_records.belief_record(o) for o in objects), self._fixed)
+            bodies = tuple(journal_records.belief_record(o, measured=self._measured) for o in objects)
+            scene = Scene(bodies, self._fixed)
             self._write(topics.OBJECTS, now, self._beliefs.encode(_ns(now), scene))
 
     def truth_due(self, now: float) -> bool:
@@ -325,7 +329,7 @@ class Recorder:
         """Write the ground truth, which only the analyst sees."""
         self._true = now
         scene = Scene(
-            tuple(map(journal_records.truth_record, bodies)),
+            tuple(journal_records.truth_record(body, measured=self._measured) for body in bodies),
             self._standing,
         )
         self._write(topics.TRUTH, now, self._truths.encode(_ns(now), scene))

@@ -380,7 +380,8 @@ class BodyRecord:
 
 @dataclass(frozen=True)
 class ThingRecord(BodyRecord):
-    """Thing of a heap, with the traits that rules of destinations may ask for. None: not known."""
+    """Thing of a heap, or an item where rules of destinations ask for measures, with these. None: not
+    known."""
 
     mass: float | None = None
     """Mass, kg; of a believed thing as it was weighed."""

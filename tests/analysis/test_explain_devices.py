@@ -233,3 +233,26 @@ def test_a_cause_is_explained_without_the_plug_in_that_registers_it(tmp_path: Pa
         assert {"wave.tired", "safety.stale_sensor"} <= {failure.cause for failure in found.failures}
         told = " ".join(to_text(log, found, "LOG").split())
         assert "wave.tired" in told and "it has waved enough" in told
+
+
+QUARANTINE = """\
+destinations:
+  - {where: "mass > 0.13", to: green_bin}
+  - {where: "form == 'box'", to: blue_bin}
+"""
+
+
+def test_what_a_rule_by_mass_takes_elsewhere_counts_alike_in_result_and_explanation(tmp_path: Path) -> None:
+    """The mission takes items where the robot's belief of their mass says; one was made heavier."""
+    fault = "{fault: heavier, when: {at: 0 s}, target: {kind: block}, mass: 180 g}"
+    folder = run(tmp_path, items=BLOCK, scene=QUARANTINE, fault=fault)
+    with Run(folder) as log:
+        result, found = log.result, explain(log)
+        assert result is not None
+        items = result.items
+        assert (items.total, items.sorted, items.misplaced, items.left) == (1, 1, 0, 0)
+        (item,) = found.items
+        assert (item.state, item.truth) == ("done", "truly in green_bin, where it belongs")
+        told = to_text(log, found, "LOG")
+    assert f"{result.sim_seconds:.1f} s simulated" in told
+    assert f"simulated   {result.sim_seconds:.1f} s" in result.to_text()

@@ -197,3 +197,66 @@ def test_saved_between_two_attempts_it_goes_on_with_the_count() -> None:
     other.tree.restore(saved)
     assert other.to_end()[-1] is NodeStatus.FAILURE
     assert world.trace.count("start Do") == 3
+
+
+INSTEAD = """\
+attempts: 2
+do: {Scripted: {name: Do, script: "%s"}}
+instead:
+  grasp.double: [{Scripted: {name: Reject, script: "%s"}}]
+when:
+  grasp.*: [{Scripted: {name: Look, script: S}}]
+give_up: [{Scripted: {name: Resort, script: S}}]
+"""
+
+
+def begun(run: Run) -> list[str]:
+    return [line.removeprefix("start ") for line in run.trace if line.startswith("start")]
+
+
+def test_what_is_done_instead_ends_the_node_and_nothing_is_tried_again() -> None:
+    run = start(INSTEAD % ("grasp.double", "R S"))
+    assert letters(run.to_end()) == "RRS"
+    assert begun(run) == ["Do", "Reject"]
+    (event,) = run.notes("recovery")
+    assert event.message == "grasp.double in Main/Recover/Do: grasp.double is done instead"
+    assert (event.data["handler"], event.data["ends"]) == ("grasp.double", True)
+    assert run.notes("cured") == []
+
+
+def test_it_is_done_after_the_last_attempt_too() -> None:
+    run = start(INSTEAD % ("grasp.missed|grasp.double", "S"))
+    assert run.to_end()[-1] is NodeStatus.SUCCESS
+    assert begun(run) == ["Do", "Look", "Do", "Reject"]
+
+
+def test_where_it_fails_or_has_nothing_to_do_the_failure_stands() -> None:
+    for script in ("perception.not_found", "K"):
+        run = start(INSTEAD % ("grasp.double", script) if script != "K" else SKIPPED)
+        assert run.to_end()[-1] is NodeStatus.FAILURE
+        report = run.tree.failure
+        assert report is not None and str(report.cause) == "grasp.double"
+        assert begun(run) == (["Do", "Reject"] if script != "K" else ["Do"])
+
+
+SKIPPED = INSTEAD.replace('script: "%s"}}]', "script: S, _skipIf: true}}]").replace("%s", "grasp.double")
+
+
+def test_an_object_that_was_given_up_is_not_tried_again() -> None:
+    """The look after a miss shows its place empty, so a second look of the same handler changes nothing."""
+    run = start(
+        "attempts: 9\ndo: {Scripted: {name: Do, script: grasp.missed|world.unknown_object}}\n"
+        "otherwise: [{Scripted: {name: Look, script: S}}]\n"
+    )
+    assert run.to_end()[-1] is NodeStatus.FAILURE
+    assert begun(run) == ["Do", "Look", "Do"]
+
+
+def test_an_unknown_object_is_looked_for_once_by_the_handler_of_its_cause() -> None:
+    run = start(
+        "attempts: 9\ndo: {Scripted: {name: Do, script: grasp.missed|world.unknown_object}}\n"
+        "when: {world.unknown_object: {Scripted: {name: Find, script: S}}}\n"
+        "otherwise: [{Scripted: {name: Look, script: S}}]\n"
+    )
+    assert run.to_end()[-1] is NodeStatus.FAILURE
+    assert begun(run) == ["Do", "Look", "Do", "Find", "Do"]

@@ -71,3 +71,38 @@ trees:
 """
     assert lint(text % "{SetAside: {object: '{item}'}}", "P325") == []
     assert [line[:4] for line in lint(text % "SafeRetreat", "P325")] == ["P325"]
+
+
+def heard(*handlers: str) -> list[str]:
+    """The findings about handlers and the hand, without place and hint."""
+    given = ("\n" + " " * 14).join(handlers)
+    text = f"""\
+trees:
+  Main:
+    Sequence:
+      - Observe: {{camera: overhead, objects: "{{items}}"}}
+      - ForEach:
+          in: "{{items}}"
+          out: "{{item}}"
+          on_failure: continue
+          do:
+            Recover:
+              do: [{{Grasp: {{object: "{{item}}"}}}}, {{Place: {{object: "{{item}}", into: red_bin}}}}]
+              {given}
+              give_up: {{SafeRetreat: {{hand: open}}}}
+"""
+    return [line.split(": ", 2)[1].partition(" (")[0] for line in lint(text, "P311", "P312", "P330")]
+
+
+REJECT = "{SafeRetreat: {hand: open}}"
+
+
+def test_what_is_done_instead_comes_before_other_handlers_and_may_succeed() -> None:
+    assert heard("otherwise: SafeRetreat") == []
+    assert heard(f"instead: {{place.full: {REJECT}}}", "otherwise: SafeRetreat") == []
+    assert heard(
+        f"instead: {{place.*: {REJECT}}}", "when: {place.full: SafeRetreat}", "otherwise: SafeRetreat"
+    ) == ["'place.full' is never used"]
+    assert heard("instead: {place.full: {Log: {message: full}}}", "otherwise: SafeRetreat") == [
+        "the mission may end with what Grasp took still in the hand, when it succeeds"
+    ]

@@ -15,6 +15,9 @@ class RecoveryEvent(JournalEvent, kind="recovery"):
     reason: Annotated[str, "message of the failure"] = ""
     handler: Annotated[str, "name of the handler"] = ""
     attempt: Annotated[int, "number of the branch's failed runs so far"] = 1
+    ends: Annotated[bool, "whether the handler is done instead of the branch, which is not tried again"] = (
+        False
+    )
 
 
 class CuredEvent(JournalEvent, kind="cured"):

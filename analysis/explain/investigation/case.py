@@ -354,7 +354,7 @@ class Investigation:
             crushed=max(
                 (at.record.force for at in self.events(CrushedEvent) if at.record.object == id_), default=0.0
             ),
-            mass=last.mass if isinstance(last, ThingRecord) else None,
+            mass=last.mass if isinstance(last, ThingRecord) else entry.mass if entry else None,
             tag=last.tag if isinstance(last, ThingRecord) else None,
         )
 
