@@ -555,8 +555,12 @@ class Recover(Node):
     A cause without a handler fails at once. A handler that fails ends the node with the original cause, the
     handler's attached. When all attempts are used up, `give_up` is run: it leaves the arm in a state from
     which others can go on. So it is when nothing has changed since an earlier try (evidence `unchanged`) and
-    two handlers did not help, or the first try of this run fails so. The node then fails with the last cause,
-    the earlier ones attached. A fault of the program is handled only where `when` names it: `internal.error`.
+    two handlers did not help, or the first try of this run fails so; and when an object is unknown after what
+    is tried against that. The node then fails with the last cause, the earlier ones attached. A fault of the
+    program is handled only where a pattern names it: `internal.error`.
+
+    A handler of `instead` takes the place of `do`: it comes before those of `when`, after the last attempt,
+    too, and with its success the node succeeds. So an item that is no good is done when it is in quarantine.
     The outputs give `do`, the handlers and `give_up` the number of the attempt and the handled failure. The
     tick ends between a handler and the next attempt.
 
@@ -568,6 +572,7 @@ class Recover(Node):
         failed: path of the node that it comes from. Output: the key to write, as '{failed}'.
         when: cause, or family of causes, and what may cure it
         otherwise: what may cure all other causes
+        instead: cause, or family of causes, and what is done in place of `do`, which is not tried again
         give_up: what is done before failing for good
     """
 
@@ -581,6 +586,7 @@ class Recover(Node):
         failed: str = ...,
         when: Mapping[str, Child] = ...,
         otherwise: Child = ...,
+        instead: Mapping[str, Child] = ...,
         give_up: Child = ...,
         name: str = ...,
         **conditions: Unpack[Conditions],

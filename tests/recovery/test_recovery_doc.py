@@ -13,7 +13,8 @@ from picktree.trees.loading.loader import examine
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.world.causes import all_causes, matches
 
-PAGE = (Path(__file__).parents[2] / "docs" / "recovery.md").read_text("utf-8")
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "recovery.md").read_text("utf-8")
 SNIPPETS = re.findall(r"```yaml\n(.*?)```", PAGE, re.S)
 INCLUDE = "include: [library/recovery, library/sorting, library/feeding]"
 SORT_ALL = "  SortAll: {ports: {rounds: {type: int}}, Repeat: {num_cycles: '{rounds}', do: SafeRetreat}}\n"
@@ -22,9 +23,10 @@ SORT_ALL = "  SortAll: {ports: {rounds: {type: int}}, Repeat: {num_cycles: '{rou
 @pytest.mark.parametrize("snippet", SNIPPETS)
 def test_what_it_shows_is_without_a_fault(snippet: str) -> None:
     ports = "    ports: {item: {type: object}}\n" if "{item}" in snippet else ""
-    text = f"picktree: 1\nkind: mission\n{INCLUDE}\ntrees:\n"
+    plugins = "plugins: [plugins/weigh.py]\n" if "Weigh" in snippet else ""
+    text = f"picktree: 1\nkind: mission\n{INCLUDE}\n{plugins}trees:\n"
     text += (SORT_ALL if "SortAll" in snippet else "") + "  Main:\n" + ports + indent(snippet, "    ")
-    found = examine(read_document(Path("m.yaml"), "mission", text), NodeRegistry())
+    found = examine(read_document(ROOT / "examples" / "m.yaml", "mission", text), NodeRegistry())
     assert [str(f) for f in found.faults if f.severity == "error"] == []
 
 
