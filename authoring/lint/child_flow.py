@@ -170,9 +170,8 @@ class ChildWalk:
     def _sort_handlers(self, flow: Recovery) -> None:
         """Put the handlers behind the first child: those of a cause, those of any, the last resort."""
         spec, tried = self._spec, self._parts[0]
-        slots = sorted(
-            self._node.slots, key=lambda slot: (slot.key == flow.resort, slot.key != flow.instead, slot.of)
-        )
+        last, first = flow.resort, flow.instead
+        slots = sorted(self._node.slots, key=lambda slot: (slot.key == last, slot.key != first, slot.of))
         parts = [tried]
         for slot in slots:
             for label, part in spec.slots.get(slot.key, ()):
@@ -262,8 +261,8 @@ class ChildWalk:
             lead = self._lead(index, status)
             state = state.written(self._passed[index]) if isinstance(lead, int) else state
             if not isinstance(lead, int):
-                failing = lead is not SUCCESS and recovers and before is not None
-                self._end(status, lead, state, before.tried() if failing and before else reasons)
+                failed = before if recovers and lead is not SUCCESS else None
+                self._end(status, lead, state, failed.tried() if failed else reasons)
             elif status is SKIPPED:
                 self._arriving[lead].add(came, (state,), before)
             else:
@@ -331,20 +330,15 @@ class ChildWalk:
         for index, (label, pattern) in self._handlers.items():
             mask = self._walk.causes.matching(pattern)
             caught, failures = narrowed(failures, mask), narrowed(failures, ~mask)
-            if index in self._endings:
-                if caught:
-                    self._walk.handles(self._spec, label)
-                    self._arriving[index].fail(together(caught))
-                    self._ends.add(RUNNING, caught)
-                continue
-            if caught and run < self._most:
+            ends = index in self._endings
+            if caught and (ends or run < self._most):
                 self._walk.handles(self._spec, label)
                 self._arriving[index].fail(together(caught))
                 self._ends.add(RUNNING, caught)
             # The first run is by itself: after it nothing is used up yet.
-            if self._most <= 1:
+            if self._most <= 1 and not ends:
                 self._give_up(caught)
-            elif run > 1 or self._least < self._most:
+            elif not ends and (run > 1 or self._least < self._most):
                 self._give_up({state: reasons.tried() for state, reasons in caught.items()})
         self._give_up(failures)
 

@@ -380,8 +380,7 @@ class BodyRecord:
 
 @dataclass(frozen=True)
 class ThingRecord(BodyRecord):
-    """Thing of a heap, or an item where rules of destinations ask for measures, with these. None: not
-    known."""
+    """Thing of a heap, or an item whose measures rules ask for. None: not known."""
 
     mass: float | None = None
     """Mass, kg; of a believed thing as it was weighed."""
