@@ -132,7 +132,8 @@ class RecoveryControl(ControlNode, abstract=True):
         """
         if all(report.evidence.get("unchanged") is True for report in self._reports[-2:]):
             return True
-        return len(self._reports) > 1 and self._is_gone(*self._reports[-2:], label)
+        reports = self._reports
+        return len(reports) > 1 and self._is_gone(reports[-2], reports[-1], label)
 
     def _is_gone(self, before: FailureReport, last: FailureReport, label: str) -> bool:
         """Return whether the object is unknown although what is tried against that has just been done.
