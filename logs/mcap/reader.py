@@ -120,6 +120,10 @@ class McapReader:
             self._copy = retimed_copy(before, np.maximum(times, 0))
         self._reader, self._summary = self._indexed()
 
+    def places(self) -> NDArray[np.int64]:
+        """Return numbers (n,) of all messages that grow with their places in the file."""
+        return np.array([message.publish_time for _, _, message in self._reader.iter_messages()], np.int64)
+
     def messages(
         self,
         topics: Collection[str] | None = None,

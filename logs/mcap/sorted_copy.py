@@ -29,10 +29,11 @@ def sorted_copy(records: Iterable[McapRecord]) -> IO[bytes]:
     """Return a copy of these records, which the `mcap` package reads by topic and time.
 
     Messages of one time stay in their order when all are in order, else in the order of their numbers.
-    Messages whose numbers show that they were stamped late are in the order of their numbers. Raises the
-    exceptions of `records`, and OSError when the disk is full.
+    A topic whose numbers show that its messages were stamped late is in the order of its numbers. The publish
+    time of a message is its place in the file. Raises the exceptions of `records`, and OSError when the disk
+    is full.
     """
-    copy, rows = _written(records)
+    copy, rows = _written(_placed(records))
     by_time = np.argsort(rows[:, 0], kind="stable")  # the order in which the package reads the copy
     times = rows[by_time, 0]
     order = _order(rows, by_time)
@@ -46,6 +47,13 @@ def sorted_copy(records: Iterable[McapRecord]) -> IO[bytes]:
 def retimed_copy(copy: IO[bytes], times: Column) -> IO[bytes]:
     """Return a copy of a copy whose messages, in their order, have these times (n,), ns."""
     return _written(_rearranged(copy, times, np.argsort(times, kind="stable")))[0]
+
+
+def _placed(records: Iterable[McapRecord]) -> Iterator[McapRecord]:
+    for place, record in enumerate(records):
+        if isinstance(record, Message):
+            record.publish_time = place
+        yield record
 
 
 def _written(records: Iterable[McapRecord]) -> tuple[IO[bytes], Column]:
@@ -108,13 +116,7 @@ def _order(rows: Column, by_time: Column) -> Column:
     """Return the order of the messages. The times of late ones are changed."""
     times, topics, numbers = rows[:, 0], rows[:, 1], rows[:, 2]
     in_file = np.arange(len(rows))
-    if np.array_equal(by_time, in_file):
-        order = by_time
-    elif _is_numbered(topics, numbers) and np.abs(times[by_time] - times).max() <= _MAX_DELAY:
-        times[:] = times[by_time]
-        return in_file
-    else:
-        order = np.lexsort((in_file, numbers, topics, times))
+    order = in_file.copy() if np.array_equal(by_time, in_file) else np.lexsort((numbers, topics, times))
     for topic in np.unique(topics).tolist():
         places = np.flatnonzero(topics[order] == topic)
         mine = order[places]
@@ -123,12 +125,6 @@ def _order(rows: Column, by_time: Column) -> Column:
             times[told] = times[mine]
             order[places] = told
     return order
-
-
-def _is_numbered(topics: Column, numbers: Column) -> bool:
-    """Whether the numbers of each topic increase in the order of the file."""
-    order = np.argsort(topics, kind="stable")
-    return bool(((np.diff(numbers[order]) > 0) | (np.diff(topics[order]) > 0)).all())
 
 
 def _is_original(rows: Column) -> NDArray[np.bool_]:

@@ -91,9 +91,14 @@ def _stamped_times(reading: McapReader, times: Times, spread: int) -> Times:
     for places in each_tick.values():
         found[places] = _by_number(times[places], ticks)
     known = np.sort(np.concatenate((stamped, *each_tick.values())).astype(np.int64))
-    if topics.TIMING.name in each_tick and (np.diff(found[known]) >= 0).all():
+    in_file = reading.places()
+    known = known[np.argsort(in_file[known])]
+    timed = np.isin(known, each_tick.get(topics.TIMING.name, []))[1:]
+    steps = np.diff(found[known])
+    if timed.any() and (steps >= 0).all() and (steps[timed] > 0).all():
         places = [place for place, _ in others]  # in the order of the recorder, where a timing begins a tick
-        found[places] = found[known[np.maximum(np.searchsorted(known, places) - 1, 0)]]
+        before = np.searchsorted(in_file[known], in_file[places]) - 1
+        found[places] = found[known[np.maximum(before, 0)]]
         return found
     numbered = zip(each_tick.get(topics.TICK.name, ()), reading.messages([topics.TICK.name]), strict=False)
     for place, message in numbered:
