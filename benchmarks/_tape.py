@@ -12,7 +12,7 @@ from typing import Literal
 
 from picktree.errors import PicktreeError
 from picktree.logs.mcap import sealed_file
-from picktree.logs.mcap.blocks import DAMAGE_ERRORS
+from picktree.logs.mcap.record_file import DAMAGE_ERRORS
 from picktree.logs.mcap.sealed_file import RawFile
 from picktree.logs.mcap.writer import McapFile
 from picktree.logs.run_log import RunLog

@@ -15,7 +15,7 @@ from ..errors import PicktreeError
 from ..world.journal import JournalEvent
 from ..world.protocols import Intrinsics
 from .log_paths import find_log
-from .mcap.message_table import RawMessage
+from .mcap.reader import RawMessage
 from .mcap.sealed_file import is_written
 from .recording import foxglove_messages
 from .recording.images import decode_colour, decode_depth
@@ -93,7 +93,7 @@ class RunLog:
 
     def __init__(self, where: str | Path) -> None:
         self.path = find_log(where)
-        self._file = JoinedLog(self.path, keep=topics.READ_OFTEN)
+        self._file = JoinedLog(self.path)
         self.recovered = self._file.recovered
         self.metadata: Mapping[str, Mapping[str, str]] = self._file.metadata
         self.gaps: tuple[Gap, ...] = ()
@@ -180,9 +180,7 @@ class RunLog:
         """Whether the run has ended, and another program has left out its result."""
         if self.result or not self.is_rewritten:
             return False
-        last = self.tick_at(self.end)
-        ended = last is not None and last.record.root_status in ("SUCCESS", "FAILURE")
-        return ended or SETTINGS not in self.metadata
+        return self._has_ended or SETTINGS not in self.metadata
 
     @property
     def topics(self) -> Mapping[str, TopicInfo]:
@@ -367,7 +365,13 @@ class RunLog:
         ticks = self.times(topics.TICK.name)
         continues = self.run.continues
         begin = continues.time if continues else 0.0 if self.part == 1 or not ticks else ticks[0]
-        return gaps_between(ticks, begin, stated_end(self.result))
+        return gaps_between(ticks, begin, None if self._has_ended else stated_end(self.result))
+
+    @property
+    def _has_ended(self) -> bool:
+        """Whether the last tick is that of the run: the arm may still come to rest behind it."""
+        last = self.tick_at(self.end)
+        return last is not None and last.record.root_status in ("SUCCESS", "FAILURE")
 
     def _records(
         self, topic: str, read: Callable[[bytes], R], start: float | None, end: float | None

@@ -12,7 +12,7 @@ from itertools import groupby, zip_longest
 from operator import attrgetter
 from typing import Final, Literal, TypeAlias
 
-from ...logs.mcap.message_table import RawMessage
+from ...logs.mcap.reader import RawMessage
 from ...logs.run_settings import Gap
 from ...logs.schema import topics
 from ...logs.visits import Visit

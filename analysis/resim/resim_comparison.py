@@ -9,7 +9,7 @@ from typing import cast
 
 import orjson
 
-from ...logs.mcap.message_table import RawMessage
+from ...logs.mcap.reader import RawMessage
 from ...logs.recording import foxglove_messages
 from ...logs.schema import topics
 from ...logs.schema.topics import Digest, Topic

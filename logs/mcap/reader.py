@@ -1,32 +1,39 @@
 """MCAP reader for whole and damaged files. A file that is neither gives one error.
 
-The `mcap` package reads the summary of a whole file. Files without a complete one, and damaged ones, are read
-record by record.
+The `mcap` package reads messages, files and metadata: directly from a file as picktree wrote it, and from a
+sorted copy of any other file. A query costs 2 to 3 times the CPU time of slicing the unpacked chunks without
+a record for each message.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Collection, Generator, Iterator, Mapping
+from collections.abc import Collection, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
+from typing import IO, NamedTuple
 
 import numpy as np
-from mcap.records import Attachment
+from mcap.opcode import Opcode
+from mcap.reader import SeekingReader
+from mcap.records import Attachment, Chunk, Header, McapRecord, Message
+from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.summary import Summary
 from numpy.typing import NDArray
 
 from ...errors import PicktreeError
-from .blocks import DAMAGE_ERRORS, Contents, RecordFile, attachment, indexed_contents, metadata, unpacked
-from .message_table import MessageTable, RawMessage
-from .salvage import Loss, salvaged
+from .record_file import DAMAGE_ERRORS, RecordFile, parsed
+from .salvage import Salvage
 from .writer import LIBRARY, MAGIC
 
-_MAX_UNPACKED_BLOCKS = 4
-"""Number of blocks that are kept unpacked for random access; of a deep mission one has 2 MB."""
-_MAX_NAMED_LOSSES = 4
-"""Maximum number of losses that the message names."""
+
+class RawMessage(NamedTuple):
+    """Undecoded message of the file. `time` in ns."""
+
+    topic: str
+    time: int
+    data: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,79 +51,78 @@ class McapReader:
     empty.
     """
 
-    def __init__(self, path: Path, keep: Collection[str] = (), limit: int = 0) -> None:
-        """Open the file. The messages of the topics `keep` stay in memory once the file has been indexed, up
-        to `limit` bytes."""
+    def __init__(self, path: Path) -> None:
         self.path = path
         self.recovered = ""
-        self._keep, self._limit = keep, limit
-        self._indexed: MessageTable | None = None
+        self._header = Header("", "")
+        self._lost_files: dict[str, int] = {}
+        """Offsets of the damaged attachments by name."""
         self._file = RecordFile(path)
-        self._unpack = lru_cache(_MAX_UNPACKED_BLOCKS)(self._unpacked)
+        self._copy: IO[bytes] | None = None
         try:
-            self._contents = Contents()
             self._open()
+            self._reader, self._summary = self._indexed()
         except PicktreeError:
-            self._file.close()
+            self.close()
             raise
         except OSError as error:
-            self._file.close()
+            self.close()
             raise PicktreeError(f"{path}: the log cannot be read: {error.strerror}") from None
 
     def close(self) -> None:
-        self._unpack.cache_clear()
         self._file.close()
+        if self._copy is not None:
+            self._copy.close()
 
     @property
     def writer(self) -> str:
         """Program that wrote the file, in its own words, with the profile of its messages."""
-        return " ".join(filter(None, (self._contents.library, self._contents.profile)))
+        return " ".join(filter(None, (self._header.library, self._header.profile)))
 
     @property
     def is_rewritten(self) -> bool:
         """Whether another program has written the file, or it is damaged."""
-        return bool(self.recovered) or self._contents.library != LIBRARY or self._indexed is not None
+        return self._copy is not None
 
     @property
     def start(self) -> int:
         """Time of the first message, ns; 0 when there is none."""
-        if self._indexed is not None:
-            return int(self._indexed.times[0]) if len(self._indexed) else 0
-        return min((block.start for block in self._contents.blocks), default=0)
+        return self._summary.statistics.message_start_time if self._summary.statistics else 0
 
     @property
     def end(self) -> int:
         """Time of the last message, ns; 0 when there is none."""
-        if self._indexed is not None:
-            return int(self._indexed.times[-1]) if len(self._indexed) else 0
-        return max((block.end for block in self._contents.blocks), default=0)
+        return self._summary.statistics.message_end_time if self._summary.statistics else 0
 
     @property
     def channels(self) -> tuple[ChannelInfo, ...]:
-        """Topics with their numbers of messages; several channels of one topic count together."""
-        contents, counts = self._contents, Counter[str]()
-        found: dict[str, ChannelInfo] = {}
-        for number, channel in contents.channels.items():
-            schema = contents.schemas.get(channel.schema_id)
-            info = ChannelInfo(channel.topic, schema.name if schema else "", channel.message_encoding, 0)
-            found.setdefault(channel.topic, info)
-            counts[channel.topic] += contents.counts.get(number, 0)
-        if self._indexed is not None:
-            counts = Counter(self._indexed.counts())
-        return tuple(ChannelInfo(c.topic, c.schema, c.encoding, counts[c.topic]) for c in found.values())
+        """Topics with their numbers of messages."""
+        summary = self._summary
+        counts = summary.statistics.channel_message_counts if summary.statistics else {}
+        found: list[ChannelInfo] = []
+        for number, channel in summary.channels.items():
+            schema = summary.schemas.get(channel.schema_id)
+            name = schema.name if schema else ""
+            found.append(ChannelInfo(channel.topic, name, channel.message_encoding, counts.get(number, 0)))
+        return tuple(found)
 
     @property
     def attachments(self) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(entry.name for entry in self._contents.attachments))
+        return tuple(dict.fromkeys(index.name for index in self._summary.attachment_indexes))
 
-    def shift(self, by: int) -> None:
-        """Add `by` (ns) to the time of each message."""
-        if by:
-            self._table.shift(by)
+    def set_times(self, times: NDArray[np.int64]) -> None:
+        """Give the messages, in their order, other times (n,), ns. A time before 0 becomes 0."""
+        from .sorted_copy import retimed_copy, sorted_copy
 
-    def set_times(self, times: Mapping[str, NDArray[np.int64]]) -> None:
-        """Give the messages of topics other times (ns), in their order."""
-        self._table.set_times(times)
+        if self._copy is None:
+            self._copy = sorted_copy(_records(self._file))
+        with self._copy as before:
+            self._copy = retimed_copy(before, np.maximum(times, 0))
+        self._reader, self._summary = self._indexed()
+
+    def places(self) -> NDArray[np.int64]:
+        """Return numbers (n,) of all messages that grow with their places in the file."""
+        return np.array([message.publish_time for _, _, message in self._reader.iter_messages()], np.int64)
 
     def messages(
         self,
@@ -127,22 +133,31 @@ class McapReader:
         newest_first: bool = False,
     ) -> Iterator[RawMessage]:
         """Yield messages of these topics with start ≤ time ≤ end (ns), in order of time."""
-        if start is not None and start > self.end:
+        start, end = max(start or 0, self.start), self.end if end is None else min(end, self.end)
+        if start > end:
             return
-        rows = self._table.select(topics, start, end)
         with self._damage_at(0):
-            yield from self._table.read(rows[::-1] if newest_first else rows)
+            for _, channel, message in self._reader.iter_messages(
+                topics, starting_at=start, ending_at=end, reverse=newest_first
+            ):
+                yield RawMessage(channel.topic, message.log_time, message.data)
 
     def times(self, topic: str, start: int | None = None) -> list[int]:
         """Return the times (ns) of a topic's messages from `start` on."""
-        return self._table.times[self._table.select((topic,), start, None)].tolist()
+        return [message.time for message in self.messages((topic,), start)]
 
     def attachment(self, name: str) -> Attachment | None:
         """Return the attachment; None when there is none of that name."""
-        for entry in self._contents.attachments:
-            if entry.name == name:
-                with self._damage_at(entry.offset):
-                    return attachment(self._file, entry.offset)
+        if name in self._lost_files:
+            raise self._damaged(self._lost_files[name], "wrong check sum of a file")
+        for index in self._summary.attachment_indexes:
+            if index.name == name:
+                stream = self._copy or self._file
+                stream.seek(index.offset)
+                with self._damage_at(index.offset):
+                    found = next(StreamReader(stream, skip_magic=True).records)
+                    assert isinstance(found, Attachment)
+                    return found
         return None
 
     def metadata(self) -> dict[str, dict[str, str]]:
@@ -151,9 +166,9 @@ class McapReader:
         Raises PicktreeError when two records of picktree contradict each other: the file holds two runs.
         """
         found: dict[str, dict[str, str]] = {}
-        for entry in self._contents.metadata:
-            with self._damage_at(entry.offset):
-                record = metadata(self._file, entry.offset)
+        with self._damage_at(0):
+            records = list(self._reader.iter_metadata())
+        for record in records:
             words = found.setdefault(record.name, {})
             for name, value in record.metadata.items():
                 if words.setdefault(name, value) != value and record.name.startswith(LIBRARY):
@@ -164,56 +179,43 @@ class McapReader:
                 words[name] = value
         return found
 
-    @property
-    def _table(self) -> MessageTable:
-        if self._indexed is None:
-            with self._damage_at(0):
-                self._indexed = MessageTable(self._contents, self._unpack, self._keep, self._limit)
-        return self._indexed
-
-    def _unpacked(self, block: int) -> bytes:
-        return unpacked(self._file, self._contents.blocks[block])
-
     def _open(self) -> None:
-        if self._file.read(0, len(MAGIC)) != MAGIC:
-            raise PicktreeError(f"{self.path}: not a log: {_description(self._file.read(0, 4096))}")
+        """Check the file, and copy it unless it is as picktree writes it."""
+        from .sorted_copy import sorted_copy
+
+        file, summary = self._file, None
+        if file.at(0, len(MAGIC)) != MAGIC:
+            raise PicktreeError(f"{self.path}: not a log: {_description(file.at(0, 4096))}")
+        data_end = 0
         try:
-            indexed = indexed_contents(self._file)
-            if indexed is not None and indexed[1] is not False:
-                self._contents, is_checked = indexed
-                if not is_checked:
-                    self._check()
+            header = parsed(*file.record(len(MAGIC), Opcode.HEADER))
+            assert isinstance(header, Header)
+            self._header = header
+            summary, data_end = file.summary()
+            if header.library == LIBRARY and _is_as_written(file, summary, data_end):
                 return
+            for index in summary.attachment_indexes:
+                parsed(*file.record(index.offset, Opcode.ATTACHMENT))
+            self._copy = sorted_copy(_records(file))
+            return
         except DAMAGE_ERRORS:
             pass
-        found = salvaged(self._file)
-        self._contents, self._indexed = found.contents, None
-        if not len(self._table) and not found.whole:
-            raise self._damaged(found.stop, f"{found.problem or 'nothing is left'}; it holds no messages")
-        if found.problem:
-            where = f"recovered up to byte {found.stop}, {self.end / 1e9:.2f} s"
-            self._tell(found.losses, f"the file was not finished; {where}")
-        elif not found.whole:
-            index = Loss(found.stop, "or later: its index", lost=False)
-            outside = Loss(0, "or later, outside of messages and files", lost=False)
-            losses = found.losses if found.has_ending else (*found.losses, index)
-            self._tell(losses or (outside,), "the rest is whole")
+        salvage = Salvage(file, summary, data_end)
+        self._copy = sorted_copy(salvage.records())
+        self._lost_files = salvage.lost_files
+        copied = self._indexed()[1].statistics
+        assert copied is not None
+        text = salvage.text(copied.message_end_time)
+        if text and not copied.message_count:
+            raise self._damaged(salvage.stop, f"{salvage.problem or 'nothing is left'}; it holds no messages")
+        self.recovered = text and f"{self.path}: {text}"
 
-    def _check(self) -> None:
-        """Look at every record of a file without a check sum. Raises one of `DAMAGE_ERRORS`."""
-        self._indexed = MessageTable(self._contents, self._unpack, self._keep, self._limit)
-        for entry in self._contents.attachments:
-            attachment(self._file, entry.offset)
-        for entry in self._contents.metadata:
-            metadata(self._file, entry.offset)
-
-    def _tell(self, losses: Collection[Loss], rest: str) -> None:
-        more = (
-            f" and {len(losses) - _MAX_NAMED_LOSSES} more places" if len(losses) > _MAX_NAMED_LOSSES else ""
-        )
-        places = ", ".join(loss.text(self._contents) for loss in list(losses)[:_MAX_NAMED_LOSSES])
-        damage = f"damaged at {places}{more}; " if losses else ""
-        self.recovered = f"{self.path}: {damage}{rest}"
+    def _indexed(self) -> tuple[SeekingReader, Summary]:
+        """Return the package's reader of the file or its copy, and the summary."""
+        stream = self._copy or self._file
+        stream.seek(0)
+        reader = SeekingReader(stream)
+        return reader, reader.get_summary() or Summary()
 
     @contextmanager
     def _damage_at(self, offset: int) -> Generator[None]:
@@ -224,6 +226,36 @@ class McapReader:
 
     def _damaged(self, offset: int, why: str) -> PicktreeError:
         return PicktreeError(f"{self.path}: damaged at byte {offset}: {why}")
+
+
+def _records(file: RecordFile) -> Iterable[McapRecord]:
+    """Return all records, those in chunks, too. Its iterator raises one of `DAMAGE_ERRORS`."""
+    file.seek(0)
+    return StreamReader(file, validate_crcs=True, record_size_limit=file.size).records
+
+
+def _is_as_written(file: RecordFile, summary: Summary, data_end: int) -> bool:
+    """Whether the data are as picktree writes them: all of them indexed, and numbered in order of time.
+
+    Raises one of `DAMAGE_ERRORS` when their check sum is wrong.
+    """
+    crc = int.from_bytes(file.record(data_end, Opcode.DATA_END)[1][:4], "little")
+    told, chunks = summary.statistics, summary.chunk_indexes
+    if not crc or told is None:
+        return False
+    if crc != file.crc(0, data_end):
+        raise ValueError("wrong check sum of the data")
+    listed = (summary.schemas, summary.channels, chunks, summary.attachment_indexes, summary.metadata_indexes)
+    counts = (told.schema_count, told.channel_count, told.chunk_count, told.attachment_count)
+    if tuple(map(len, listed)) != (*counts, told.metadata_count):
+        return False
+    if any(b.message_start_time < a.message_end_time for a, b in pairwise(chunks)):
+        return False
+    last = parsed(*file.record(chunks[-1].chunk_start_offset, Opcode.CHUNK)) if chunks else None
+    messages = breakup_chunk(last) if isinstance(last, Chunk) else []
+    numbers = {each.channel_id: each.sequence for each in messages if isinstance(each, Message)}
+    totals = told.channel_message_counts
+    return all(number == totals[channel] & 0xFFFFFFFF for channel, number in numbers.items())
 
 
 _EXPECTED = "it does not begin as an MCAP file does; give a run's folder, or its log.mcap"

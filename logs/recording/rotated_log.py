@@ -12,8 +12,7 @@ from typing import Final
 import orjson
 
 from ...errors import PicktreeError
-from ..mcap.message_table import RawMessage
-from ..mcap.reader import ChannelInfo, McapReader
+from ..mcap.reader import ChannelInfo, McapReader, RawMessage
 
 PART_METADATA = "picktree.part"
 """Name of the metadata in each file after the first: the state that it continues from."""
@@ -98,10 +97,6 @@ class _Part:
         return self.since + 1 if start is None else max(start, self.since + 1)
 
 
-_MAX_KEPT_BYTES = 48_000_000
-"""Maximum size of the messages that stay in memory."""
-
-
 class JoinedLog:
     """Log in the file at `path` and in the files beside it that continue it; a file that continues another is
     read alone.
@@ -110,11 +105,8 @@ class JoinedLog:
     or damaged, else empty.
     """
 
-    def __init__(self, path: Path, keep: Collection[str] = ()) -> None:
-        """Open the log. `keep`: topics whose messages stay in memory once one was read, within a limit."""
+    def __init__(self, path: Path) -> None:
         self.path = path
-        self._keep = frozenset(keep)
-        self._limit = _MAX_KEPT_BYTES // (1 + len(part_paths(path)))
         self._parts: list[_Part] = []
         try:
             first = self._open(path)
@@ -209,7 +201,7 @@ class JoinedLog:
         return [time for part in self._parts for time in part.reading.times(topic, part.after(None))]
 
     def _open(self, path: Path) -> _Part:
-        reading = McapReader(path, self._keep, self._limit)
+        reading = McapReader(path)
         try:
             metadata = reading.metadata()
             words = metadata.get(PART_METADATA)

@@ -5,15 +5,16 @@ The messages of joints, frames, objects, images and log lines repeat the simulat
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from typing import Any, Final
 
 import numpy as np
+import orjson
 from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
 
-from ..mcap.reader import McapReader
+from ..mcap.reader import McapReader, RawMessage
 from ..schema import topics
 
 _SAMPLE: Final = 200
@@ -22,6 +23,7 @@ _LONGEST_RUN: Final = 365 * 86_400 * 1_000_000_000
 """First tick from which on a time is that of a wall clock, ns."""
 _SMOOTHING: Final = 41
 """Number of ticks over which the number of a tick is compared with its time."""
+_EACH_TICK: Final = (topics.TICK.name, topics.WRENCH.name, topics.CONTROL.name, topics.TIMING.name)
 
 Times = NDArray[np.int64]
 
@@ -33,54 +35,92 @@ def restore_simulated_times(reading: McapReader, begin: int) -> None:
     ones take the times of their stamps, and others those of the ticks around. `begin`: simulated time (ns) at
     which a log without stamps begins. Raises PicktreeError where the file is damaged.
     """
-    clock = next((topic for topic in (topics.JOINTS, topics.TF) if _differences(reading, topic)), None)
-    if clock is not None:
-        late = _differences(reading, clock)
-        offset = int(np.median(late))
-        reading.shift(-offset if offset and (min(late) == max(late) or abs(offset) > np.ptp(late)) else 0)
-        if min(late) != max(late):
-            reading.set_times(_times(reading, clock))
+    late = _lateness(reading, topics.JOINTS.name) or _lateness(reading, topics.TF.name) or [0]
+    offset, spread = int(np.median(late)), max(late) - min(late)
+    shift = offset if offset and (not spread or abs(offset) > spread) else 0
     first = next(reading.messages([topics.TICK.name]), None)
-    if first is not None and first.time > _LONGEST_RUN:
-        reading.shift(begin - first.time)
+    if first is not None and first.time - shift > _LONGEST_RUN:
+        shift = first.time - begin
+    if not shift and not spread:
+        return
+    times = np.array([message.time for message in reading.messages()], np.int64) - shift
+    reading.set_times(_stamped_times(reading, times, spread) if spread else times)
 
 
-def _differences(reading: McapReader, topic: topics.Topic) -> list[int]:
-    return [time - stamp for time, stamp in islice(_stamps(reading, topic), _SAMPLE) if stamp is not None]
+def _lateness(reading: McapReader, topic: str) -> list[int]:
+    stamped = islice(_stamped(reading, [topic]), _SAMPLE)
+    return [message.time - stamp for message, stamp in stamped if stamp is not None]
 
 
-def _stamps(reading: McapReader, topic: topics.Topic) -> Iterator[tuple[int, int | None]]:
-    """Yield time and stamp of each message, ns; None: it has none."""
-    kind = topics.message_class(topic.schema)
-    for message in reading.messages([topic.name]) if kind is not None else ():
+def _stamped(
+    reading: McapReader, wanted: Sequence[str] | None = None
+) -> Iterator[tuple[RawMessage, int | None]]:
+    """Yield messages with their stamps, ns; None: it has none."""
+    kinds = {channel.topic: topics.message_class(channel.schema) for channel in reading.channels}
+    for message in reading.messages(wanted):
+        kind = kinds[message.topic]
         try:
             read: Any = kind.FromString(message.data) if kind else None
         except DecodeError:
-            yield message.time, None
-            continue
+            read = None
         parts = [read, *getattr(read, "transforms", ())[:1], *getattr(read, "entities", ())[:1]]
         stamps = [each.timestamp.ToNanoseconds() for each in parts if hasattr(each, "timestamp")]
-        yield message.time, stamps[0] if stamps else None
+        yield message, stamps[0] if stamps else None
 
 
-def _times(reading: McapReader, clock: topics.Topic) -> Mapping[str, Times]:
-    """Return the simulated times of the messages by topic. `clock`: topic with a stamped message a tick."""
-    grid = np.unique([time if stamp is None else stamp for time, stamp in _stamps(reading, clock)])
-    found: dict[str, Times] = {}
-    for channel in reading.channels:
-        topic = topics.Topic(channel.topic, channel.schema, "protobuf")
-        times = np.array(reading.times(channel.topic), np.int64)
-        stamps = [time if stamp is None else stamp for time, stamp in _stamps(reading, topic)]
-        if len(stamps) == len(times):
-            found[channel.topic] = np.array(stamps, np.int64)
-        elif channel.topic in _EACH_TICK:
-            found[channel.topic] = _by_number(times, grid)
+def _stamped_times(reading: McapReader, times: Times, spread: int) -> Times:
+    """Return the simulated times of all messages. `times`: when they were written, at most `spread` ns apart
+    from those of their ticks."""
+    found = times.copy()
+    stamped: list[int] = []
+    each_tick: dict[str, list[int]] = {}
+    others: list[tuple[int, RawMessage]] = []
+    changes: dict[int, list[bytes]] = {}
+    """Parts of the JSON that names what changed at the time of a tick, ns."""
+    for place, (message, stamp) in enumerate(_stamped(reading)):
+        if stamp is not None:
+            found[place] = stamp
+            stamped.append(place)
+            if message.topic == topics.OBJECTS.name:
+                changes.setdefault(stamp, []).append(b'"kind":"belief"')
+        elif message.topic in _EACH_TICK:
+            each_tick.setdefault(message.topic, []).append(place)
         else:
-            found[channel.topic] = grid[_nearest(times, grid)]
+            others.append((place, message))
+    ticks = np.unique(found[stamped])
+    for places in each_tick.values():
+        found[places] = _by_number(times[places], ticks)
+    known = np.sort(np.concatenate((stamped, *each_tick.values())).astype(np.int64))
+    in_file = reading.places()
+    known = known[np.argsort(in_file[known])]
+    timed = np.isin(known, each_tick.get(topics.TIMING.name, []))[1:]
+    steps = np.diff(found[known])
+    if timed.any() and (steps >= 0).all() and (steps[timed] > 0).all():
+        places = [place for place, _ in others]  # in the order of the recorder, where a timing begins a tick
+        before = np.searchsorted(in_file[known], in_file[places]) - 1
+        found[places] = found[known[np.maximum(before, 0)]]
+        return found
+    numbered = zip(each_tick.get(topics.TICK.name, ()), reading.messages([topics.TICK.name]), strict=False)
+    for place, message in numbered:
+        for each in orjson.loads(message.data).get("transitions", ()):
+            changes.setdefault(int(found[place]), []).append(f'{each["path"]}"'.encode())
+    for place, message in others:
+        found[place] = _nearest_change(int(times[place]), message.data, ticks, changes, spread)
     return found
 
 
-_EACH_TICK: Final = (topics.TICK.name, topics.WRENCH.name, topics.CONTROL.name, topics.TIMING.name)
+def _nearest_change(
+    time: int, data: bytes, ticks: Times, changes: Mapping[int, list[bytes]], spread: int
+) -> int:
+    """Return the time of the tick of a message: of the ticks around, one with a change that the message
+    names, else one with any change, else the nearest."""
+
+    def distance(tick: int) -> tuple[bool, bool, int]:
+        return not any(name in data for name in changes.get(tick, ())), tick not in changes, abs(tick - time)
+
+    first, stop = np.searchsorted(ticks, (time - spread, time + spread + 1))
+    around = ticks[first:stop].tolist() or [int(ticks[_nearest(np.array([time]), ticks)[0]])]
+    return min(around, key=distance)
 
 
 def _nearest(times: Times, grid: Times) -> Times:
@@ -97,8 +137,6 @@ def _by_number(times: Times, grid: Times) -> Times:
     were left out. Its median over many ticks is exact.
     """
     numbers = np.arange(len(times))
-    if not len(times):
-        return times
     ahead = np.pad(_nearest(times, grid) - numbers, _SMOOTHING // 2, mode="edge")
     middle = np.median(np.lib.stride_tricks.sliding_window_view(ahead, _SMOOTHING), axis=1)
     places = numbers + np.maximum.accumulate(middle.astype(np.int64))

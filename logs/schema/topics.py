@@ -151,9 +151,3 @@ class Digest:
 def _name_field(topic: str) -> bytes:
     name = topic.encode()
     return len(name).to_bytes(2, "little") + name
-
-
-READ_OFTEN = tuple(
-    topic.name for topic in (OBJECTS, TRUTH, JOINTS, CONTROL, WRENCH, PLAN, CANDIDATES, EVENTS, LOG, TREE)
-)
-"""Topics that a report reads several times, and that are small beside ticks, images and transforms."""

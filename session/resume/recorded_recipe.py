@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Final
 
 from ...errors import PicktreeError
-from ...logs.mcap.message_table import RawMessage
+from ...logs.mcap.reader import RawMessage
 from ...logs.recording.recorder import RecordingState
 from ...logs.run_log import RunLog
 from ...logs.run_record import RunRecord

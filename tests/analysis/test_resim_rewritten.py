@@ -13,7 +13,7 @@ from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
 from picktree.session.session import RunRequest, Session
 
-from ..logs.rewriting import ORDER, SECOND, WRITING, Content, Sent
+from ..logs.rewriting import ORDER, SECOND, WRITING, Content, Sent, jittered
 
 MISSION = """\
 picktree: 1
@@ -86,6 +86,14 @@ def test_what_the_log_lacks_is_not_compared(
     assert not answer.exact  # no digest of a part is told as that of the run
     with RunLog(recorded.log) as log:
         assert 5 < answer.ticks <= len(list(log.ticks()))
+
+
+def test_late_messages_take_the_times_of_their_ticks(recorded: RunResult, tmp_path: Path) -> None:
+    """Events and plans have no stamps: they take their times from what is written around them."""
+    late = jittered(Content.of(recorded.log), 40_000_000).write(tmp_path / "log.mcap")
+    with RunLog(recorded.log) as one, RunLog(late) as other:
+        for topic in one.topics:
+            assert list(other.messages([topic])) == list(one.messages([topic])), topic
 
 
 def test_a_changed_message_is_found(recorded: RunResult, tmp_path: Path) -> None:

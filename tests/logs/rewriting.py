@@ -188,6 +188,12 @@ ORDER: dict[str, Callable[[Content], Content]] = {
 """Other orders, times and neighbours of the same messages."""
 
 
+def jittered(content: Content, most: int) -> Content:
+    rng = random.Random(5)
+    late = {id(sent): rng.randint(-most, most) if sent.time else 0 for sent in content.messages}
+    return content.each(lambda sent: replace(sent, time=max(sent.time + late[id(sent)], 0)))
+
+
 def without_attachment_sums(path: Path) -> Path:
     """Zero the check sums of the attachments; the file has no other sums."""
     data = bytearray(path.read_bytes())

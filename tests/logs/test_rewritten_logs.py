@@ -1,6 +1,6 @@
 """Logs that other MCAP tools have rewritten read as the original, or say what they lack."""
 
-import random
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +19,17 @@ from picktree.logs.recording.rotated_log import Rotation
 from picktree.logs.run_log import RunLog
 from picktree.world.belief.planning_scene import PlanningScene
 
-from .rewriting import EPOCH, ORDER, SECOND, WRITING, Content, Sent, with_record, without_attachment_sums
+from .rewriting import (
+    EPOCH,
+    ORDER,
+    SECOND,
+    WRITING,
+    Content,
+    Sent,
+    jittered,
+    with_record,
+    without_attachment_sums,
+)
 
 
 def told(log: RunLog) -> dict[str, list[tuple[float, bytes]]]:
@@ -73,15 +83,14 @@ def test_an_attachment_may_have_no_check_sum(log_path: Path, tmp_path: Path) -> 
     assert_reads_as(without_attachment_sums(rewritten), log_path)
 
 
-def jittered(content: Content, most: int) -> Content:
-    rng = random.Random(5)
-    late = {id(sent): rng.randint(-most, most) if sent.time else 0 for sent in content.messages}
-    return content.each(lambda sent: replace(sent, time=max(sent.time + late[id(sent)], 0)))
-
-
-def test_late_messages_take_the_times_of_their_stamps(log_path: Path, tmp_path: Path) -> None:
-    """40 ms are nearly a tick: neighbouring ticks change places."""
-    rewritten = jittered(Content.of(log_path), 40_000_000).write(tmp_path / "log.mcap")
+@pytest.mark.parametrize("is_sorted", [False, True])
+def test_late_messages_take_the_times_of_their_stamps(
+    log_path: Path, tmp_path: Path, *, is_sorted: bool
+) -> None:
+    """40 ms are nearly a tick: neighbouring ticks change places. The sample is not in the order of a run."""
+    content = jittered(Content.of(log_path), 40_000_000)
+    in_order = sorted(content.messages, key=lambda sent: sent.time) if is_sorted else content.messages
+    rewritten = content.ordered(in_order).write(tmp_path / "log.mcap")
     with RunLog(log_path) as one, RunLog(rewritten) as other:
         there, here = told(one), told(other)
         for topic in ("/bt/tick", "/joint_states", "/tf", "/wrench", "/control", "/scene/objects", "/log"):
@@ -146,6 +155,28 @@ def test_a_hole_is_a_gap(log_path: Path, tmp_path: Path) -> None:
         assert log.recovered == f"{log.path}: 1.00 s to 2.00 s are missing"
         (gap,) = log.gaps
         assert [gap.contains(t) for t in (0.95, 1.0, 1.5, 2.0, 2.05)] == [False, True, True, True, False]
+
+
+@pytest.mark.parametrize(("status", "said"), [("RUNNING", True), ("SUCCESS", False)])
+def test_behind_the_last_tick_of_a_run_nothing_is_missing(
+    log_path: Path, tmp_path: Path, status: str, said: bool
+) -> None:
+    """The arm comes to rest a few ticks after the tree has ended."""
+    content = Content.of(log_path)
+    result = next(each for each in content.metadata if each.name == "picktree.result")
+    last = content.messages[-1].time / SECOND
+    stated = Metadata(result.name, {**result.metadata, "json": f'{{"sim_seconds": {last + 0.15}}}'})
+    changed = replace(
+        content.each(lambda sent: replace(sent, data=with_root_status(sent, status))),
+        metadata=[*(each for each in content.metadata if each is not result), stated],
+    )
+    with RunLog(changed.write(tmp_path / "log.mcap")) as log:
+        text = f"{log.path}: the log ends at {last:.2f} s, before its run: everything after is missing"
+        assert log.recovered == (text if said else "")
+
+
+def with_root_status(sent: Sent, status: str) -> bytes:
+    return re.sub(rb'"root_status":"[A-Z]+"', f'"root_status":"{status}"'.encode(), sent.data)
 
 
 def test_without_metadata_the_run_is_read_and_its_settings_are_unknown(

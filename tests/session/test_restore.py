@@ -11,7 +11,7 @@ import pytest
 
 from picktree.analysis.run import Run
 from picktree.errors import PicktreeError
-from picktree.logs.mcap.message_table import RawMessage
+from picktree.logs.mcap.reader import RawMessage
 from picktree.logs.run_result import RunResult
 from picktree.session.checkpoints import RunState
 from picktree.session.resume.recorded_recipe import RecordedRun, complete_state, simulated_messages

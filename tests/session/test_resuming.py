@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 import multiprocessing
 import os
 import signal
@@ -14,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis.run import Run
+from picktree.cli.app import answer
 from picktree.errors import PicktreeError
 from picktree.logs.mcap.reader import McapReader
 from picktree.logs.run_log import RunLog, Stamped
@@ -27,6 +29,8 @@ from picktree.session.session import Recording, RunRequest, Session
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.running.runner import TickReport
 from picktree.world.journal import JournalEvent
+
+from ..logs.rewriting import ORDER, WRITING, Content
 
 CHUNK = 0x06
 """Opcode of a chunk in MCAP."""
@@ -187,6 +191,23 @@ def test_it_goes_on_as_things_stood_and_looks_first(killed: Path, alone: RunResu
         ).run()
         with Run(again.folder) as repeated:
             assert told(repeated, "took_stock") == [first, felt]
+
+
+@pytest.mark.parametrize(("form", "order"), [("lz4", "shuffled"), ("no index", "epoch")])
+def test_a_killed_run_that_another_program_rewrote_goes_on_as_things_stood(
+    killed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], form: str, order: str
+) -> None:
+    log = killed / "log.mcap"
+    rewritten = WRITING[form](ORDER[order](Content.of(log))).write(tmp_path / "rewritten.mcap")
+    went_on: list[tuple[str, float, object]] = []
+    for path in (log, rewritten):
+        out = tmp_path / path.stem
+        assert answer(["run", "--resume", str(path), "--as-it-stands", "--out", str(out)]) == 0
+        said = capsys.readouterr().err.partition("\n")[0]
+        result = json.loads(next(out.glob("*/result.json")).read_text())
+        went_on.append((said.replace(str(path), "LOG"), result["sim_seconds"], result["items"]))
+    assert went_on[0][0].startswith("going on with LOG as things stood at ")
+    assert went_on[1] == went_on[0]
 
 
 def killed_at_once(folder: Path, out: Path) -> Path:
