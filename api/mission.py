@@ -11,6 +11,7 @@ from ..authoring.check import MissionCheck, check_mission
 from ..authoring.drawing.chart_builder import chart
 from ..errors import PicktreeError
 from ..files.marks import Diagnostic, FileError
+from ..files.shipped_files import example_file
 from ..files.yaml.document import Document, read_document
 from ..trees import mission as loaded
 from ..trees.loading.registry import NodeRegistry
@@ -159,5 +160,8 @@ class Mission:
 
 
 def load(file: str | PathLike[str]) -> Mission:
-    """Load a mission file. Raises FileError when it is no mission file; `check` shows its other faults."""
-    return Mission(read_document(Path(file), "mission"))
+    """Load a mission file, or a shipped example by its name.
+
+    Raises FileError when it is no mission file; `check` shows its other faults.
+    """
+    return Mission(read_document(example_file(file), "mission"))

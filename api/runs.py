@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from ..analysis.run import Run
+from ..files.shipped_files import example_file
 from ..logs.recording.rotated_log import NO_ROTATION, Rotation
 from ..logs.run_result import RunResult
 from ..planning.service.planning_worker import has_second_core
@@ -107,11 +108,11 @@ def run(
 ) -> MissionRun:
     """Run a mission to its end, record it, and return its result.
 
-    `mission` is a file, a `Mission`, or a tree of nodes; a tree needs `scene`. `scene` and `robot` are
-    shipped ones or files, and replace the mission's. `parameters` are ports of `Main`, and ports of nodes as
-    `{"Grasp.force": "20 N"}`. `backend` is `physics` or `kinematic`; `verify` checks every trajectory a
-    second time; `limit` ends the run, simulated s; `watch` takes over edits of the file. The run's folder is
-    made in `out`, by default `runs`. Raises PicktreeError (FileError with all faults) for bad input.
+    `mission` is a file, a shipped example, a `Mission`, or a tree of nodes; a tree needs `scene`. `scene` and
+    `robot` are shipped ones or files, and replace the mission's. `parameters` are ports of `Main`, and ports
+    of nodes as `{"Grasp.force": "20 N"}`. `backend` is `physics` or `kinematic`; `verify` checks every
+    trajectory a second time; `limit` ends the run, simulated s; `watch` takes over edits of the file. The
+    run's folder is made in `out`, by default `runs`. Raises PicktreeError (FileError with all faults) for bad input.
     """
     if isinstance(mission, Node):
         mission = Mission(mission, name=mission.description.id)
@@ -123,7 +124,7 @@ def run(
         robot=str(robot) if robot is not None else None,
         seed=seed,
         parameters={key: setting_text(value) for key, value in (parameters or {}).items()},
-        faults=Path(faults) if faults is not None else None,
+        faults=example_file(faults, "faults", "faults file") if faults is not None else None,
         out=Path(out) if out is not None else None,
         backend=backend,
         verify=verify,
@@ -140,7 +141,7 @@ def run(
 def _file(mission: Mission | str | PathLike[str]) -> Path:
     path = mission.file if isinstance(mission, Mission) else mission
     assert path is not None
-    return Path(path)
+    return example_file(path)
 
 
 def setting_text(value: Plain) -> str:
