@@ -88,6 +88,16 @@ class Mission:
         return None if self._source is not None else self._document.path
 
     @property
+    def place(self) -> Path:
+        """File of the mission, or the place of the file that it would have."""
+        return self._document.path
+
+    @property
+    def is_complete_text(self) -> bool:
+        """Whether the text names all nodes; it cannot name classes of a script or a notebook."""
+        return self._source is None or not self._source.local_classes(self.place.parent)
+
+    @property
     def text(self) -> str:
         """Text of the mission's file."""
         return self._document.text
