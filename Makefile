@@ -1,4 +1,4 @@
-# The verbs: setup, demo, dev, packages, test, check, docs, site, page, golden, calls, bench, campaign, atlas, mutants, house.
+# The verbs: setup, demo, dev, packages, test, check, docs, site, page, vsix, golden, calls, bench, campaign, atlas, mutants, house.
 # Each does what it depends on.
 
 VENV ?= .venv
@@ -18,7 +18,7 @@ version_of = $(shell "$(1)" -c 'import sys; print(*sys.version_info[:2], sep="."
 PYTHON ?= $(firstword $(foreach p,python3.11 python3 python,$(if $(filter 3.11,$(call version_of,$(p))),$(p))) python3.11)
 WRONG_PYTHON = picktree needs Python 3.11; '$(PYTHON)' is $(or $(patsubst %,Python %,$(call version_of,$(PYTHON))),missing or no Python) (name another: make PYTHON=/path/to/python3.11)
 
-.PHONY: setup demo dev packages test check docs site page pictures golden calls bench campaign atlas mutants house clean
+.PHONY: setup demo dev packages test check docs site page vsix pictures golden calls bench campaign atlas mutants house clean
 .NOTPARALLEL:
 
 setup: $(RUN)
@@ -105,6 +105,12 @@ site: $(DEV)
 page: tests/logs/node/node_modules/.package-lock.json tests/studio/node/node_modules/.package-lock.json
 	@cd tests/logs/node && npm run --silent build
 	@cd tests/studio/node && npm run --silent test && npm run --silent build
+
+# The extension for VS Code, editors/vscode/picktree.vsix: `code --install-extension` takes it.
+vsix:
+	@command -v npm >/dev/null || { echo "npm is missing: apt-get install nodejs npm" >&2; exit 1; }
+	@npm ci --prefix editors/vscode --no-audit --no-fund
+	@npm run --prefix editors/vscode package
 
 # The pictures of docs/report.md, docs/batches.md and docs/studio.md, taken in headless Chromium of a run with planted faults
 # of a batch and of five more that are run for it: about eight minutes of CPU.

@@ -94,7 +94,7 @@ def check() -> None:
     if _warned:
         return
     _warned = True
-    for sentence in _departures():
+    for sentence in _warnings():
         warnings.warn(sentence, RuntimeWarning, stacklevel=3)
 
 
@@ -134,17 +134,32 @@ def _core(library: Mapping[str, Any]) -> str:
     return f"{library.get('architecture', 'unknown')}, {threads} thread{'' if threads == 1 else 's'}"
 
 
-def _departures() -> Iterator[str]:
+def departures() -> Mapping[str, str]:
+    """Return the reasons why this process computes with other kernels, by library; empty when it does not."""
+    found: dict[str, str] = {}
+    if _tuned:
+        found["glibc"] = f"started with {TUNABLES}={_tuned}"
+    if _other_kernels():
+        found["numpy"] = "imported before picktree"
+    return found
+
+
+def _other_kernels() -> list[str]:
+    """Return the kernels of libraries that were loaded before `pin`, where they are others."""
+    if not _numpy_came_first:
+        return []
+    wanted = f"{PINNED['OPENBLAS_CORETYPE']}, {PINNED['OPENBLAS_NUM_THREADS']} thread"
+    kernels = {"numpy": numpy_kernels(), **{f"{name}'s OpenBLAS": k for name, k in blas_kernels().items()}}
+    return [f"{name} with {k}" for name, k in kernels.items() if k not in ("X86_V3", wanted)]
+
+
+def _warnings() -> Iterator[str]:
     if _tuned:
         yield (
             f"{TUNABLES}={_tuned} makes the C library compute with other kernels: runs of this process may "
             "differ from those of the same seed elsewhere; start Python without this variable"
         )
-    if not _numpy_came_first:
-        return
-    wanted = f"{PINNED['OPENBLAS_CORETYPE']}, {PINNED['OPENBLAS_NUM_THREADS']} thread"
-    kernels = {"numpy": numpy_kernels(), **{f"{name}'s OpenBLAS": k for name, k in blas_kernels().items()}}
-    others = [f"{name} with {k}" for name, k in kernels.items() if k not in ("X86_V3", wanted)]
+    others = _other_kernels()
     if others:
         yield (
             f"numpy was imported before picktree and computes with other kernels ({'; '.join(others)}): runs "

@@ -19,6 +19,7 @@ from ..batch.statistics.summary import summarise
 from ..batch.workers.batch import Batch
 from ..batch.workers.local_executor import LocalExecutor
 from ..errors import PicktreeError
+from ..files.shipped_files import example_file
 from ..simulation.backends import Backend
 from ..trees.node import Node
 from ..world.journal import Plain
@@ -143,7 +144,7 @@ def batch(
             "missions": [str(_file(mission, folder).absolute())],
             "seeds": ",".join(map(str, seeds)),
             "scenes": list(scenes),
-            "faults": [each if each == "none" else str(Path(each).absolute()) for each in faults],
+            "faults": [_faults_file(each) for each in faults],
             "set": {key: _values(value) for key, value in (settings or {}).items()},
             "backend": backend,
             "limit": f"{limit} s",
@@ -166,11 +167,17 @@ def batch(
 def _file(mission: Mission | str | PathLike[str], folder: Path) -> Path:
     """Return the mission's file; one that was made in Python is written into the batch's folder."""
     if not isinstance(mission, Mission):
-        return Path(mission)
+        return example_file(mission)
     if mission.file is not None:
         return mission.file
     folder.mkdir(parents=True, exist_ok=True)
     return mission.save(folder / "mission.yaml")
+
+
+def _faults_file(faults: str | PathLike[str]) -> str:
+    if faults == "none":
+        return "none"
+    return str(example_file(faults, "faults", "faults file").absolute())
 
 
 def _values(value: Plain | Sequence[Plain]) -> list[str]:

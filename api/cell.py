@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ..analysis.render.viewpoint import parse_view
@@ -11,6 +11,7 @@ from ..commissioning.trial_picture import plan_picture
 from ..commissioning.trial_result import PlanAnswer, PlanRefusal
 from ..errors import PicktreeError
 from ..files.value_wording import suggest_name
+from ..logs.data_frames import PandasTable
 from ..manipulation.grasp.grasp_candidates import grasp_candidates
 from ..planning.requests import MotionPlan, Request, Scaling, Target
 from ..session.cell import CellSession
@@ -23,8 +24,12 @@ from .display import SceneImage, html_table, preformatted
 PICTURE_SIZE = (960, 600)
 
 
-class BelievedItem:
-    """Object as the robot believes it to be when it was looked up; later changes do not appear in it."""
+class BelievedItem(Mapping[str, object]):
+    """Object as the robot believes it to be when it was looked up; later changes do not appear in it.
+
+    As a mapping it is a row of the belief's table: id, kind, colour, form, place, destination, x, y, z of the
+    position in the world (m), yaw (rad), confidence (0 … 1), last_seen (simulated s).
+    """
 
     def __init__(self, belief: BeliefObject, cell: CellSession) -> None:
         self.belief = belief
@@ -46,13 +51,47 @@ class BelievedItem:
         found = grasp_candidates(self.belief, self._gripper)
         return tuple(dict.fromkeys(each.tcp_in_world.shifted((0.0, 0.0, above)) for each in found))
 
+    def _row(self) -> dict[str, object]:
+        x, y, z = self.pose.position
+        return {
+            "id": self.id,
+            "kind": self.kind,
+            "colour": self.colour,
+            "form": self.belief.form,
+            "place": self.place,
+            "destination": self.destination,
+            "x": x,
+            "y": y,
+            "z": z,
+            "yaw": self.pose.rpy()[2],
+            "confidence": self.belief.confidence,
+            "last_seen": self.belief.last_seen,
+        }
+
+    def __getitem__(self, column: str) -> object:
+        return self._row()[column]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._row())
+
+    def __len__(self) -> int:
+        return len(self._row())
+
+    # An object is the same as itself only, although it is a mapping.
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+    def __hash__(self) -> int:
+        return id(self)
+
     def __repr__(self) -> str:
         x, y, z = self.pose.position
         return f"<{self.id}: {self.colour} {self.kind} at ({x:.3f}, {y:.3f}, {z:.3f}) m, {self.place}>"
 
 
-class BeliefView(Sequence[BelievedItem]):
-    """Belief of the robot about the cell: a sequence of objects."""
+class BeliefView(Sequence[BelievedItem], PandasTable):
+    """Belief of the robot about the cell: a sequence of objects, and a table."""
 
     def __init__(self, cell: CellSession) -> None:
         self._items = tuple(BelievedItem(each, cell) for each in cell.world.scene.objects)
@@ -92,6 +131,11 @@ class BeliefView(Sequence[BelievedItem]):
 
     def __iter__(self) -> Iterator[BelievedItem]:
         return iter(self._items)
+
+    def columns_by_name(self) -> Mapping[str, Sequence[object]]:
+        """Return a column for each key of `BelievedItem`; empty while nothing is believed."""
+        rows = [dict(item) for item in self._items]
+        return {name: [row[name] for row in rows] for name in (rows[0] if rows else ())}
 
     def __repr__(self) -> str:
         return "\n".join(map(repr, self._items)) or "nothing is believed to be there; run Observe first"

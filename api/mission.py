@@ -11,6 +11,7 @@ from ..authoring.check import MissionCheck, check_mission
 from ..authoring.drawing.chart_builder import chart
 from ..errors import PicktreeError
 from ..files.marks import Diagnostic, FileError
+from ..files.shipped_files import example_file
 from ..files.yaml.document import Document, read_document
 from ..trees import mission as loaded
 from ..trees.loading.registry import NodeRegistry
@@ -87,6 +88,16 @@ class Mission:
         return None if self._source is not None else self._document.path
 
     @property
+    def place(self) -> Path:
+        """File of the mission, or the place of the file that it would have."""
+        return self._document.path
+
+    @property
+    def is_complete_text(self) -> bool:
+        """Whether the text names all nodes; it cannot name classes of a script or a notebook."""
+        return self._source is None or not self._source.local_classes(self.place.parent)
+
+    @property
     def text(self) -> str:
         """Text of the mission's file."""
         return self._document.text
@@ -159,5 +170,8 @@ class Mission:
 
 
 def load(file: str | PathLike[str]) -> Mission:
-    """Load a mission file. Raises FileError when it is no mission file; `check` shows its other faults."""
-    return Mission(read_document(Path(file), "mission"))
+    """Load a mission file, or a shipped example by its name.
+
+    Raises FileError when it is no mission file; `check` shows its other faults.
+    """
+    return Mission(read_document(example_file(file), "mission"))

@@ -10,6 +10,9 @@ from pathlib import Path
 from typing import Literal
 
 from ..analysis.run import Run
+from ..arithmetic import departures
+from ..files.shipped_files import example_file
+from ..files.yaml.document import read_document
 from ..logs.recording.rotated_log import NO_ROTATION, Rotation
 from ..logs.run_result import RunResult
 from ..planning.service.planning_worker import has_second_core
@@ -107,23 +110,23 @@ def run(
 ) -> MissionRun:
     """Run a mission to its end, record it, and return its result.
 
-    `mission` is a file, a `Mission`, or a tree of nodes; a tree needs `scene`. `scene` and `robot` are
-    shipped ones or files, and replace the mission's. `parameters` are ports of `Main`, and ports of nodes as
-    `{"Grasp.force": "20 N"}`. `backend` is `physics` or `kinematic`; `verify` checks every trajectory a
-    second time; `limit` ends the run, simulated s; `watch` takes over edits of the file. The run's folder is
-    made in `out`, by default `runs`. Raises PicktreeError (FileError with all faults) for bad input.
+    `mission` is a file, a shipped example, a `Mission`, or a tree of nodes; a tree needs `scene`. `scene` and
+    `robot` are shipped ones or files, and replace the mission's. `parameters` are ports of `Main`, and ports
+    of nodes as `{"Grasp.force": "20 N"}`. `backend` is `physics` or `kinematic`; `verify` checks every
+    trajectory a second time; `limit` ends the run, simulated s; `watch` takes over edits of the file. The
+    run's folder is made in `out`, by default `runs`. It is computed in another process where numpy was
+    imported before picktree. Raises PicktreeError (FileError with all faults) for bad input.
     """
     if isinstance(mission, Node):
         mission = Mission(mission, name=mission.description.id)
     made = mission if isinstance(mission, Mission) and mission.file is None else None
-    checked = made.checked() if made is not None else None
     request = RunRequest(
-        mission=checked.document.path if checked is not None else _file(mission),
+        mission=made.place if made is not None else _file(mission),
         scene=str(scene) if scene is not None else None,
         robot=str(robot) if robot is not None else None,
         seed=seed,
         parameters={key: setting_text(value) for key, value in (parameters or {}).items()},
-        faults=Path(faults) if faults is not None else None,
+        faults=example_file(faults, "faults", "faults file") if faults is not None else None,
         out=Path(out) if out is not None else None,
         backend=backend,
         verify=verify,
@@ -131,16 +134,32 @@ def run(
         watch=watch,
         rotation=rotation,
     )
-    if checked is None:
-        return MissionRun.of(Session(request, planning_worker=has_second_core()).run())
-    execution = Execution(read_recipe(request, checked), planning_worker=has_second_core())
-    return MissionRun.of(Session(execution, record=Recording(request.out, rotation)).run())
+    if departures() and (made is None or made.is_complete_text):
+        from .clean_process import in_clean_process  # most processes need none
+
+        return MissionRun.of(
+            in_clean_process(_computed_text, request, made.text if made is not None else None)
+        )
+    return MissionRun.of(_computed(request, made))
+
+
+def _computed_text(request: RunRequest, text: str | None) -> RunResult:
+    """Run a request; `text`: the mission that was made in Python, None: the request's file."""
+    made = Mission(read_document(request.mission, "mission", text)) if text is not None else None
+    return _computed(request, made)
+
+
+def _computed(request: RunRequest, made: Mission | None) -> RunResult:
+    if made is None:
+        return Session(request, planning_worker=has_second_core()).run()
+    execution = Execution(read_recipe(request, made.checked()), planning_worker=has_second_core())
+    return Session(execution, record=Recording(request.out, request.rotation)).run()
 
 
 def _file(mission: Mission | str | PathLike[str]) -> Path:
     path = mission.file if isinstance(mission, Mission) else mission
     assert path is not None
-    return Path(path)
+    return example_file(path)
 
 
 def setting_text(value: Plain) -> str:

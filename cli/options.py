@@ -7,6 +7,28 @@ from typing import Annotated, Literal, TypeAlias
 
 import typer
 
+
+def mission_file(name: str) -> Path:
+    """Return the file of a mission that a command takes: a path, or the name of a shipped example."""
+    from ..files.shipped_files import example_file
+
+    return example_file(name)
+
+
+def plan_file(name: str) -> Path:
+    """Return the file of a plan that a command takes: a path, or the name of a shipped example."""
+    from ..files.shipped_files import example_file
+
+    return example_file(name, what="plan")
+
+
+def faults_file(name: str) -> Path:
+    """Return the file of faults that a command takes: a path, or the name of a shipped example."""
+    from ..files.shipped_files import example_file
+
+    return example_file(name, "faults", "faults file")
+
+
 Log: TypeAlias = Annotated[str, typer.Argument(metavar="LOG", help="Log file, run folder, or 'last'.")]
 ShippedScene: TypeAlias = Annotated[str, typer.Option(metavar="SCENE", help="Shipped scene or scene file.")]
 OtherRobot: TypeAlias = Annotated[

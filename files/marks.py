@@ -74,6 +74,9 @@ class FileError(PicktreeError):
         self.faults = tuple(sorted(dict.fromkeys(faults), key=lambda fault: fault.mark))
         super().__init__("\n".join(map(str, self.faults)))
 
+    def __reduce__(self) -> tuple[type[FileError], tuple[tuple[Diagnostic, ...]]]:
+        return type(self), (self.faults,)
+
 
 T = TypeVar("T")
 

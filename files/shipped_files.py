@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from functools import cache
+from os import PathLike
 from pathlib import Path
 from typing import Final
 
 from ..errors import PicktreeError
-from .value_wording import suggest_name
+from .value_wording import MOST_NEAR, suggest_name
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 """Folder of the package `picktree`. In a checkout it contains tests, examples and documents, too."""
+
+
+EXAMPLES: Final = ROOT / "examples"
+"""Shipped missions, with cases and faults in folders below."""
 
 
 @cache
@@ -41,6 +46,35 @@ def find_file(name_or_path: str, folder: Path, beside: Path | None, what: str) -
         return own
     hint = suggest_name(name_or_path, shipped_names(folder))
     raise PicktreeError(f"unknown {what} {name_or_path!r}" + (f" ({hint})" if hint else ""))
+
+
+def example_file(name_or_path: str | PathLike[str], folder: str = "", what: str = "mission") -> Path:
+    """Return the file of a name or path that a person gave: `sort_by_colour` is a shipped example.
+
+    `folder`: its folder below `EXAMPLES`. A file of that name in the working directory comes first. A text
+    with a slash or a suffix is a path, which need not exist. Raises PicktreeError, with near names, for a
+    name that is neither, also for one with the suffix .yaml.
+    """
+    found = known_file(name_or_path, folder)
+    path = Path(name_or_path)
+    if found is not None or path.suffix not in ("", ".yaml") or path.name != str(name_or_path):
+        return found or path
+    known = dict.fromkeys((*shipped_names(Path()), *shipped_names(EXAMPLES / folder)))
+    hint = suggest_name(path.name.removesuffix(".yaml"), known, most=MOST_NEAR)
+    if path.suffix and not hint.startswith("did"):
+        return path
+    raise PicktreeError(f"there is no {what} {str(path)!r}, neither a file here nor an example ({hint})")
+
+
+def known_file(name_or_path: str | PathLike[str], folder: str = "") -> Path | None:
+    """Return the file, folder or shipped example of a name or path; None when there is none."""
+    path, file = Path(name_or_path), f"{name_or_path}.yaml"
+    if is_file(path) or is_folder(path):
+        return path
+    own, example = Path(file), EXAMPLES / folder / file
+    if path.suffix or path.name != str(name_or_path):
+        return None
+    return own if is_file(own) else example if is_file(example) else None
 
 
 def is_file(path: Path) -> bool:

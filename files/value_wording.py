@@ -10,18 +10,28 @@ from itertools import islice
 _CURLY = "“”„‟‘’‚‛«»"
 _MOST = 1000
 """Names that are looked at; each costs some microseconds."""
+_SEVERAL = 0.75
+"""Similarity from which a hint may have several names, 0 … 1."""
+MOST_NEAR = 3
+"""Number of near names in a hint about a missing file."""
 
 
-def suggest_name(name: str, known: Iterable[str]) -> str:
-    """A hint: "did you mean 'Grasp'?", or "known: a, b, c", or nothing when nothing is known."""
+def suggest_name(name: str, known: Iterable[str], *, most: int = 1) -> str:
+    """A hint: "did you mean 'Grasp'?", or "known: a, b, c", or nothing when nothing is known.
+
+    `most`: number of near names that the hint may have, as "did you mean 'a', 'b' or 'c'?".
+    """
     names = list(dict.fromkeys(islice(known, _MOST)))
     if len(name) > 2 and name[0] in _CURLY and name[-1] in _CURLY and name[1:-1] in names:
         return f"these quotes are part of the text: write {name[1:-1]}"
     lowered = {n.lower(): n for n in reversed(names)}
     # difflib is quadratic in the length: a name of 10,000 letters is no typo.
-    close = difflib.get_close_matches(name[:60].lower(), lowered, n=1, cutoff=0.6)
+    short = name[:60].lower()
+    close = difflib.get_close_matches(short, lowered, n=most, cutoff=_SEVERAL) if most > 1 else []
+    close = close or difflib.get_close_matches(short, lowered, n=1, cutoff=0.6)
     if close:
-        return f"did you mean {lowered[close[0]]!r}?"
+        *others, last = (repr(lowered[each]) for each in close)
+        return f"did you mean {', '.join(others)} or {last}?" if others else f"did you mean {last}?"
     if not names:
         return ""
     shown = names if len(names) <= 25 else [*names[:25], "…"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bisect
 from array import array
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import overload
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import PicktreeError
 from ..world.values import Array
+from .data_frames import PandasTable
 from .run_log import CameraImage, RunLog, Stamped
 from .schema import topics
 from .schema.records import Tick
@@ -137,7 +138,7 @@ def _span(times: Sequence[float]) -> str:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class JointSeries:
+class JointSeries(PandasTable):
     """Readings of the joints, one row for each: `times` (n,) s, the others (n, joints)."""
 
     names: tuple[str, ...]
@@ -157,12 +158,21 @@ class JointSeries:
             raise PicktreeError(f"no joint {name!r}; the log has: {', '.join(self.names) or 'none'}")
         return self.names.index(name)
 
+    def columns_by_name(self) -> Mapping[str, NDArray[np.float64]]:
+        """Return `time` and three columns a joint: `NAME.position`, `NAME.velocity`, `NAME.effort`."""
+        readings = {"position": self.positions, "velocity": self.velocities, "effort": self.efforts}
+        return {"time": self.times} | {
+            f"{joint}.{name}": values[:, column]
+            for column, joint in enumerate(self.names)
+            for name, values in readings.items()
+        }
+
     def __repr__(self) -> str:
         return f"<{len(self.times)} readings of {', '.join(self.names) or 'no joint'}>"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class GripperSeries:
+class GripperSeries(PandasTable):
     """Readings of the gripper: `times` (n,) s, `widths` (n,) m between the fingers, `forces` (n,) N.
 
     The force is that of the finger with the greater force.
@@ -172,12 +182,15 @@ class GripperSeries:
     widths: NDArray[np.float64]
     forces: NDArray[np.float64]
 
+    def columns_by_name(self) -> Mapping[str, NDArray[np.float64]]:
+        return {"time": self.times, "width": self.widths, "force": self.forces}
+
     def __repr__(self) -> str:
         return f"<{len(self.times)} readings of the gripper>"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class WrenchSeries:
+class WrenchSeries(PandasTable):
     """Readings of the external wrench at the wrist, in world axes.
 
     `times` (n,) s, `forces` (n, 3) N, `torques` (n, 3) Nm.
@@ -186,6 +199,14 @@ class WrenchSeries:
     times: NDArray[np.float64]
     forces: NDArray[np.float64]
     torques: NDArray[np.float64]
+
+    def columns_by_name(self) -> Mapping[str, NDArray[np.float64]]:
+        parts = {"force": self.forces, "torque": self.torques}
+        return {"time": self.times} | {
+            f"{name}.{axis}": values[:, column]
+            for name, values in parts.items()
+            for column, axis in enumerate("xyz")
+        }
 
     def __repr__(self) -> str:
         return f"<{len(self.times)} readings of the wrist>"

@@ -14,7 +14,7 @@ from typing import Any, Final, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arithmetic import blas_kernels, numpy_kernels
+from ..arithmetic import blas_kernels, departures, numpy_kernels
 from ..files.library_parts import library_part, library_version
 from ..logs.schema.json_records import Arithmetic
 
@@ -37,7 +37,7 @@ def arithmetic() -> Arithmetic:
     numbers = _numbers()
     probes = {name: _fingerprint(probe(numbers.copy())) for name, probe in _PROBES.items()}  # loads kernels
     kernels = {"numpy": numpy_kernels(), **{f"OpenBLAS in {k}": v for k, v in sorted(blas_kernels().items())}}
-    return Arithmetic(_versions(), kernels, probes)
+    return Arithmetic(_versions(), kernels, probes, departures())
 
 
 def _versions() -> dict[str, str]:

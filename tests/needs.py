@@ -49,6 +49,7 @@ NODE = Need("node", _is_found("node"), "apt-get install nodejs npm && make packa
 MAKE = Need("make", _is_found("make"), "apt-get install make")
 RERUN_PROGRAM = shutil.which("rerun") or shutil.which("rerun", path=str(Path(sys.executable).parent))
 RERUN = Need("rerun", RERUN_PROGRAM is not None, "make dev")
+PANDAS = Need("pandas", importlib.util.find_spec("pandas") is not None, "make dev")
 RAY = Need("ray", importlib.util.find_spec("ray") is not None, "make dev")
 
 

@@ -24,8 +24,8 @@ LEFT_OUT = ("__pycache__",)
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Built from a copy: a build writes into its source."""
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Copy of the checkout in a folder of another name: a build writes into its source."""
     source = tmp_path_factory.mktemp("source")
     for name in ("README.md", "LICENSE", "NOTICE"):
         shutil.copy(ROOT / name, source)
@@ -37,6 +37,12 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         target = source / file.relative_to(ROOT)
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(file, target)
+    shutil.copytree(ROOT / ".links", source / ".links", symlinks=True)
+    return source
+
+
+@pytest.fixture(scope="module")
+def wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("wheel")
     built = subprocess.run(
         [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(out), str(source)],
@@ -65,6 +71,26 @@ def test_wheel_holds_every_file_of_the_rooms_and_nothing_else(wheel: Path) -> No
     assert sorted(found - wanted) == []
 
 
+def test_an_editable_install_is_one_path_that_editors_follow(source: Path, tmp_path: Path) -> None:
+    build = f"from setuptools.build_meta import build_editable; build_editable({str(tmp_path)!r})"
+    subprocess.run([sys.executable, "-c", build], cwd=source, capture_output=True, check=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        (path_file,) = (name for name in archive.namelist() if ".dist-info/" not in name)
+        (path,) = archive.read(path_file).decode().splitlines()
+    assert path_file.endswith(".pth") and Path(path).is_absolute()
+    assert (Path(path) / "picktree" / "__init__.pyi").samefile(source / "__init__.pyi")
+
+    program = (
+        "import picktree, picktree.skills; print(picktree.__file__, picktree.skills.__file__, sep=chr(10))"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert ran.stdout.splitlines() == [str(source / "__init__.py"), str(source / "skills" / "__init__.py")]
+
+
 def test_wheel_carries_licence_and_notice(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         names = [Path(name).name for name in archive.namelist() if ".dist-info/" in name]
@@ -87,17 +113,16 @@ def elsewhere(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str
 
 
 @pytest.mark.slow
-def test_wheel_runs_the_smallest_mission_in_an_empty_folder(
+def test_wheel_runs_the_smallest_example_by_its_name_in_an_empty_folder(
     elsewhere: dict[str, str], tmp_path: Path
 ) -> None:
-    shutil.copy(ROOT / "examples" / "one_pick.yaml", tmp_path)
     run = subprocess.run(
-        [sys.executable, "-m", "picktree", "run", "one_pick.yaml", "--json"],
+        [sys.executable, "-m", "picktree", "run", "one_pick", "--json"],
         cwd=tmp_path, env=elsewhere, capture_output=True, text=True,
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr
     assert json.loads(run.stdout)["status"] == "success"
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["one_pick.yaml", "runs"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["runs"]
 
 
 @pytest.mark.slow

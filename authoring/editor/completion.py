@@ -19,7 +19,7 @@ from .schema_walk import SchemaWalk, markdown_of, node_ids, types_of
 from .text_repair import CURSOR
 from .tree_keys import assigns, key_places, tree_of
 
-ProposalKind: TypeAlias = Literal["node", "tree", "key", "value", "blackboard"]
+ProposalKind: TypeAlias = Literal["node", "tree", "key", "value", "blackboard", "skeleton"]
 
 _OPEN_REFERENCE = re.compile(rf"\{{(?P<written>@?[\w.]*){CURSOR}")
 _PLAIN = re.compile(r"[A-Za-z_][\w ./-]*")
@@ -83,7 +83,7 @@ def _keys(cursor: Cursor, walk: SchemaWalk, written: str, *, braces: bool) -> It
         owner = written.rpartition(".")[0]
         for name in ATTRIBUTES:
             text = f"{owner}.{name}"
-            yield Proposal(text, "blackboard", _escaped(text + close), "Attribute of the object.")
+            yield Proposal(text, "blackboard", escaped(text + close), "Attribute of the object.")
         return
     tree = tree_of(cursor.path)
     found: dict[str, str] = {}
@@ -95,7 +95,7 @@ def _keys(cursor: Cursor, walk: SchemaWalk, written: str, *, braces: bool) -> It
     if not braces:
         found |= {name: "Fact of the world." for name in FACTS if name not in found}
     for name, doc in found.items():
-        yield Proposal(name, "blackboard", _escaped(name + close), doc)
+        yield Proposal(name, "blackboard", escaped(name + close), doc)
 
 
 def _closing(cursor: Cursor) -> str:
@@ -153,7 +153,7 @@ def _call(cursor: Cursor, name: str, body: Schema) -> str:
 def _stop(number: int, properties: Schema, key: str) -> str:
     """Return a tab stop with a usual value of the key."""
     usual = _examples(schema(properties.get(key)))
-    return f"${{{number}:{_escaped(_yaml(usual[0]))}}}" if usual else f"${number}"
+    return f"${{{number}:{escaped(_yaml(usual[0]))}}}" if usual else f"${number}"
 
 
 # Keys and values.
@@ -165,7 +165,7 @@ def _mapping_keys(cursor: Cursor, walk: SchemaWalk, parts: list[Schema]) -> Iter
     for name, below in walk.properties(parts).items():
         if name not in nodes and name not in cursor.siblings:
             known = walk.resolved(below)
-            yield Proposal(name, "key", f"{_escaped(name)}{colon}$0" if colon else name, markdown_of([known]))
+            yield Proposal(name, "key", f"{escaped(name)}{colon}$0" if colon else name, markdown_of([known]))
 
 
 def _values(cursor: Cursor, parts: list[Schema]) -> Iterator[Proposal]:
@@ -173,7 +173,7 @@ def _values(cursor: Cursor, parts: list[Schema]) -> Iterator[Proposal]:
     for part in parts:
         for value in _examples(part):
             text = str(value) if quoted and isinstance(value, str) else _yaml(value)
-            yield Proposal(_label(value), "value", _escaped(text), markdown_of([part]))
+            yield Proposal(_label(value), "value", escaped(text), markdown_of([part]))
 
 
 def _examples(part: Schema) -> list[object]:
@@ -207,6 +207,6 @@ def _yaml(value: object) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def _escaped(text: str) -> str:
+def escaped(text: str) -> str:
     """Return a text in which a snippet's signs stand for themselves."""
     return re.sub(r"[\\$}]", r"\\\g<0>", text)

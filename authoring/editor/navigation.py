@@ -1,19 +1,17 @@
-"""Hover, definition and rename at a cursor."""
+"""Hover and rename at a cursor."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 from ...errors import PicktreeError
 from ...files.marks import Mark
-from ...files.yaml.document import Document
 from ...files.yaml.reader import YamlNode
 from ...trees.declaration import IDENTIFIER
-from ...trees.mission import MAIN, MissionFiles, path_of
+from ...trees.mission import MAIN
 from ...trees.values.references import ROOT_KEY
-from ..schema.mission_context import mission_files
+from ..schema.schema_parts import Schema
 from .completion import is_expression
 from .cursor import Cursor, Place, Span
 from .schema_walk import SchemaWalk, markdown_of, node_ids
@@ -32,22 +30,29 @@ class Edit:
 
 def hover(cursor: Cursor, walk: SchemaWalk) -> str:
     """Return the documentation of the node, port, key or value under the cursor; empty for none."""
-    found = _key_at(cursor, walk)
+    found = key_at(cursor, walk)
     if found is not None and found.kind != "port":
         return _key_words(cursor, walk, found)
-    if cursor.is_key:
-        return markdown_of(walk.at((*cursor.path, cursor.written)))
     parts = walk.at(cursor.path)
     for part in parts:
         reference = node_ids(part).get(cursor.written)
         if reference is not None:
-            return markdown_of([walk.resolved(reference)])
-    return markdown_of(parts)
+            return _node_words(walk.resolved(reference), walk)
+    return markdown_of(walk.at((*cursor.path, cursor.written)) if cursor.is_key else parts)
+
+
+def _node_words(body: Schema, walk: SchemaWalk) -> str:
+    """Return the documentation of a node or sub-tree, with a line for each of its ports."""
+    lines: list[str] = []
+    for key, part in walk.own_keys(body).items():
+        about, *details = markdown_of([part]).split("\n\n")
+        lines.append(" ".join([f"- `{key}`: {about}", *details[-1:]]) if about else f"- `{key}`")
+    return "\n\n".join(filter(None, [markdown_of([body]), "\n".join(lines)]))
 
 
 def _key_words(cursor: Cursor, walk: SchemaWalk, place: KeyPlace) -> str:
-    tree, key = _home(place)
-    every = list(_places(cursor, walk, tree, key))
+    tree, key = key_home(place)
+    every = list(key_places_of(cursor, walk, tree, key))
     lines = [f"Key `{key}` of the tree {tree}."]
     port = next((each for each in every if each.kind == "port"), None)
     if port is not None:
@@ -56,56 +61,27 @@ def _key_words(cursor: Cursor, walk: SchemaWalk, place: KeyPlace) -> str:
         doc = f": {node.value}" if node is not None and isinstance(node.value, str) else ""
         lines.append(f"Port of the tree{doc}." if doc or said else "Port of the tree.")
     for each in every:
-        if _writes(each, walk):
+        if writes(each, walk):
             owner = next((str(step) for step in reversed(each.path[:-1]) if isinstance(step, str)), tree)
             about = markdown_of(walk.at(each.path))
             lines.append(f"Written by {owner}, line {each.mark.line}.\n\n{about}")
     return "\n\n".join(lines)
 
 
-def _writes(place: KeyPlace, walk: SchemaWalk) -> bool:
+def writes(place: KeyPlace, walk: SchemaWalk) -> bool:
+    """Whether a key is written at that place."""
     if place.kind == "reference":
         return _OUTPUT in markdown_of(walk.at(place.path))
     return place.kind == "assignment"
 
 
-def definition(cursor: Cursor, walk: SchemaWalk, document: Document, files: MissionFiles) -> Mark | None:
-    """Return the place where the sub-tree, file or key under the cursor is defined.
-
-    `files`: source of the included files.
-    """
-    if cursor.path[:1] == ("include",):
-        path = path_of(cursor.written, document.path.parent)
-        return Mark(str(path), 1, 1) if path.is_file() else None
-    found = _key_at(cursor, walk)
-    if found is not None:
-        every = _places(cursor, walk, *_home(found))
-        writers = [each for each in every if each.kind == "port" or _writes(each, walk)]
-        return next((Mark(str(document.path), e.mark.line, e.mark.column) for e in writers), None)
-    return _tree_mark(cursor.written, mission_files(document, files)) if _calls(cursor, walk) else None
-
-
-def _calls(cursor: Cursor, walk: SchemaWalk) -> bool:
-    """Whether a node or sub-tree stands under the cursor."""
-    return any(cursor.written in node_ids(part) for part in walk.at(cursor.path))
-
-
-def _tree_mark(name: str, files: Iterable[Document]) -> Mark | None:
-    for file in files:
-        trees = file.root.entries.get("trees")
-        if trees is not None and name in trees.keys:
-            mark = trees.keys[name]
-            return Mark(str(Path(mark.file).absolute()), mark.line, mark.column)
-    return None
-
-
 def renamed_span(cursor: Cursor, walk: SchemaWalk, text: str) -> Span | None:
     """Return the key under the cursor that can be renamed; None when there is none."""
-    found = _key_at(cursor, walk)
+    found = key_at(cursor, walk)
     if found is None:
         return None
     key = found.key.removeprefix(ROOT_KEY)
-    return _span(found.mark, found.at + len(found.key) - len(key), key, text.split("\n"))
+    return written_span(found.mark, found.at + len(found.key) - len(key), key, text.split("\n"))
 
 
 def rename(cursor: Cursor, walk: SchemaWalk, name: str, text: str) -> list[Edit]:
@@ -115,34 +91,34 @@ def rename(cursor: Cursor, walk: SchemaWalk, name: str, text: str) -> list[Edit]
     calls of its tree, too. Raises PicktreeError for a name
     that is none or is taken, and for a key in a text that is not written as it reads.
     """
-    found = _key_at(cursor, walk)
+    found = key_at(cursor, walk)
     if found is None:
         raise PicktreeError("there is no key of the blackboard here")
     if not IDENTIFIER.fullmatch(name):
         raise PicktreeError(f"{name!r} is no key: a letter or '_', then letters, digits and '_'")
-    tree, key = _home(found)
-    if list(_places(cursor, walk, tree, name)):
+    tree, key = key_home(found)
+    if list(key_places_of(cursor, walk, tree, name)):
         raise PicktreeError(f"the tree {tree!r} has a key {name!r} already")
-    lines, every = text.split("\n"), list(_places(cursor, walk, tree, key))
+    lines, every = text.split("\n"), list(key_places_of(cursor, walk, tree, key))
     places = [(each.mark, each.at + len(each.key) - len(key)) for each in every]
     if any(each.kind == "port" for each in every):
-        places += [(mark, 0) for mark in _calls_with(cursor.root, tree, key)]
+        places += [(mark, 0) for mark in calls_with(cursor.root, tree, key)]
     edits: list[Edit] = []
     for mark, at in places:
-        span = _span(mark, at, key, lines)
+        span = written_span(mark, at, key, lines)
         if span is None:
             raise PicktreeError(f"line {mark.line}: write the text in one line and without escapes first")
         edits.append(Edit(span, name))
     return edits
 
 
-def _home(place: KeyPlace) -> tuple[str, str]:
+def key_home(place: KeyPlace) -> tuple[str, str]:
     """Return the tree to which a key belongs, and its name there."""
     own = tree_of(place.path) or ""
     return (MAIN, place.key[1:]) if place.key.startswith(ROOT_KEY) else (own, place.key)
 
 
-def _places(cursor: Cursor, walk: SchemaWalk, tree: str, key: str) -> Iterator[KeyPlace]:
+def key_places_of(cursor: Cursor, walk: SchemaWalk, tree: str, key: str) -> Iterator[KeyPlace]:
     """Yield the occurrences of a key of a tree."""
     return places_of(cursor.root, key, tree, lambda path: is_expression(walk, path))
 
@@ -153,7 +129,7 @@ def _keys_of(cursor: Cursor, walk: SchemaWalk) -> Iterator[KeyPlace]:
         yield from key_places(cursor.root, tree, lambda path: is_expression(walk, path))
 
 
-def _key_at(cursor: Cursor, walk: SchemaWalk) -> KeyPlace | None:
+def key_at(cursor: Cursor, walk: SchemaWalk) -> KeyPlace | None:
     """Return the key of the blackboard under the cursor."""
     for place in _keys_of(cursor, walk):
         if place.mark.line == cursor.word.start.line + 1 and _covers(place, cursor):
@@ -172,7 +148,7 @@ def _covers(place: KeyPlace, cursor: Cursor) -> bool:
     return start <= cursor.place.character <= start + len(place.key) and word.start.line == cursor.place.line
 
 
-def _span(mark: Mark, at: int, key: str, lines: list[str]) -> Span | None:
+def written_span(mark: Mark, at: int, key: str, lines: list[str]) -> Span | None:
     """Return where a key stands in the text; None when it is not written as it reads."""
     line = lines[mark.line - 1]
     start = mark.column - 1 + (1 if line[mark.column - 1 : mark.column] in ("'", '"') else 0) + at
@@ -181,7 +157,7 @@ def _span(mark: Mark, at: int, key: str, lines: list[str]) -> Span | None:
     return Span(Place(mark.line - 1, start), Place(mark.line - 1, start + len(key)))
 
 
-def _calls_with(root: YamlNode, tree: str, port: str) -> Iterator[Mark]:
+def calls_with(root: YamlNode, tree: str, port: str) -> Iterator[Mark]:
     """Yield the marks of a port where the tree is called."""
     trees = root.entries.get("trees")
     todo = [] if trees is None else list(trees.entries.values())

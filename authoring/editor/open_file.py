@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import TypeAlias
@@ -14,12 +15,15 @@ from ...files.yaml.document import KINDS, Document, read_document
 from ...files.yaml.reader import YamlNode
 from ...trees.loading.registry import NodeRegistry
 from ...trees.mission import IN_LIBRARY, LIBRARY, MAIN, FilesOnDisk, library_names, path_of
-from ..schema.mission_context import any_mission, one_mission
+from ..schema.mission_context import any_mission, mission_files, one_mission
 from ..schema.mission_schema import MissionSpecifics, mission_schema
 from ..schema.schema_parts import Schema
 from .completion import Proposal, is_expression, proposals
 from .cursor import Cursor, Place, Span, cursor_at, cursor_on
-from .navigation import Edit, definition, hover, rename, renamed_span
+from .definitions import called_name, calls_of, definition, key_references, tree_mark
+from .document_symbols import DocumentSymbol, document_symbols
+from .file_start import head_proposals, skeletons
+from .navigation import Edit, hover, rename, renamed_span, written_span
 from .schema_walk import SchemaWalk
 from .text_repair import read_repaired
 from .tree_keys import key_places
@@ -28,6 +32,14 @@ SchemaOf: TypeAlias = Callable[[str], Schema]
 """Schema of a kind of file other than missions."""
 
 _KIND = re.compile(rf"^[{{\s]*kind\s*:\s*(?P<kind>{'|'.join(KINDS)})\b", re.MULTILINE)
+
+
+@dataclass(frozen=True, slots=True)
+class FileSpan:
+    """Part of a file's text."""
+
+    path: Path
+    span: Span
 
 
 class OpenFile:
@@ -49,9 +61,13 @@ class OpenFile:
 
     def complete(self, place: Place) -> tuple[Span, list[Proposal]] | None:
         """Return what may be written at a place, and the word that it replaces."""
+        if not self._kind and (found := skeletons(self._text, place)) is not None:
+            return found
         cursor = cursor_at(self._text, place, str(self._path))
-        if cursor is None or not self._kind:
+        if cursor is None:
             return None
+        if not self._kind:
+            return cursor.word, head_proposals(cursor)
         library = []
         if self._kind == "mission":
             library = [pair for pair in library_trees() if pair[1] not in _included(cursor.root)]
@@ -86,11 +102,78 @@ class OpenFile:
         return (cursor.word, words) if words else None
 
     def definition(self, place: Place) -> Mark | None:
-        """Return where the sub-tree, file or key at a place is defined."""
+        """Return where the file, key, sub-tree or node at a place is defined."""
+        cursor = self._on(place)
+        if cursor is None:
+            return None
+        registry = self._registry.copy()
+        walk = self._walk(cursor.root, registry)
+        return definition(cursor, walk, self._document(cursor.root), self._files, registry)
+
+    def word_at(self, place: Place) -> str:
+        """Return the key or text at a place; empty where there is none."""
+        cursor = self._on(place)
+        return cursor.written if cursor is not None else ""
+
+    def references(self, place: Place, *, declaration: bool, others: Iterable[OpenFile]) -> list[FileSpan]:
+        """Return where the key, sub-tree or node at a place is used; `declaration`: also where it is defined.
+
+        `others`: missions in which uses are looked for, too.
+        """
         cursor = self._on(place)
         if cursor is None or self._kind != "mission":
+            return []
+        walk = self._walk(cursor.root)
+        keys = key_references(cursor, walk)
+        if keys is not None:
+            return self._spans(keys)
+        named = cursor.is_key and cursor.path == ("trees",)
+        name = cursor.written if named else called_name(cursor, walk)
+        if name is None:
+            return []
+        home = self.tree_home(name)
+        found = self.calls_of(name)
+        for other in others:
+            if other._path != self._path and other.tree_home(name) == home:
+                found += other.calls_of(name)
+        if declaration and home is not None:
+            word = Span(
+                Place(home.line - 1, home.column - 1), Place(home.line - 1, home.column - 1 + len(name))
+            )
+            found.append(FileSpan(Path(home.file), word))
+        return found
+
+    def tree_home(self, name: str) -> Mark | None:
+        """Return where a sub-tree of the mission is defined; None for a node, and for an unknown name."""
+        reading = read_repaired(self._text, str(self._path))
+        if reading is None:
             return None
-        return definition(cursor, self._walk(cursor.root), self._document(cursor.root), self._files)
+        return tree_mark(name, mission_files(self._document(reading[0].root), self._files))
+
+    def calls_of(self, name: str) -> list[FileSpan]:
+        """Return where a node or sub-tree is called in this mission."""
+        reading = read_repaired(self._text, str(self._path))
+        if reading is None or self._kind != "mission":
+            return []
+        root = reading[0].root
+        return self._spans((mark, 0, name) for mark in calls_of(root, self._walk(root), name))
+
+    def _spans(self, places: Iterable[tuple[Mark, int, str]]) -> list[FileSpan]:
+        lines = self._text.split("\n")
+        spans = (written_span(mark, at, text, lines) for mark, at, text in places)
+        return sorted(
+            (FileSpan(self._path, span) for span in spans if span is not None),
+            key=lambda each: Span.key(each.span.start),
+        )
+
+    def symbols(self) -> tuple[DocumentSymbol, ...]:
+        """Return the outline of the file."""
+        reading = read_repaired(self._text, str(self._path)) if self._kind else None
+        if reading is None:
+            return ()
+        root = reading[0].root
+        nodes = self._walk(root).nodes if self._kind == "mission" else ()
+        return document_symbols(root, self._text, nodes)
 
     def renamed_span(self, place: Place) -> Span | None:
         """Return the key of the blackboard at a place."""
@@ -123,10 +206,11 @@ class OpenFile:
         data = root.value if isinstance(root.value, dict) else {}
         return Document(self._path, self._text, self._kind, data, root)
 
-    def _walk(self, root: YamlNode) -> SchemaWalk:
+    def _walk(self, root: YamlNode, registry: NodeRegistry | None = None) -> SchemaWalk:
+        """Return the schema of the file. The nodes of its plug-ins join the registry."""
         if self._kind != "mission":
             return _other(self._schema_of, self._kind)
-        registry = self._registry.copy()
+        registry = registry or self._registry.copy()
         return SchemaWalk(mission_schema(registry, self._specifics(root, registry)))
 
     def _specifics(self, root: YamlNode, registry: NodeRegistry) -> MissionSpecifics:

@@ -38,6 +38,17 @@ class SchemaWalk:
                     found.setdefault(name, schema(below))
         return found
 
+    def own_keys(self, body: Schema) -> dict[str, Schema]:
+        """Return ports and slots of a node's body, without the keys of every node and without children."""
+        found = schema(body.get("properties"))
+        return {key: schema(part) for key, part in found.items() if "$ref" not in schema(part)}
+
+    @property
+    def nodes(self) -> frozenset[str]:
+        """IDs of all nodes and sub-trees that the schema knows."""
+        names = (name.partition(".") for name in self._definitions)
+        return frozenset(identity for prefix, _, identity in names if identity and prefix in ("node", "tree"))
+
     def resolved(self, part: Schema) -> Schema:
         """Return a schema with the definition to which it refers; its own entries win."""
         target = part.get("$ref")

@@ -7,7 +7,7 @@ import io
 import json
 import math
 import sqlite3
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +16,7 @@ from typing import TypeAlias
 from ...analysis.export.table_files import Cell
 from ...errors import PicktreeError
 from ...files.value_wording import suggest_name
+from ...logs.data_frames import PandasTable
 from .tables import TABLES, TableOf
 from .views import VIEWS
 
@@ -23,11 +24,14 @@ Read: TypeAlias = Callable[[TableOf], Iterator[tuple[Cell, ...]]]
 
 
 @dataclass(frozen=True, slots=True)
-class QueryResult:
-    """Result of a query."""
+class QueryResult(PandasTable):
+    """Result of a query. Its rows are mappings by column for a loop and for `pandas.DataFrame`."""
 
     columns: tuple[str, ...]
     rows: tuple[tuple[object, ...], ...]
+
+    def columns_by_name(self) -> Mapping[str, Sequence[object]]:
+        return {name: [row[n] for row in self.rows] for n, name in enumerate(self.columns)}
 
     def to_text(self) -> str:
         """Return the columns side by side, numbers aligned right."""

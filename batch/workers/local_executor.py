@@ -228,14 +228,14 @@ def _started() -> _Worker:
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=serve, args=(theirs,), name="picktree-worker")
-    with _without_main():
+    with without_main():
         process.start()
     theirs.close()
     return _Worker(process, ours)
 
 
 @contextmanager
-def _without_main() -> Generator[None]:
+def without_main() -> Generator[None]:
     """Start a process without the program of this one.
 
     A spawned process imports the `__main__` of its parent, and a script without a guard would then run its

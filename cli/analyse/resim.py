@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TextIO
 
 import typer
 
-from ..options import Log, OtherSettings
+from ..options import Log, OtherSettings, faults_file, mission_file
 from ..run.run import parse_parameters
 from ..terminal.output import StatusLine, end_with, keep_stdout, painter, print_answer
 
@@ -23,11 +23,17 @@ def whatif(
         typer.Option(metavar="TICK", help="It goes on from the last checkpoint by then: 412 or 20.6s."),
     ],
     mission: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The mission from there on.", show_default="the same")
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="The mission from there on.", show_default="the same", parser=mission_file
+        ),
     ] = None,
     set_: OtherSettings = None,
     faults: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Faults from there on.", show_default="the same")
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Faults from there on.", show_default="the same", parser=faults_file
+        ),
     ] = None,
     no_faults: Annotated[bool, typer.Option("--no-faults", help="No faults from there on.")] = False,
     out: Annotated[
@@ -68,11 +74,14 @@ def resim(
         str | None, typer.Option(metavar="TICK", help="Stop there: a tick (412) or a time (20.6s).")
     ] = None,
     mission: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Another mission, for the recorded one.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Another mission, for the recorded one.", parser=mission_file),
     ] = None,
     set_: OtherSettings = None,
     scene: Annotated[str | None, typer.Option(metavar="SCENE", help="Another scene.")] = None,
-    faults: Annotated[Path | None, typer.Option(metavar="FILE", help="Other faults.")] = None,
+    faults: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Other faults.", parser=faults_file)
+    ] = None,
     no_faults: Annotated[bool, typer.Option("--no-faults", help="No faults.")] = False,
     seed: Annotated[int | None, typer.Option(min=0, help="Another seed.")] = None,
     out: Annotated[

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from ...errors import PicktreeError
-from ..options import JsonResult, OtherRobot, TextFile
+from ..options import JsonResult, OtherRobot, TextFile, mission_file
 from ..terminal.output import end_with, keep_stdout, painter, print_answer, show
 
 if TYPE_CHECKING:
@@ -69,12 +69,13 @@ def check(
 ) -> None:
     """Check files of any kind: all faults of all files at once. Exit code 2: there are errors."""
     from ...files.diagnostics.file_checks import UnsavedText, check_files
+    from ...files.shipped_files import known_file
     from ...files.yaml.file_text import MAX_BYTES
     from .file_schemas import CHECKS
 
     def given(name: str) -> Path | UnsavedText:
         if name != "-":
-            return Path(name)
+            return known_file(name) or Path(name)
         return UnsavedText(stdin_filename or Path("<stdin>"), sys.stdin.buffer.read(MAX_BYTES + 1))
 
     report = check_files([given(name) for name in files], CHECKS)
@@ -89,7 +90,9 @@ def check(
 
 
 def convert(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A mission, or an XML file.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A mission, or an XML file.", parser=mission_file)
+    ],
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", metavar="OUT", help="Where the other form goes.", show_default="stdout"),
@@ -114,7 +117,11 @@ def nodes(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="A node: all about it.")] = None,
     mission: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Also the nodes of this mission's plug-ins, and its sub-trees."),
+        typer.Option(
+            metavar="FILE",
+            help="Also the nodes of this mission's plug-ins, and its sub-trees.",
+            parser=mission_file,
+        ),
     ] = None,
     shipped: Annotated[
         bool, typer.Option("--shipped", help="Only the nodes that come with picktree.")
@@ -202,7 +209,10 @@ def _library_trees(known: NodeRegistry) -> Iterator[NodeDeclaration]:
 
 
 def rehearse(
-    mission: Annotated[Path, typer.Argument(metavar="MISSION", help="Mission file.")],
+    mission: Annotated[
+        Path,
+        typer.Argument(metavar="MISSION", help="Mission file, or a shipped example.", parser=mission_file),
+    ],
     cases: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Cases file.", show_default="cases/MISSION beside the mission"),
@@ -236,7 +246,10 @@ def rehearse(
 
 
 def render(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Mission file.")],
+    file: Annotated[
+        Path,
+        typer.Argument(metavar="FILE", help="Mission file, or a shipped example.", parser=mission_file),
+    ],
     output: Annotated[
         Path | None,
         typer.Option(
@@ -282,6 +295,7 @@ def schema(
         typer.Option(
             metavar="FILE",
             help="Of this mission: with its sub-trees, its plug-ins' nodes and its scene's names.",
+            parser=mission_file,
         ),
     ] = None,
     shipped: Annotated[

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import gc
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -18,14 +19,17 @@ from ...authoring.check import check_mission
 from ...authoring.editor.completion import Proposal, ProposalKind
 from ...authoring.editor.cursor import Place, Span
 from ...authoring.editor.document_faults import DocumentFault, document_faults
+from ...authoring.editor.document_symbols import DocumentSymbol, SymbolKind
 from ...authoring.editor.navigation import Edit
-from ...authoring.editor.open_file import OpenFile
+from ...authoring.editor.open_file import FileSpan, OpenFile
 from ...authoring.file_kinds import mission_faults
 from ...authoring.schema.schema_parts import Schema
 from ...errors import PicktreeError
+from ...files.diagnostics.fault_codes import page_file
 from ...files.diagnostics.file_checks import Check
 from ...files.marks import Diagnostic, Mark
 from ...files.yaml.document import Document
+from ...files.yaml.file_text import read_text
 from ...trees.loading.registry import NodeRegistry
 from ...trees.mission import FilesOnDisk
 from .file_schemas import CHECKS, file_schema
@@ -36,6 +40,9 @@ IDLE: Final = 0.3
 """Time after the errors of a large text until it is checked with the linter, s."""
 LARGE: Final = 15_000
 """Number of characters from which the errors of a mission are shown before the linter has looked at it."""
+_SUFFIXES: Final = (".yaml", ".yml")
+_MOST_FILES: Final = 500
+"""Number of files of a folder in which uses of a sub-tree are looked for."""
 _SOURCE: Final = "picktree"
 _KINDS: Mapping[ProposalKind, types.CompletionItemKind] = {
     "node": types.CompletionItemKind.Class,
@@ -43,6 +50,12 @@ _KINDS: Mapping[ProposalKind, types.CompletionItemKind] = {
     "key": types.CompletionItemKind.Property,
     "value": types.CompletionItemKind.Value,
     "blackboard": types.CompletionItemKind.Variable,
+    "skeleton": types.CompletionItemKind.Snippet,
+}
+_SYMBOLS: Mapping[SymbolKind, types.SymbolKind] = {
+    "tree": types.SymbolKind.Function,
+    "node": types.SymbolKind.Class,
+    "key": types.SymbolKind.Property,
 }
 
 
@@ -74,6 +87,19 @@ class Session:
     def file(self, uri: str) -> OpenFile:
         return OpenFile(_path(uri), self.document(uri).source, self._registry, schema_of, self._unsaved())
 
+    def missions_with(self, word: str, folder: Path) -> list[OpenFile]:
+        """Return the open missions, and those in a folder, whose texts contain a word."""
+        texts = {path: text for path, text in self._unsaved().items() if path.suffix in _SUFFIXES}
+        for path in sorted(folder.glob("*.y*ml"))[:_MOST_FILES]:
+            if path not in texts and path.suffix in _SUFFIXES:
+                with suppress(PicktreeError):
+                    texts[path] = read_text(path)
+        return [
+            OpenFile(path, text, self._registry, schema_of, self._unsaved())
+            for path, text in texts.items()
+            if word in text
+        ]
+
     def _unsaved(self) -> dict[Path, str]:
         """Return the texts of all open files."""
         return {_path(uri): each.source for uri, each in self._server.workspace.text_documents.items()}
@@ -82,6 +108,8 @@ class Session:
 
     def place(self, uri: str, position: types.Position) -> Place:
         document = self.document(uri)
+        if position.line >= len(document.lines):  # the empty line behind the last line's end is none of them
+            return Place(position.line, position.character)
         found = document.position_codec.position_from_client_units(document.lines, position)
         return Place(found.line, found.character)
 
@@ -95,6 +123,10 @@ class Session:
             return types.Position(place.line, document.position_codec.client_num_units(before))
 
         return types.Range(position(span.start), position(span.end))
+
+    def range_in(self, part: FileSpan) -> types.Range:
+        """Return a span of any file for the client; a file that is not open is read."""
+        return self.range(_uri(str(part.path)), part.span)
 
     def edit(self, uri: str, edit: Edit) -> types.TextEdit:
         return types.TextEdit(self.range(uri, edit.span), edit.text)
@@ -165,6 +197,8 @@ class Session:
             fault.code,
             source=_SOURCE,
         )
+        if fault.code:
+            shown.code_description = types.CodeDescription(_uri(str(page_file(fault.code))))
         if found.elsewhere:
             at = types.Location(_uri(fault.mark.file), _start(fault.mark))
             message = found.message.removeprefix(f"{fault.mark}: ")
@@ -206,6 +240,7 @@ def _offer(server: LanguageServer, session: Session) -> None:
     _offer_checks(server, session)
     _offer_completion(server, session)
     _offer_navigation(server, session)
+    _offer_structure(server, session)
 
 
 def _offer_checks(server: LanguageServer, session: Session) -> None:
@@ -304,6 +339,16 @@ def _offer_navigation(server: LanguageServer, session: Session) -> None:
         mark = session.file(uri).definition(session.place(uri, params.position))
         return None if mark is None else types.Location(_uri(mark.file), _start(mark))
 
+    @server.feature(types.TEXT_DOCUMENT_REFERENCES)
+    def references(params: types.ReferenceParams) -> list[types.Location]:
+        uri = params.text_document.uri
+        file, place = session.file(uri), session.place(uri, params.position)
+        word = file.word_at(place)
+        others = session.missions_with(word, _path(uri).parent) if word.isidentifier() else []
+        declaration = params.context.include_declaration
+        found = file.references(place, declaration=declaration, others=others)
+        return [types.Location(_uri(str(each.path)), session.range_in(each)) for each in found]
+
     @server.feature(types.TEXT_DOCUMENT_PREPARE_RENAME)
     def prepare(params: types.PrepareRenameParams) -> types.Range | None:
         uri = params.text_document.uri
@@ -319,4 +364,25 @@ def _offer_navigation(server: LanguageServer, session: Session) -> None:
             raise JsonRpcInvalidParams(str(error)) from None
         return types.WorkspaceEdit({uri: [session.edit(uri, edit) for edit in edits]})
 
-    del hover, definition, prepare, rename
+    del hover, definition, references, prepare, rename
+
+
+def _offer_structure(server: LanguageServer, session: Session) -> None:
+    @server.feature(types.TEXT_DOCUMENT_DOCUMENT_SYMBOL)
+    def outline(params: types.DocumentSymbolParams) -> list[types.DocumentSymbol]:
+        uri = params.text_document.uri
+        lines = session.document(uri).source.split("\n")
+
+        def shown(symbol: DocumentSymbol) -> types.DocumentSymbol:
+            return types.DocumentSymbol(
+                symbol.name,
+                _SYMBOLS[symbol.kind],
+                session.range(uri, symbol.whole, lines),
+                session.range(uri, symbol.word, lines),
+                detail=symbol.detail or None,
+                children=[shown(each) for each in symbol.children],
+            )
+
+        return [shown(each) for each in session.file(uri).symbols()]
+
+    del outline

@@ -17,7 +17,7 @@ import typer
 
 from ...errors import PicktreeError
 from ...files.marks import FileError
-from ..options import Backend, JsonWritten, Verify
+from ..options import Backend, JsonWritten, Verify, faults_file, mission_file, plan_file
 from ..terminal.output import StatusLine, end_with, json_text, keep_stdout, print_answer, program
 
 if TYPE_CHECKING:
@@ -36,10 +36,12 @@ _PLAN_OPTIONS = (
 """Options that a plan file replaces."""
 
 
-PlanArgument: TypeAlias = Annotated[Path | None, typer.Argument(metavar="[PLAN]", help="Plan file.")]
+PlanArgument: TypeAlias = Annotated[
+    Path | None, typer.Argument(metavar="[PLAN]", help="Plan file.", parser=plan_file)
+]
 Missions: TypeAlias = Annotated[
     list[Path] | None,
-    typer.Option(metavar="FILE", help="Instead of a plan: missions to be tried."),
+    typer.Option(metavar="FILE", help="Instead of a plan: missions to be tried.", parser=mission_file),
 ]
 Seeds: TypeAlias = Annotated[str, typer.Option(metavar="SEEDS", help="0:100 is half open; 3,7 is good, too.")]
 Scenes: TypeAlias = Annotated[
@@ -191,7 +193,7 @@ def _matrix(
     return {
         "name": missions[0].stem,
         "missions": [str(file.absolute()) for file in missions],
-        "faults": [name if name == "none" else str(Path(name).absolute()) for name in faults],
+        "faults": [name if name == "none" else str(faults_file(name).absolute()) for name in faults],
         "set": {name: value.split(",") for name, value in parse_parameters(settings).items()},
         **options,
     }
@@ -280,7 +282,8 @@ def plan(
 
     text = sys.stdin.read() if stdin else None
     try:
-        wanted = check_plan(read_document(file.absolute(), "plan", text)).required()
+        place = file if stdin else plan_file(str(file))
+        wanted = check_plan(read_document(place.absolute(), "plan", text)).required()
     except FileError as error:
         if json:
             print(json_text({"faults": [asdict(fault) for fault in error.faults]}), end="")

@@ -12,7 +12,16 @@ from typing import TYPE_CHECKING, Annotated, TextIO, TypeAlias
 import typer
 
 from ...errors import PicktreeError
-from ..options import Backend, JsonResult, OtherRobot, RunsFolder, Seed, Verify
+from ..options import (
+    Backend,
+    JsonResult,
+    OtherRobot,
+    RunsFolder,
+    Seed,
+    Verify,
+    faults_file,
+    mission_file,
+)
 from ..terminal.output import end_with, keep_stdout, print_answer, program
 
 if TYPE_CHECKING:
@@ -26,7 +35,10 @@ if TYPE_CHECKING:
     """Function that builds the session for its observers."""
 
 MissionFile: TypeAlias = Annotated[
-    Path | None, typer.Argument(metavar="MISSION", help="Mission file; not with --resume.")
+    Path | None,
+    typer.Argument(
+        metavar="MISSION", help="Mission file, or a shipped example; not with --resume.", parser=mission_file
+    ),
 ]
 OtherScene: TypeAlias = Annotated[
     str | None, typer.Option(metavar="SCENE", help="Shipped scene or scene file, for the mission's own.")
@@ -35,7 +47,9 @@ Settings: TypeAlias = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="Parameter, or port as SortOne/Grasp.force."),
 ]
-FaultsFile: TypeAlias = Annotated[Path | None, typer.Option(metavar="FILE", help="Faults to inject.")]
+FaultsFile: TypeAlias = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Faults to inject.", parser=faults_file)
+]
 Debug: TypeAlias = Annotated[
     bool, typer.Option("--debug", help="Stop at the mission's breakpoints, and before the first node.")
 ]

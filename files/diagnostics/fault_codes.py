@@ -57,6 +57,11 @@ def pages() -> tuple[CodePage, ...]:
     return tuple(_read_page(path) for path in sorted(FOLDER.glob("P*.md")))
 
 
+def page_file(code: str) -> Path:
+    """Return the file of a code's page, which need not exist."""
+    return FOLDER / f"{code}.md"
+
+
 def page(code: str) -> CodePage:
     """The page of a code, in capitals or not. Raises PicktreeError with the nearest one."""
     known = {page.code: page for page in pages()}

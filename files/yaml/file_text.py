@@ -11,6 +11,7 @@ from typing import Final, cast
 
 from ...errors import PicktreeError
 from ..marks import Diagnostic, FileError, Mark
+from ..value_wording import MOST_NEAR, suggest_name
 
 MAX_BYTES: Final = 1_000_000
 """Maximum size of a YAML file."""
@@ -95,7 +96,7 @@ def read_bytes(path: Path, most: int) -> bytes:
         # Without O_NONBLOCK, opening a pipe waits for its writer.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except (OSError, ValueError) as error:
-        raise _refusal(error) from None
+        raise _refusal(error, path) from None
     try:
         mode = os.fstat(descriptor).st_mode
         if not stat.S_ISREG(mode):
@@ -103,7 +104,7 @@ def read_bytes(path: Path, most: int) -> bytes:
         with open(descriptor, "rb", closefd=False) as file:
             content = cast("bytes | None", file.read(most + 1))
     except OSError as error:
-        raise _refusal(error) from None
+        raise _refusal(error, path) from None
     finally:
         os.close(descriptor)
     if content is None or len(content) > most:  # None: an unwilling file of /proc
@@ -111,13 +112,23 @@ def read_bytes(path: Path, most: int) -> bytes:
     return content
 
 
-def _refusal(error: OSError | ValueError) -> Unreadable:
+def _refusal(error: OSError | ValueError, path: Path) -> Unreadable:
     if isinstance(error, FileNotFoundError | NotADirectoryError):
-        return Unreadable("there is no such file")
+        return Unreadable("there is no such file", near_files(path))
     if isinstance(error, ValueError):
         return Unreadable("this is no path: it holds a null character")
     reason = error.strerror or type(error).__name__
     return Unreadable(f"the file cannot be read: {reason[:1].lower()}{reason[1:]}")
+
+
+def near_files(path: Path) -> str:
+    """Return a hint with the files beside a missing one whose names are near; empty when none is."""
+    try:
+        names = sorted(each.stem for each in path.parent.iterdir() if each.suffix == path.suffix)
+    except (OSError, ValueError):
+        return ""
+    hint = suggest_name(path.stem, names, most=MOST_NEAR)
+    return re.sub(r"(?<=\w)'", f"{path.suffix}'", hint) if hint.startswith("did") else ""
 
 
 def _what(mode: int) -> str:

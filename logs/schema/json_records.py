@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
 
-PREFIXES: Final = ("version of ", "kernels of ", "probe of ")
+PREFIXES: Final = ("version of ", "kernels of ", "probe of ", "departure of ")
 """Prefixes of a flat table's entries, in the order of the fields."""
 
 
@@ -40,6 +40,8 @@ class Arithmetic:
     """Kernels in use by library."""
     probe: Mapping[str, str] = field(default_factory=_no_words)
     """Fingerprint of a small computation with each library."""
+    departures: Mapping[str, str] = field(default_factory=_no_words)
+    """Reason why a library computed with other kernels than in every other process, by library."""
 
     def __bool__(self) -> bool:
         return bool(self.versions)
@@ -48,9 +50,13 @@ class Arithmetic:
         """Return the record as a flat table, for metadata and tables of results."""
         return {
             prefix + name: value
-            for prefix, part in zip(PREFIXES, (self.versions, self.kernels, self.probe), strict=True)
+            for prefix, part in zip(PREFIXES, self._parts, strict=True)
             for name, value in part.items()
         }
+
+    @property
+    def _parts(self) -> tuple[Mapping[str, str], ...]:
+        return self.versions, self.kernels, self.probe, self.departures
 
     @classmethod
     def from_words(cls, words: Mapping[str, str]) -> Arithmetic:
@@ -61,11 +67,17 @@ class Arithmetic:
 def arithmetic_difference(recorded: Arithmetic, now: Arithmetic, where: str = "here") -> str:
     """Return a sentence that names what differs between two arithmetics, empty when nothing does.
 
-    `where` says where the second one computes. Other kernels count only where the probe differs, too.
+    `where` says where the second one computes. Other kernels count only where the probe differs, too. A known
+    reason for other kernels comes first.
     """
     if not recorded or not now:
         return "arithmetic not recorded: the log is of an older version"
-    differing = _pairs(recorded.versions, now.versions, where)
+    known = recorded.departures.items() ^ now.departures.items()
+    differing = [
+        f"{name} {reason}{'' if recorded.departures.get(name) == reason else f' {where}'}"
+        for name, reason in sorted(known)
+    ]
+    differing += _pairs(recorded.versions, now.versions, where)
     # A computation that only another version of picktree probes with says nothing.
     probes = [name for name, digest in recorded.probe.items() if now.probe.get(name, digest) != digest]
     if probes:

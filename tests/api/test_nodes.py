@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import picktree as pt
+from picktree.api.batches import batch as batch_function
 from picktree.authoring.reference.python_stub import stub
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.node import Node
@@ -38,6 +39,7 @@ def test_batch_is_a_room_and_a_function() -> None:
     import picktree.batch.plan as plan
 
     assert callable(pt.batch)
+    assert inspect.signature(pt.batch) == inspect.signature(batch_function)
     assert plan.BatchPlan is pt.batch.plan.BatchPlan  # type: ignore[attr-defined]
 
 

@@ -129,6 +129,10 @@ class LanguageServer:
         """The plain answer about a place: a result, or an error object."""
         return self._request(method, _at(path, line, column) | more)
 
+    def request(self, method: str, path: Path) -> Any:
+        """The plain answer about a whole file."""
+        return self._request(method, {"textDocument": {"uri": path.as_uri()}})
+
     def change(self, path: Path, text: str) -> None:
         """Replace the text of an open file."""
         self._version += 1

@@ -222,7 +222,9 @@ def test_definition_leads_to_subtrees_also_of_the_library(editor: Editor) -> Non
     assert found is not None and found[0] == "recovery.yaml"
     assert editor.definition(MAIN.replace("recovery]", "reco|very]")) == ("recovery.yaml", 1, 1)
     assert editor.definition(MAIN + '      - Grasp: {object: "{ite|ms}"}\n') == ("m.yaml", 8, 28)
-    assert editor.definition(MAIN + "      - Gra|sp: {object: x}\n") is None
+    found = editor.definition(MAIN + "      - Gra|sp: {object: x}\n")
+    assert found is not None and found[0] == "grasp.py"
+    assert editor.definition(MAIN + "      - Gra|ps: {object: x}\n") is None
 
 
 def test_rename_changes_a_key_in_its_whole_tree(editor: Editor) -> None:

@@ -47,6 +47,26 @@ def test_other_kernels_are_named_when_the_probe_shows_them() -> None:
     assert arithmetic_difference(THEN, replace(THEN, kernels=kernels)) == "", "names alone change no number"
 
 
+def test_a_known_reason_for_other_kernels_comes_first() -> None:
+    kernels = {**THEN.kernels, "numpy": "AVX512_ICL"}
+    late = replace(
+        THEN,
+        kernels=kernels,
+        probe={**THEN.probe, "numpy": "11"},
+        departures={"numpy": "imported before picktree"},
+    )
+    assert arithmetic_difference(late, THEN) == (
+        "recorded with other arithmetic (numpy imported before picktree; numpy AVX512_ICL, here X86_V3): the "
+        "runs may part"
+    )
+    assert arithmetic_difference(THEN, late) == (
+        "recorded with other arithmetic (numpy imported before picktree here; numpy X86_V3, here "
+        "AVX512_ICL): the runs may part"
+    )
+    assert arithmetic_difference(late, late) == ""
+    assert Arithmetic.from_words(late.words()) == late
+
+
 def test_a_probe_that_differs_for_no_known_reason_is_said() -> None:
     now = replace(THEN, probe={"numpy": "11", "OpenBLAS": "12"})
     assert arithmetic_difference(THEN, now) == (
