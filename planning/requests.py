@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, field, replace
+import math
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -120,12 +121,19 @@ class HeldObject:
     object_in_tcp: Pose
 
 
+CARRYING_ACCELERATION = 9.0
+"""Greatest acceleration of the TCP with something in the hand, m/s²: fingers press for no more than that."""
+
+
 @dataclass(frozen=True, slots=True)
 class Scaling:
-    """Shares (0, 1] of the joints' velocity and acceleration limits."""
+    """Shares (0, 1] of the joints' velocity and acceleration limits, and the greatest acceleration of the
+    tool, m/s²."""
 
     velocity: float = 1.0
     acceleration: float = 1.0
+    tool: float = math.inf
+    """With something in the hand never more than `CARRYING_ACCELERATION`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -259,7 +267,7 @@ def check_request(model: RobotModel, request: Request) -> None:
         raise PicktreeError(f"a budget of {request.budget} checks: at least one is needed")
     if request.planner and not is_planner(request.planner):
         raise PicktreeError(f"{unknown_planner(request.planner)}: {suggest_planner(request.planner)}")
-    shares = astuple(request.scaling)
+    shares = (request.scaling.velocity, request.scaling.acceleration)
     if not all(0 < share <= 1 for share in shares):
         raise PicktreeError(f"a scaling of {shares[0]:g} and {shares[1]:g}: both must be above 0, at most 1")
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
-from ..world.shapes import Box
+from ..world.shapes import Box, corners
 from ..world.values import Array, Pose
 from .description import Follower, GripperDescription, Linkage
 from .urdf_tree import UrdfTree
@@ -144,12 +144,14 @@ class LinkageParts:
     links: tuple[str, str]
     """Finger links; the first is on the TCP's +y side."""
     pads: tuple[tuple[Box, Pose], tuple[Box, Pose]]
+    bodies: tuple[tuple[Box, Pose], ...]
+    """Rest of the fingers, of the first and the second in turn; a tip that tapers reaches beyond its pad."""
     tcp_link: str
     tcp_in_link: Pose
 
 
 def solve_linkage(skeleton: UrdfTree, parts: LinkageParts) -> Linkage:
-    """Compute opening and reach of the pads over the angle of the driven joint.
+    """Compute opening of the pads and reach of the fingers over the angle of the driven joint.
 
     The opening is the distance between the inner faces of the two pads along the TCP's y axis. Raises
     UnfitLinkage when it does not grow all the way from closed to opened.
@@ -159,9 +161,9 @@ def solve_linkage(skeleton: UrdfTree, parts: LinkageParts) -> Linkage:
     widths: list[float] = []
     tips: list[float] = []
     for angle in angles:
-        near, far = (_pad_in_tcp(skeleton, parts, n, angle) for n in range(2))
+        (near, *one), (far, *other) = (_finger_in_tcp(skeleton, parts, n, angle) for n in range(2))
         widths.append(float(near[:, 1].min() - far[:, 1].max()))
-        tips.append(float(max(near[:, 2].max(), far[:, 2].max())))
+        tips.append(max(float(box[:, 2].max()) for box in (near, far, *one, *other)))
     if any(b <= a for a, b in pairwise(widths)):
         raise UnfitLinkage(
             f"the pads do not open all the way as {parts.drive!r} turns from {parts.closed:g} rad (closed) "
@@ -202,12 +204,10 @@ def _from_touching(
     )
 
 
-def _pad_in_tcp(skeleton: UrdfTree, parts: LinkageParts, n: int, angle: float) -> Array:
-    """Return the corners (8, 3) of a pad in the TCP frame, m."""
+def _finger_in_tcp(skeleton: UrdfTree, parts: LinkageParts, n: int, angle: float) -> list[Array]:
+    """Return the corners (8, 3) of a finger's boxes in the TCP frame, m; those of its pad come first."""
     positions = {parts.drive: angle}
     positions |= {f.joint: f.multiplier * angle + f.offset for f in parts.followers}
     tcp = skeleton.pose(parts.tcp_link, positions) @ parts.tcp_in_link
-    finger = skeleton.pose(parts.links[n], positions)
-    box, pad = parts.pads[n]
-    corners = np.array(list(product(*((-size / 2, size / 2) for size in box.size))))
-    return (tcp.inverse() @ finger @ pad).apply(corners)
+    finger = tcp.inverse() @ skeleton.pose(parts.links[n], positions)
+    return [(finger @ pose).apply(corners(box)) for box, pose in (parts.pads[n], *parts.bodies[n::2])]

@@ -318,6 +318,7 @@ def _solved(check: DocumentChecker, robot: RobotFile, skeleton: UrdfTree) -> Lin
         linkage.closed,
         gripper.links,
         (first.placed(), second.placed()),
+        tuple(box.placed() for box in gripper.finger_bodies),
         robot.tcp.link,
         robot.tcp.pose(),
     )

@@ -17,6 +17,12 @@ MAX_SLIDE = 1.0
 """Greatest range of a finger that slides, m; more looks like millimetres."""
 MIN_PARALLEL_COSINE = np.cos(np.radians(2.0))
 """Least cosine between the axes of two hinges that count as parallel."""
+MIN_SNAP_COSINE = np.cos(np.radians(8.0))
+"""Least cosine to an axis of the hand's frame from which a direction is set to that axis."""
+MIN_OUT_SNAP_COSINE = np.cos(np.radians(20.0))
+"""The same for the direction out of the hand, which the middle of a one-sided palm leaves uncertain."""
+MAX_ACROSS_COSINE = np.sin(np.radians(8.0))
+"""Greatest cosine between the hinges of fingers and the closing direction that count as square."""
 
 
 class FingerMotion:
@@ -164,6 +170,29 @@ class FingerMotion:
         parallel = all(abs(float(axis @ found[0])) > MIN_PARALLEL_COSINE for axis in found)
         return found[0] if parallel else None
 
+    def axes(self, opened: float, behind: tuple[str, ...]) -> Array:
+        """Return axes (3, 3) with columns x, y, z: z out of the hand, y along the closing towards the first
+        finger.
+
+        `behind`: links of the hand that are fixed to its palm.
+        """
+        one, other = (self.points(link, opened) for link in self.links)
+        closing = _snapped(_unit(one.mean(axis=0) - other.mean(axis=0)))
+        # The tips are furthest from the palm, which the middle of leaning fingers is not.
+        out = (one.mean(axis=0) + other.mean(axis=0)) / 2
+        out = out - self.back(behind)
+        out = out - closing * float(out @ closing)
+        # Hinged fingers move across their hinges, however one-sided the palm is.
+        hinge = self.hinge()
+        if hinge is not None and abs(float(hinge @ closing)) < MAX_ACROSS_COSINE:
+            across = _unit(hinge - closing * float(hinge @ closing))
+            out = out - across * float(out @ across)
+        if float(np.linalg.norm(out)) < 1e-4:
+            out = np.array([0.0, 0.0, 1.0]) - closing * float(closing[2])
+        out = _snapped(_unit(out), MIN_OUT_SNAP_COSINE)
+        out = _unit(out - closing * float(out @ closing))
+        return np.column_stack([np.cross(closing, out), closing, out])
+
     def static(self, link: str) -> Array:
         """Return a static link's points (n, 3) in the palm's frame, m."""
         palm = self._skeleton.pose(self._hand.palm, {})
@@ -195,3 +224,17 @@ class FingerMotion:
         link = self._hand.palm
         helps = helps or f"another gripper: --gripper URDF:LINK --mount {link}"
         raise UnsuitableUrdf(self._source, found, missing, helps)
+
+
+def _unit(vector: Array) -> Array:
+    return vector / max(float(np.linalg.norm(vector)), 1e-12)
+
+
+def _snapped(direction: Array, least: float = MIN_SNAP_COSINE) -> Array:
+    """Return the nearest axis of the frame when the direction is close to it, else the direction."""
+    k = int(np.abs(direction).argmax())
+    if abs(float(direction[k])) < least:
+        return direction
+    axis = np.zeros(3)
+    axis[k] = np.sign(direction[k])
+    return axis

@@ -23,6 +23,8 @@ MAX_LEVEL_DEVIATION = 0.5e-3
 """Greatest distance of a level face's corners from its middle plane, m."""
 MIN_PAD_AREA_SHARE = 0.15
 """Least area of the pad's level, as a share of all area that faces the other finger."""
+SAME_LEVEL_SHARE = 0.9
+"""Share of the largest area of level faces from which others are as good."""
 MIN_TCP_TIP_DISTANCE = 0.002
 """Least distance of a frame of the URDF behind the pads' ends where they reach least, m."""
 MAX_TCP_TIP_DISTANCE = 0.010
@@ -39,20 +41,12 @@ MAX_GRIP_FORCE, MAX_FINGER_SPEED = 60.0, 0.15
 """Greatest plausible grip force, N, and finger speed, m/s; higher values of the URDF are replaced."""
 MIN_GRIP_FORCE, DEFAULT_GRIP_FORCE = 2.0, 20.0
 """Least plausible grip force, N, and the one that replaces a lower one."""
-MIN_SNAP_COSINE = np.cos(np.radians(8.0))
-"""Least cosine to an axis of the hand's frame from which a direction is set to that axis."""
-MIN_OUT_SNAP_COSINE = np.cos(np.radians(20.0))
-"""The same for the direction out of the hand, which the middle of a one-sided palm leaves uncertain."""
-MAX_ACROSS_COSINE = np.sin(np.radians(8.0))
-"""Greatest cosine between the hinges of fingers and the closing direction that count as square."""
-EDGE_SAMPLES = 30
-"""Number of points on each edge of a mesh when the rest of a finger is measured."""
 KNUCKLE_CLEARANCE = 0.002
 """Least distance between what is held and the knuckles beside it, m: pads yield, and items tilt."""
 FINGER_BODY_SETBACK = 0.003
 """Distance of the rest of a finger behind the face of its pad, m: the pads alone grip what reaches deep."""
 MIN_FINGER_BODY_SIZE = 0.004
-"""Least size of the rest of a finger, m; less is left out."""
+"""Least size of a part of the rest of a finger, m; less is left out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +109,7 @@ class GripperMeter:
         lower, upper = self._motion.limits(self.drive)
         first, last = self._motion.gap_at(lower), self._motion.gap_at(upper)
         opened, closed = (upper, lower) if last > first else (lower, upper)
-        axes = self._axes(opened)
+        axes = self._motion.axes(opened, self._behind)
         near, far = self._levels(closed, axes)
         if near.y - far.y < -0.5 * abs(self._levels(opened, axes)[0].y):
             closed = self._touching(opened, closed, axes)
@@ -127,31 +121,26 @@ class GripperMeter:
                 f"two fingers that open {1000 * MIN_OPENING:.0f} mm at least",
             )
         tips = [max(float(self._motion.finger(n, p, axes)[:, 2].max()) for n in range(2)) for p in positions]
-        near, far = self._levels(opened, axes)
-        short = tips[-1] - max(self._top(n, opened, axes, level) for n, level in enumerate((near, far)))
+        flat = self._flattest(positions, axes)
+        near, far = self._levels(positions[flat], axes)
+        ends = [self._top(n, positions[flat], axes, level) for n, level in enumerate((near, far))]
+        short = tips[flat] - max(ends)
         tcp, comment = self._tcp(axes, max(tips) - short, max(tips) - min(tips), near, far)
         shift = np.array(tcp.position) @ axes
-        return self._described(axes, tcp, comment, shift, positions, widths, tips)
+        return self._described(axes, tcp, comment, shift, positions, widths, tips, positions[flat])
 
-    def _axes(self, opened: float) -> Array:
-        """Return axes (3, 3) with columns x, y, z: z out of the hand, y along the closing towards the first
-        finger."""
-        one, other = (self._motion.points(link, opened) for link in self.links)
-        closing = _snapped(_unit(one.mean(axis=0) - other.mean(axis=0)))
-        # The tips are furthest from the palm, which the middle of leaning fingers is not.
-        out = (one.mean(axis=0) + other.mean(axis=0)) / 2
-        out = out - self._motion.back(self._behind)
-        out = out - closing * float(out @ closing)
-        # Hinged fingers move across their hinges, however one-sided the palm is.
-        hinge = self._motion.hinge()
-        if hinge is not None and abs(float(hinge @ closing)) < MAX_ACROSS_COSINE:
-            across = _unit(hinge - closing * float(hinge @ closing))
-            out = out - across * float(out @ across)
-        if float(np.linalg.norm(out)) < 1e-4:
-            out = np.array([0.0, 0.0, 1.0]) - closing * float(closing[2])
-        out = _snapped(_unit(out), MIN_OUT_SNAP_COSINE)
-        out = _unit(out - closing * float(out @ closing))
-        return np.column_stack([np.cross(closing, out), closing, out])
+    def _flattest(self, positions: list[float], axes: Array) -> int:
+        """Return the index of the position with the largest level faces; of equal ones, the most open.
+
+        Fingers on hinges may turn as they close. Pads are what grips: the faces that then look at each other.
+        """
+
+        def area(drive: float) -> float:
+            sizes = [level.high - level.low for level in self._levels(drive, axes)]
+            return min(float(size[0] * size[2]) for size in sizes)
+
+        areas = [area(drive) for drive in positions]
+        return max(k for k, each in enumerate(areas) if each >= SAME_LEVEL_SHARE * max(areas))
 
     def _levels(self, drive: float, axes: Array) -> tuple[_Level, _Level]:
         """Return the two faces with which the fingers face each other."""
@@ -240,7 +229,9 @@ class GripperMeter:
         positions: list[float],
         widths: list[float],
         tips: list[float],
+        flat: float,
     ) -> MeasuredGripper:
+        """Return the gripper; its pads and the rest of its fingers are measured with the drive at `flat`."""
         closed, opened = positions[0], positions[-1]
         reach = max(tips) - float(shift[2])
         sliders = self._sliders(closed, opened, widths)
@@ -250,7 +241,7 @@ class GripperMeter:
         speed = min((joint.velocity or 0.1) * per_move, MAX_FINGER_SPEED)
         static = [self._motion.static(link) @ axes - shift for link in self._behind if link in self._solids]
         palm_top = max((float(points[:, 2].max()) for points in static), default=-0.03)
-        pads = (self._pad(0, axes, opened, 1.0), self._pad(1, axes, opened, -1.0))
+        pads = (self._pad(0, axes, flat, 1.0), self._pad(1, axes, flat, -1.0))
         others = [
             link
             for link in self._skeleton.below(self._hand.palm)
@@ -284,7 +275,7 @@ class GripperMeter:
             pads=pads,
             hand=hand_boxes(static, swept, palm_top, widths[-1]),
             finger=finger_box(fingers, widths),
-            finger_bodies=self._bodies(axes, opened),
+            finger_bodies=self._bodies(axes, flat),
         )
 
     def _reach_inside(
@@ -295,16 +286,9 @@ class GripperMeter:
         -inf: nowhere. `half`: half of the pads' depth and of the opening, m. What is held meets the knuckles
         of a linkage before it meets the palm.
         """
-        points = self._along_edges(link, self._motion.points(link, drive) @ axes - shift)
+        points = self._solids[link].along_edges(self._motion.points(link, drive) @ axes - shift)
         between = (np.abs(points[:, 0]) < half[0]) & (np.abs(points[:, 1]) < half[1] + KNUCKLE_CLEARANCE)
         return float(points[between, 2].max()) if between.any() else -math.inf
-
-    def _along_edges(self, link: str, points: Array) -> Array:
-        """Return points (m, 3) along the edges of a link's triangles, for its vertices `points` (n, 3)."""
-        corners = points[self._solids[link].triangles]
-        along = np.linspace(0.0, 1.0, EDGE_SAMPLES)[:, None, None]
-        edges = [corners[:, k] * (1 - along) + corners[:, k - 1] * along for k in range(3)]
-        return np.concatenate([edge.reshape(-1, 3) for edge in edges])
 
     def _sliders(self, closed: float, opened: float, widths: list[float]) -> tuple[str, str] | None:
         """Return the two sliding joints when the opening is the sum of their positions, which is the simpler
@@ -333,10 +317,10 @@ class GripperMeter:
             return MAX_GRIP_FORCE, told, True
         return force, "From the URDF's effort", False
 
-    def _pad(self, n: int, axes: Array, opened: float, side: float) -> tuple[Box, Pose]:
+    def _pad(self, n: int, axes: Array, drive: float, side: float) -> tuple[Box, Pose]:
         """Return a pad's box in the frame of its finger link, with edges along the axes of the TCP."""
-        level = self._level(n, opened, axes, side)
-        points = self._motion.finger(n, opened, axes)
+        level = self._level(n, drive, axes, side)
+        points = self._motion.finger(n, drive, axes)
         beside = points[
             (points[:, 2] >= level.low[2] - MAX_LEVEL_DEVIATION)
             & (points[:, 0] >= level.low[0] - MAX_LEVEL_DEVIATION)
@@ -344,11 +328,11 @@ class GripperMeter:
         ]
         behind = float((side * beside[:, 1]).max()) - side * level.y if len(beside) else MIN_PAD_THICKNESS
         depth = min(max(behind, MIN_PAD_THICKNESS), MAX_PAD_THICKNESS)
-        top = self._top(n, opened, axes, level)
+        top = self._top(n, drive, axes, level)
         low, high = level.low, level.high
         size = (max(float(high[0] - low[0]), 0.004), depth, max(top - float(low[2]), 0.004))
         centre = np.array([(low[0] + high[0]) / 2, level.y + side * depth / 2, (low[2] + top) / 2])
-        return Box(size), self._in_finger(n, centre, axes, opened)
+        return Box(size), self._in_finger(n, centre, axes, drive)
 
     def _top(self, n: int, drive: float, axes: Array, level: _Level) -> float:
         """Return where a finger's pad ends along the axis out of the hand, m.
@@ -359,42 +343,54 @@ class GripperMeter:
         tip, end = float(self._motion.finger(n, drive, axes)[:, 2].max()), float(level.high[2])
         return tip if tip - end < MAX_ROUNDED_TIP else end
 
-    def _bodies(self, axes: Array, opened: float) -> tuple[tuple[Box, Pose], ...]:
-        """Return a box of each finger between pad and palm, in its link's frame; none where all is pad."""
-        found = [self._body(n, axes, opened, side) for n, side in enumerate((1.0, -1.0))]
-        bodies = tuple(each for each in found if each is not None)
-        return bodies if len(bodies) == len(found) else ()
+    def _bodies(self, axes: Array, drive: float) -> tuple[tuple[Box, Pose], ...]:
+        """Return boxes of each finger between pad and palm and beyond the pad, in its link's frame.
 
-    def _body(self, n: int, axes: Array, opened: float, side: float) -> tuple[Box, Pose] | None:
-        level = self._level(n, opened, axes, side)
-        points = self._along_edges(self.links[n], self._motion.finger(n, opened, axes))
+        Those of the first and the second finger in turn; none where all is pad.
+        """
+        found: list[tuple[Box, Pose]] = []
+        for part in (self._behind_pad, self._tapered_tip):
+            bodies = [part(n, axes, drive, side) for n, side in enumerate((1.0, -1.0))]
+            if len(kept := [each for each in bodies if each is not None]) == len(bodies):
+                found += kept
+        return tuple(found)
+
+    def _behind_pad(self, n: int, axes: Array, drive: float, side: float) -> tuple[Box, Pose] | None:
+        """Return the box of a finger between pad and palm; None: there is nothing."""
+        level = self._level(n, drive, axes, side)
+        points = self._solids[self.links[n]].along_edges(self._motion.finger(n, drive, axes))
         behind = side * points[:, 1] >= side * level.y + FINGER_BODY_SETBACK
-        points = points[behind & (points[:, 2] <= level.low[2])]
+        return self._body(n, axes, drive, points[behind & (points[:, 2] <= level.low[2])])
+
+    def _tapered_tip(self, n: int, axes: Array, drive: float, side: float) -> tuple[Box, Pose] | None:
+        """Return the box of a tip beyond the pad, which tapers away from the other finger; None: there is
+        none.
+
+        Its face is where the tip is half way out.
+        """
+        level = self._level(n, drive, axes, side)
+        points = self._solids[self.links[n]].along_edges(self._motion.finger(n, drive, axes))
+        end, tip = self._top(n, drive, axes, level), float(points[:, 2].max())
+        if tip - end < MIN_FINGER_BODY_SIZE:
+            return None
+        half_way_out = points[points[:, 2] >= (end + tip) / 2]
+        face = max(float((side * half_way_out[:, 1]).min()), side * level.y)
+        beyond = points[(points[:, 2] >= end) & (side * points[:, 1] >= face)]
+        return self._body(n, axes, drive, beyond)
+
+    def _body(self, n: int, axes: Array, drive: float, points: Array) -> tuple[Box, Pose] | None:
+        """Return the box around points (m, 3) of a finger in its link's frame; None for less than a body."""
         if not len(points) or (np.ptp(points, axis=0) < MIN_FINGER_BODY_SIZE).any():
             return None
         low, high = points.min(axis=0), points.max(axis=0)
         size: Vector3 = tuple((high - low).tolist())
-        return Box(size), self._in_finger(n, (low + high) / 2, axes, opened)
+        return Box(size), self._in_finger(n, (low + high) / 2, axes, drive)
 
-    def _in_finger(self, n: int, centre: Array, axes: Array, opened: float) -> Pose:
+    def _in_finger(self, n: int, centre: Array, axes: Array, drive: float) -> Pose:
         """Return a place in the TCP's axes, with these axes, in the frame of a finger link."""
         palm = self._skeleton.pose(self._hand.palm, {})
-        finger = palm.inverse() @ self._skeleton.pose(self.links[n], self._motion.positions(opened))
+        finger = palm.inverse() @ self._skeleton.pose(self.links[n], self._motion.positions(drive))
         return finger.inverse() @ Pose.from_rotation(_clean(axes @ centre), axes)
-
-
-def _unit(vector: Array) -> Array:
-    return vector / max(float(np.linalg.norm(vector)), 1e-12)
-
-
-def _snapped(direction: Array, least: float = MIN_SNAP_COSINE) -> Array:
-    """Return the nearest axis of the frame when the direction is close to it, else the direction."""
-    k = int(np.abs(direction).argmax())
-    if abs(float(direction[k])) < least:
-        return direction
-    axis = np.zeros(3)
-    axis[k] = np.sign(direction[k])
-    return axis
 
 
 def _clean(position: Array) -> Vector3:

@@ -123,6 +123,10 @@ def _named(text: str) -> NamedUrdf:
     return NamedUrdf(path)
 
 
+EDGE_SAMPLES = 30
+"""Number of points on each edge of a mesh when the rest of a finger is measured."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LinkGeometry:
     """Collision geometry of a link: vertices (n, 3) and triangles (k, 3) in its frame."""
@@ -143,6 +147,13 @@ class LinkGeometry:
             return float(ConvexHull(self.points).volume)
         except (RuntimeError, ValueError):
             return 0.0
+
+    def along_edges(self, points: Array) -> Array:
+        """Return points (m, 3) along the edges of the triangles, for their vertices `points` (n, 3)."""
+        triangles = points[self.triangles]
+        along = np.linspace(0.0, 1.0, EDGE_SAMPLES)[:, None, None]
+        edges = [triangles[:, k] * (1 - along) + triangles[:, k - 1] * along for k in range(3)]
+        return np.concatenate([edge.reshape(-1, 3) for edge in edges])
 
 
 def missing_meshes(urdf: Path) -> tuple[str, ...]:

@@ -178,7 +178,7 @@ def _gripper(draft: RobotDraft) -> Iterator[str]:
     for box, pose in g.pads:
         yield f"    - {_box(box, pose)}"
     if g.finger_bodies:
-        yield "  finger_bodies:           # The rest of the fingers, from the palm to the pads."
+        yield "  finger_bodies:           # The rest of the fingers, behind the pads and beyond them."
         for box, pose in g.finger_bodies:
             yield f"    - {_box(box, pose)}"
     yield "  hand:                    # From the palm up."

@@ -16,6 +16,12 @@ Frame: TypeAlias = Literal["world", "tool"] | Quaternion
 world."""
 MIN_DAMPED_STIFFNESS = (200.0, 5.0)
 """Least stiffness for which an axis is damped, N/m and Nm/rad."""
+MAX_DAMPING_SHARE = 0.6
+"""Greatest damping of a mode in one control period, as a share of the mode's inertia.
+
+Damping d, 1/s, sampled with the period h and one period of delay is stable for h·d < 1. A light wrist has
+modes of little inertia: a spring that is right for a heavy one would shake it.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,22 +50,31 @@ class CartesianStiffness:
         """Return the stiffness (6, 6) in world axes; `rotation` (3, 3): tool in the world."""
         return self._blocks(self._six(), rotation)
 
-    def damping_matrix(self, inertia: Array, rotation: Array) -> Array:
-        """Return the damping (6, 6), N·s/m and Nm·s/rad, of a tool with `inertia` (6, 6), both in world axes.
+    def sampled(self, inertia: Array, rotation: Array, period: float) -> tuple[Array, Array]:
+        """Return stiffness and damping (6, 6) for a tool with `inertia` (6, 6), all in world axes.
 
-        Double diagonalisation of stiffness and inertia (Albu-Schäffer et al., "Cartesian impedance control of
-        redundant robots", ICRA 2003). Damping ratios that differ scale its axes.
+        N/m, Nm/rad, N·s/m and Nm·s/rad. Modes of the tool on its spring that would be too fast for the
+        control `period`, s, are softer. Double diagonalisation of stiffness and inertia (Albu-Schäffer et
+        al., "Cartesian impedance control of redundant robots", ICRA 2003). Damping ratios that differ scale
+        its axes.
         """
-        stiff = self._blocks(np.maximum(self._six(), np.repeat(MIN_DAMPED_STIFFNESS, 3)), rotation)
+        spring = self.matrix(rotation)
+        damped = self._blocks(np.maximum(self._six(), np.repeat(MIN_DAMPED_STIFFNESS, 3)), rotation)
         lower = np.linalg.cholesky(inertia)
         inverse = np.linalg.inv(lower)
-        squares, modes = np.linalg.eigh(inverse @ stiff @ inverse.T)
+        fastest = MAX_DAMPING_SHARE / (2.0 * float(np.max(self.damping)) * period)
+        squares, modes = np.linalg.eigh(inverse @ damped @ inverse.T)
+        if squares[-1] > fastest**2:
+            squares = np.minimum(squares, fastest**2)
+            soft, turned = np.linalg.eigh(inverse @ spring @ inverse.T)
+            shape = lower @ turned
+            spring = (shape * np.clip(soft, 0.0, fastest**2)) @ shape.T
         shape = lower @ modes
         if isinstance(self.damping, float | int):
-            return (shape * (2.0 * self.damping * np.sqrt(squares))) @ shape.T
+            return spring, (shape * (2.0 * self.damping * np.sqrt(squares))) @ shape.T
         critical = (shape * (2.0 * np.sqrt(squares))) @ shape.T
         scale = self._blocks(np.sqrt(np.tile(np.asarray(self.damping, np.float64), 2)), rotation)
-        return scale @ critical @ scale
+        return spring, scale @ critical @ scale
 
     def _six(self) -> Array:
         return np.concatenate(

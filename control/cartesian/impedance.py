@@ -64,6 +64,8 @@ class CartesianImpedance:
         self._preload: Array = np.zeros(6) if preload is None else preload
         self._data = model.arm.createData()
         self._error = np.zeros(6)
+        self._spring: Array = np.zeros((6, 6))
+        self._damping: Array = np.zeros((6, 6))
         self._aim = np.zeros(6)
         self._step: float = TORQUE_RATE * period
         self._age = 0.0
@@ -148,6 +150,5 @@ class CartesianImpedance:
         self.course.limit(speed.most)
         led = bool(self.course.direction.any())
         self.blocked_by = speed.blocked_by or (self._bounds.at_limit(q) if led and self._strayed() else "")
-        self._spring: Array = self._stiffness.matrix(rotation)
-        self._damping: Array = self._stiffness.damping_matrix(inertia, rotation)
+        self._spring, self._damping = self._stiffness.sampled(inertia, rotation, self._period)
         self._null: Array = mass - jacobian.T @ inertia @ jacobian

@@ -22,11 +22,12 @@ from ...control.wrist.payload_estimate import (
     estimate_moving_mass,
     wrist_sample,
 )
+from ...planning.requests import CARRYING_ACCELERATION
 from ...world.causes import Failure, grasp
 from ...world.events.skill_events import SlipEvent
 from ...world.scene.description import MIN_FELT_MASS, CatalogueEntry
 from ...world.values import GRAVITY, Array, Pose, cross
-from ..grasp.compliant_closing import MAX_TRANSFER_ACCELERATION, SLIP_GRIP_FACTOR, GripForce, required_force
+from ..grasp.compliant_closing import SLIP_GRIP_FACTOR, GripForce, required_force
 from .hold_check import MAX_EMPTY_WIDTH, MIN_HELD_LOAD, GripCheck, check_grip
 
 if TYPE_CHECKING:
@@ -158,9 +159,7 @@ def payload_force(world: World) -> float:
     N."""
     payload = world.control.wrist.payload
     return (
-        0.0
-        if payload is None
-        else max(0.0, payload.mass - GUARD_PAYLOAD) * (GRAVITY + MAX_TRANSFER_ACCELERATION)
+        0.0 if payload is None else max(0.0, payload.mass - GUARD_PAYLOAD) * (GRAVITY + CARRYING_ACCELERATION)
     )
 
 

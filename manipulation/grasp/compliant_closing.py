@@ -20,6 +20,7 @@ import numpy as np
 from ...control.cartesian.compliant_motion import CartesianStiffness, CompliantMotion, ContactState
 from ...control.execution.gripper_motion import OPENING_FORCE
 from ...control.wrist.contact_detection import ContactDetector
+from ...planning.requests import CARRYING_ACCELERATION
 from ...robots.description import GripperDescription
 from ...world.events.skill_events import CentredEvent
 from ...world.scene.description import MIN_FELT_MASS, CatalogueEntry
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
     from ...skill_world.world import World
 
 
-MAX_TRANSFER_ACCELERATION = 9.0
-"""Greatest measured acceleration of the hand on fast transfers, m/s²."""
 GRIP_SAFETY_FACTOR = 2.0
 """Safety factor of the grip force: friction and mass of a kind are known roughly."""
 LIGHT_GRIP_FORCE = 3.0
@@ -99,7 +98,7 @@ def required_force(mass: float, friction: float) -> float:
     """Return the force of each finger for a mass, kg, on a fast transfer, N."""
     if friction <= 0.0:
         return float("inf")
-    return GRIP_SAFETY_FACTOR * mass * (GRAVITY + MAX_TRANSFER_ACCELERATION) / (2.0 * friction)
+    return GRIP_SAFETY_FACTOR * mass * (GRAVITY + CARRYING_ACCELERATION) / (2.0 * friction)
 
 
 def grip_force(entry: CatalogueEntry | None, bound: float, gripper: GripperDescription) -> GripForce:
@@ -115,7 +114,7 @@ def grip_force(entry: CatalogueEntry | None, bound: float, gripper: GripperDescr
     limit = entry.force_limit
     if limit is not None:
         # On a sideways transfer the item leans on one finger, and so do the fingers.
-        shaken = FINGER_INERTIA_FORCE + entry.mass * MAX_TRANSFER_ACCELERATION / 2
+        shaken = FINGER_INERTIA_FORCE + entry.mass * CARRYING_ACCELERATION / 2
         most = min(bound, max(limit - shaken, limit / 2) / TIGHTENING_FACTOR)
         wanted = max(required_force(entry.mass, friction), min(least, MIN_FRAGILE_SHARE * limit))
         closing = FRAGILE_CLOSING_SHARE * limit

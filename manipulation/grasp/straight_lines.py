@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from ...control.cartesian.soft_limits import distance_to_workspace_edge
 from ...planning.requests import OffsetGoal, Request, Scaling
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, planning
@@ -22,6 +25,8 @@ before."""
 DOWNWARDS, UPWARDS = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)
 MIN_LOWERING_SHARE = 0.2
 """Share of the way down below which it is not begun beside an obstacle."""
+SETTLING_TRAVEL = 0.001
+"""Greatest travel of the tool while the arm settles before a guarded move, m."""
 LIFT_GUARD_FORCE = 10.0
 """Force that lifting an object may add to the guard of a motion, N."""
 
@@ -36,12 +41,30 @@ def descend_until_contact(
     fingers = world.robot.fingers
     at_grip, opened = fingers.reach(candidate.expected_width), fingers.reach(candidate.opening)
     way = world.handling.felt_way + (world.robot.description.gripper.tip - opened)
+    tool = world.control.tcp.position
+    # Tips that retract far as they open may stay behind the TCP, which then comes to the edge first.
+    room = distance_to_workspace_edge(world.description.limits.workspace, tool, np.array(DOWNWARDS))
+    room -= SETTLING_TRAVEL
     with world.scene.allow(("gripper", object_id)):
-        felt = yield from world.move.guarded(
-            DOWNWARDS, way, force=world.handling.touch, speed=world.handling.touch_speed, node=node
-        )
-        if felt.contact:
+        contact = False
+        if min(way, room) > 0.0:
+            felt = yield from world.move.guarded(
+                DOWNWARDS,
+                min(way, room),
+                force=world.handling.touch,
+                speed=world.handling.touch_speed,
+                node=node,
+            )
+            contact = felt.contact
+        rise = 0.0
+        if contact:
             rise = world.handling.back_off + max(0.0, at_grip - opened)
+        elif room < way:
+            # What it lies on was not felt: its height is believed.
+            seen = world.scene.get(object_id)
+            support = bottom(seen.shape, seen.pose)
+            rise = support + at_grip + world.handling.back_off - world.control.tcp.position[2]
+        if rise > 0.0:
             yield from _move_up(world, rise, 0.5, node)
 
 

@@ -23,6 +23,7 @@ from ..kinematics.cartesian_lines import LineResult, plan_line
 from ..kinematics.inverse_kinematics import InverseKinematics
 from ..path_constraints import PathConstraints
 from ..requests import (
+    CARRYING_ACCELERATION,
     WIDTH_TOLERANCE,
     ContactPair,
     Goal,
@@ -91,6 +92,10 @@ class RequestSolver:
 
     def _solved(self, request: Request, seed: int, *, timed: bool) -> PlannedPath:
         check_request(self.model, request)
+        if self.scene(request).held is not None:
+            scaling = request.scaling
+            gently = replace(scaling, tool=min(scaling.tool, CARRYING_ACCELERATION))
+            request = replace(request, scaling=gently)
         self.look(request)
         begun = self._begun(request)
         if isinstance(request.target, LineGoal | OffsetGoal):

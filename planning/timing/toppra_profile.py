@@ -35,8 +35,8 @@ TORQUE_LIMIT_SHARE = 0.7
 """Share of the torque limits in the plan: the servo and a held object need the rest."""
 ACCELERATION_RISE_TIME = 0.025
 """Time in which a joint may reach its acceleration limit, s; it defines the jerk limit."""
-TORQUE_SAMPLE_STRIDE = 4
-"""Step between the samples whose torques are checked: torques cost more than the rest."""
+COSTLY_SAMPLE_STRIDE = 4
+"""Step between the samples whose torques and tool acceleration are checked: they cost more than the rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,10 @@ class ScaledStretch:
 
 
 class PathLimits:
-    """Limits of one robot along one path. A stretch scales velocity and acceleration, not jerk and torque."""
+    """Limits of one robot along one path. A stretch scales velocity and acceleration, not jerk and torque.
+
+    It may limit the tool's acceleration, too.
+    """
 
     def __init__(self, model: RobotModel, stretches: Sequence[ScaledStretch]) -> None:
         self.jerk: Array = model.acceleration_limit / ACCELERATION_RISE_TIME
@@ -57,6 +60,7 @@ class PathLimits:
         self._ends = np.array([stretch.end for stretch in stretches[:-1]])
         self._velocity = np.array([stretch.scaling.velocity for stretch in stretches])
         self._acceleration = np.array([stretch.scaling.acceleration for stretch in stretches])
+        self._tool = np.array([stretch.scaling.tool for stretch in stretches])
 
     def speed(self, s: Array, first: Array, window: float) -> Array:
         """Return the greatest speed (m,) of the parameter at s (m,) with which no joint is too fast.
@@ -117,14 +121,29 @@ class PathLimits:
         # The servo sees these differences between samples.
         steps = (np.abs(np.diff(v, axis=0)) / (dt * acceleration[1:])).max(axis=1)
         squared[1:] = np.maximum(squared[1:], steps)
-        some = slice(None, None, TORQUE_SAMPLE_STRIDE)
+        some = slice(None, None, COSTLY_SAMPLE_STRIDE)
         weight = self._weight(q[some])
         moving = np.abs(self._rnea(q[some], v[some], a[some]) - weight) / self._left(weight)
         squared[some] = np.maximum(squared[some], moving.max(axis=1))
+        if np.isfinite(self._tool).any():
+            most = self._tool[np.searchsorted(self._ends, s[some], side="left")]
+            pull = self._tool_acceleration(q[some], v[some], a[some]) / most
+            squared[some] = np.maximum(squared[some], pull)
         factor = np.maximum(factor, np.sqrt(squared))
         jerk = (np.abs(np.diff(a, axis=0)) / (dt * self.jerk)).max(axis=1)
         factor[1:] = np.maximum(factor[1:], np.cbrt(jerk))
         return factor
+
+    def _tool_acceleration(self, q: Array, v: Array, a: Array) -> Array:
+        """Return the TCP's acceleration (m,) at each sample (m, n), m/s²."""
+        arm, frame = self._model.arm, self._model.tcp_frame
+        data = arm.createData()
+        found = np.zeros(len(q))
+        for k in range(len(q)):
+            pin.forwardKinematics(arm, data, q[k], v[k], a[k])
+            motion = pin.getFrameClassicalAcceleration(arm, data, frame, pin.LOCAL)
+            found[k] = np.linalg.norm(motion.linear)
+        return found
 
     def _weight(self, q: Array) -> Array:
         still = np.zeros_like(q)

@@ -11,6 +11,7 @@ from picktree.control.cartesian.compliant_motion import CartesianStiffness, Comp
 from picktree.control.execution.contact_motion import CompliantMotionResult
 from picktree.errors import PicktreeError
 from picktree.simulation.physics.backend import PhysicsHardware
+from picktree.world.values import Vector3
 
 from .control_cell import TICK, Cell
 
@@ -130,17 +131,38 @@ def test_stiffness_in_a_frame_that_stays_where_it_is() -> None:
     np.testing.assert_allclose(np.diag(spring.matrix(np.eye(3)))[:3], [100.0, 300.0, 200.0])
 
 
+PERIOD = 1 / 240
+
+
 def test_damping_of_an_axis_is_its_share_of_the_critical() -> None:
     inertia = np.diag([4.0, 4.0, 4.0, 0.1, 0.1, 0.1])
-    spring = CartesianStiffness(linear=(225.0, 400.0, 0.0), angular=10.0, damping=(1.0, 0.5, 0.7))
-    damping = np.diag(spring.damping_matrix(inertia, np.eye(3)))
+    stiffness = CartesianStiffness(linear=(225.0, 400.0, 0.0), angular=10.0, damping=(1.0, 0.5, 0.7))
+    spring, matrix = stiffness.sampled(inertia, np.eye(3), PERIOD)
+    damping = np.diag(matrix)
+    np.testing.assert_allclose(spring, stiffness.matrix(np.eye(3)))
     np.testing.assert_allclose(damping[:2], [2 * np.sqrt(225.0 * 4.0), 0.5 * 2 * np.sqrt(400.0 * 4.0)])
     assert damping[2] == pytest.approx(0.7 * 2 * np.sqrt(200.0 * 4.0))
     one, three = (
-        CartesianStiffness(100.0, 10.0, share).damping_matrix(inertia, np.eye(3))
+        CartesianStiffness(100.0, 10.0, share).sampled(inertia, np.eye(3), PERIOD)[1]
         for share in (0.9, (0.9, 0.9, 0.9))
     )
     np.testing.assert_allclose(one, three)
+
+
+@pytest.mark.parametrize("damping", [0.9, (0.9, 0.9, 0.9)])
+def test_a_light_tool_has_a_spring_that_the_period_can_damp(damping: float | Vector3) -> None:
+    light = np.diag([4.0, 4.0, 1.0, 0.1, 0.1, 1e-4])
+    stiffness = CartesianStiffness((1500.0, 0.0, 1500.0), 40.0, damping)
+    spring, matrix = stiffness.sampled(light, np.eye(3), PERIOD)
+    rates = np.diag(matrix) / np.diag(light)
+    assert float(rates.max()) * PERIOD == pytest.approx(0.6)
+    fastest = 0.6 / (2 * 0.9 * PERIOD)
+    # The modes of the heavy axes, and the axis without a spring, stay as they were asked for.
+    np.testing.assert_allclose(
+        np.diag(spring), [1500.0, 0.0, 1500.0, 40.0, 40.0, 1e-4 * fastest**2], atol=1e-9
+    )
+    finer, _ = stiffness.sampled(light, np.eye(3), PERIOD / 2)
+    assert finer[5, 5] == pytest.approx(4 * spring[5, 5])
 
 
 def test_a_rate_that_does_not_divide_the_tick_is_refused() -> None:

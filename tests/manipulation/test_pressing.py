@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 
 from picktree.manipulation.grasp.compliant_closing import (
-    MAX_TRANSFER_ACCELERATION,
     grip_force,
     opening_force,
     required_force,
 )
+from picktree.planning.requests import CARRYING_ACCELERATION
 from picktree.robots.loading import load_robot
 from picktree.world.scene.description import CatalogueEntry
 from picktree.world.shapes import Box
@@ -23,9 +23,7 @@ INGOT = replace(BLOCK, kind="ingot", mass=1.2, friction=0.5)
 
 
 def test_the_grip_grows_with_the_mass_and_falls_with_friction() -> None:
-    assert required_force(0.5, 0.5) == pytest.approx(
-        2.0 * 0.5 * (9.81 + MAX_TRANSFER_ACCELERATION) / (2 * 0.5)
-    )
+    assert required_force(0.5, 0.5) == pytest.approx(2.0 * 0.5 * (9.81 + CARRYING_ACCELERATION) / (2 * 0.5))
     assert required_force(1.0, 0.5) == pytest.approx(2 * required_force(0.5, 0.5))
     assert required_force(0.5, 0.25) == pytest.approx(2 * required_force(0.5, 0.5))
     assert grip_force(INGOT, 70.0, GRIPPER).grip == pytest.approx(required_force(1.2, 0.5))

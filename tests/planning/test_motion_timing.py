@@ -163,6 +163,29 @@ def test_a_spline_is_the_natural_one() -> None:
     np.testing.assert_allclose(three.at(three.breaks), path[:3], atol=1e-12)
 
 
+def test_a_piece_that_begins_at_a_break_but_for_rounding_begins_with_the_next_one() -> None:
+    curve = spline_through(points(3, 6))
+    for low in (np.nextafter(curve.breaks[2], 0.0), curve.breaks[2], np.nextafter(curve.breaks[2], 9.0)):
+        part = curve.piece(float(low), curve.length)
+        s = np.linspace(0.0, part.length, 50)
+        np.testing.assert_allclose(part.at(s), curve.at(s + low), atol=1e-9)
+
+
+def test_the_tool_keeps_its_greatest_acceleration() -> None:
+    path = points(5, 3)
+    accelerations: list[float] = []
+    for tool in (np.inf, 2.0):
+        timed = time_corners(MODEL, path, Scaling(tool=tool), 0.1)
+        assert timed is not None
+        # The middle of each second difference of places, without the two ends.
+        at = np.arange(0.0, timed.duration, 0.005)
+        places = MODEL.tcp_positions(np.array([timed.sample(t)[0] for t in at.tolist()]))
+        pull = np.linalg.norm(np.diff(places, 2, axis=0), axis=1) / 0.005**2
+        accelerations.append(float(pull[1:-1].max()))
+    assert accelerations[0] > 3.0
+    assert 1.5 < accelerations[1] <= 2.0 * 1.05
+
+
 def test_pieces_and_bridges_fit_together() -> None:
     first, second = rounded_polyline(points(1, 3), 0.1), spline_through(points(2, 9, 0.05) + 0.1)
     radius = 0.04

@@ -309,3 +309,28 @@ def test_a_linkage_closes_in_the_time_that_its_speed_says() -> None:
         pb.stepSimulation(client.id)
     closed = robot.gripper.max_width - body.fingers.width(body.read().position[n:])
     assert closed == pytest.approx(2 * 0.05 * 0.5, rel=0.15)
+
+
+def test_a_tip_that_tapers_beyond_the_pad_is_a_body_and_counts_for_the_reach(tmp_path: Path) -> None:
+    def tip(name: str, y: float) -> tuple[str, str]:
+        box = f'<origin xyz="0 {y} 0.056"/><geometry><box size="0.02 0.008 0.012"/></geometry>'
+        return f'<link name="{name}">', f'<link name="{name}"><collision>{box}</collision>'
+
+    # Its face is 4 mm behind the pad's.
+    edits = (*HINGED_HAND, tip("left", -0.012), tip("right", 0.012))
+    (tmp_path / "mini.urdf").write_text(mini(*edits), encoding="utf-8")
+    robot = propose(ProposalRequest(str(tmp_path / "mini.urdf"), tmp_path / "mini.yaml", samples=100)).robot
+    first, second = robot.gripper.finger_bodies
+    assert first[0].size[2] == pytest.approx(0.012, abs=1e-4) == second[0].size[2]
+    model = RobotModel(robot)
+    reaches = [fingers_of(robot.gripper).reach(width) for width in (0.0, robot.gripper.max_width)]
+    assert max(reaches) == pytest.approx(robot.gripper.tip, abs=1e-3)
+    assert pads_apart(model, 0.03) == pytest.approx(0.03, abs=2e-5)
+
+
+def test_pads_of_fingers_that_turn_are_measured_where_they_look_at_each_other(tmp_path: Path) -> None:
+    turning = [(f'joint="{k}" multiplier="-1"', f'joint="{k}" multiplier="-0.6"') for k in ("k1", "k2")]
+    (tmp_path / "mini.urdf").write_text(mini(*HINGED_HAND, *turning), encoding="utf-8")
+    robot = propose(ProposalRequest(str(tmp_path / "mini.urdf"), tmp_path / "mini.yaml", samples=100)).robot
+    # Open, the fingers lean by 18 deg, and no more than their edges are level.
+    assert [box.size[2] for box, _ in robot.gripper.pads] == pytest.approx([0.05, 0.05], abs=4e-3)
