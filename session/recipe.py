@@ -36,9 +36,11 @@ from ..simulation.fault_files.fault_loading import load_faults
 from ..trees.loading.loader import load_mission
 from ..trees.loading.registry import NodeRegistry
 from ..trees.mission import Mission, Plugin, name_of
+from ..world.convex_parts import parts_name, parts_text
 from ..world.mesh_reader import material_files
 from ..world.scene.description import SceneDescription
 from ..world.scene.loading.scene_loading import load_scene
+from ..world.shapes import CompoundMesh
 from .checkpoints import RunState
 
 
@@ -185,7 +187,10 @@ def scene_files(scene: SceneDescription) -> Iterator[Attachment]:
     for alone, apart in meshes:
         named |= apart if any(sources[name] > 1 for name in alone) else alone
     for name, file in named.items():
-        yield Attachment(name, file.read_bytes(), "model/mesh", file)
+        yield Attachment(name, content := file.read_bytes(), "model/mesh", file)
+        for shape in dict.fromkeys(e.shape for e in scene.catalogue if isinstance(e.shape, CompoundMesh)):
+            if shape.source == str(file):
+                yield Attachment(parts_name(name, shape.scale), parts_text(shape, content), "model/mesh")
 
 
 def scene_mesh_names(loc: Location, file: str) -> tuple[str, str]:

@@ -8,6 +8,7 @@ import math
 import os
 import re
 import struct
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -115,6 +116,22 @@ def parse_mesh(raw: bytes, path: Path) -> TriangleMesh:
     return TriangleMesh(vertices, faces, np.concatenate([part.colours for part in parts]))
 
 
+def parse_groups(raw: bytes, path: Path) -> list[Array]:
+    """Return the vertices (n, 3) of each object (`o`) of an OBJ file's content, in no certain order.
+
+    Raises MeshError as `read_mesh` does.
+    """
+    scene = _loaded(_prepared(raw, "obj"), "obj", {}, by_object=True)
+    meshes = list(cast("Any", scene).geometry.values())
+    groups = [np.asarray(m.vertices, dtype=np.float64)[np.unique(m.faces)] for m in meshes if len(m.faces)]
+    if not groups:
+        raise MeshError(f"{path}: the mesh has no triangles", "convert it anew to OBJ")
+    for group in groups:
+        if bad := int((~np.isfinite(group).all(axis=1)).sum()):
+            raise MeshError(f"{path}: {bad} vertices are not finite numbers", "export it anew")
+    return groups
+
+
 def hull_corners(points: Array) -> Array:
     """Return the corners (k, 3) of the convex hull of points (n, 3), m. Raises FlatMesh; MeshError for points
     beyond MAX_EXTENT."""
@@ -130,16 +147,20 @@ def hull_corners(points: Array) -> Array:
         raise FlatMesh from None
 
 
-def write_hull(file: Path, corners: Array) -> None:
-    """Write the convex hull of its corners (k, 3) as an OBJ file, with faces that face outwards."""
-    faces = convex_hull(corners).simplices
-    triangles = corners[faces]
-    outward = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    inverted = np.einsum("fi,fi->f", outward, triangles.mean(axis=1) - corners.mean(axis=0)) < 0
-    faces = np.where(inverted[:, None], faces[:, ::-1], faces)
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in corners.tolist()]
-    lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
-    file.write_text("\n".join(lines) + "\n", encoding="ascii")
+def hulls_text(parts: Sequence[Array]) -> str:
+    """Return an OBJ file with one `o` group for each part, corners (k, 3); faces of hulls face outwards."""
+    lines, first = list[str](), 1
+    for n, corners in enumerate(parts):
+        faces = convex_hull(corners).simplices
+        triangles = corners[faces]
+        outward = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        inverted = np.einsum("fi,fi->f", outward, triangles.mean(axis=1) - corners.mean(axis=0)) < 0
+        faces = np.where(inverted[:, None], faces[:, ::-1], faces)
+        lines.append(f"o part_{n}")
+        lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in corners.tolist()]
+        lines += [f"f {a} {b} {c}" for a, b, c in (faces + first).tolist()]
+        first += len(corners)
+    return "\n".join(lines) + "\n"
 
 
 def material_library(path: Path) -> Path | None:
@@ -224,13 +245,13 @@ def _collada_unit(raw: bytes) -> float:
     return length
 
 
-def _loaded(raw: bytes, kind: str, materials: dict[str, bytes]) -> trimesh.Scene:
+def _loaded(raw: bytes, kind: str, materials: dict[str, bytes], *, by_object: bool = False) -> trimesh.Scene:
     import trimesh  # slow to import
 
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # it reports pictures that it does not find
     options: dict[str, Any] = {}
     if kind == "obj":
-        options = {"group_material": True, "resolver": materials}
+        options = {"group_material": not by_object, "split_objects": by_object, "resolver": materials}
     try:
         loaded = trimesh.load_scene(io.BytesIO(raw), kind, process=False, **options)  # pyright: ignore[reportUnknownMemberType]
     except (ValueError, NotImplementedError) as error:

@@ -43,11 +43,22 @@ class Sphere:
 
 @dataclass(frozen=True, slots=True)
 class ConvexMesh:
-    """Convex hull of points, m, given about its centroid. `source` is the file of origin; it does not
+    """Convex hull of points, m, given about its centre of mass. `source` is the file of origin; it does not
     count in comparisons."""
 
     vertices: tuple[Vector3, ...]
     source: str = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class CompoundMesh(ConvexMesh):
+    """Body of convex parts, m, about its centre of mass. Its `vertices` are those of its hull, which may
+    stand for it where room around it is all that counts."""
+
+    parts: tuple[tuple[Vector3, ...], ...]
+    """Corners of each convex part."""
+    scale: float = field(default=1.0, compare=False)
+    """Factor from the coordinates of its file to m."""
 
 
 OBSTACLE_VOLUME = "volume"
@@ -64,8 +75,23 @@ def scaled(shape: Shape, factor: float) -> Shape:
             return Cylinder(radius * factor, height * factor)
         case Sphere(radius):
             return Sphere(radius * factor)
+        case CompoundMesh(vertices, source, parts, scale):
+            larger = tuple(_scaled(part, factor) for part in parts)
+            return CompoundMesh(_scaled(vertices, factor), source, larger, scale * factor)
         case ConvexMesh(vertices, source):
-            return ConvexMesh(tuple((x * factor, y * factor, z * factor) for x, y, z in vertices), source)
+            return ConvexMesh(_scaled(vertices, factor), source)
+
+
+def _scaled(vertices: tuple[Vector3, ...], factor: float) -> tuple[Vector3, ...]:
+    return tuple((x * factor, y * factor, z * factor) for x, y, z in vertices)
+
+
+@lru_cache(maxsize=256)
+def convex_parts(mesh: ConvexMesh) -> tuple[ConvexMesh, ...]:
+    """Return the convex bodies of which a mesh consists, in its own frame."""
+    if isinstance(mesh, CompoundMesh):
+        return tuple(ConvexMesh(part, mesh.source) for part in mesh.parts)
+    return (mesh,)
 
 
 @lru_cache(maxsize=256)
@@ -140,7 +166,10 @@ def ray_hits(shape: Shape, rotation: Array, position: Array, origin: Array, dire
 def ray_span(
     shape: Shape, rotation: Array, position: Array, origin: Array, directions: Array
 ) -> tuple[Array, Array]:
-    """Where the rays enter and leave the convex shape, (n,) each; a ray that misses has near > far."""
+    """Where the rays enter and leave the shape, (n,) each; a ray that misses has near > far.
+
+    Of a body that is not convex it is the first part that the ray meets.
+    """
     local = (origin - position) @ rotation
     d = directions @ rotation
     match shape:
@@ -156,14 +185,30 @@ def ray_span(
             caps = _slabs(local[2:], d[:, 2:], np.array([height / 2]))
             return np.maximum(side[0], caps[0]), np.minimum(side[1], caps[1])
         case ConvexMesh():
-            normals, offsets = half_spaces(shape)
-            speed = d @ normals.T
-            speed = np.where(np.abs(speed) < MIN_DIRECTION, MIN_DIRECTION, speed)
-            at = (offsets - normals @ local) / speed
-            entering = speed < 0
-            near = np.where(entering, at, -np.inf).max(axis=1)
-            far = np.where(entering, np.inf, at).min(axis=1)
-            return near, far
+            return _first_spans([_hull_span(part, local, d) for part in convex_parts(shape)])
+
+
+def _hull_span(hull: ConvexMesh, local: Array, d: Array) -> tuple[Array, Array]:
+    normals, offsets = half_spaces(hull)
+    speed = d @ normals.T
+    speed = np.where(np.abs(speed) < MIN_DIRECTION, MIN_DIRECTION, speed)
+    at = (offsets - normals @ local) / speed
+    entering = speed < 0
+    near = np.where(entering, at, -np.inf).max(axis=1)
+    far = np.where(entering, np.inf, at).min(axis=1)
+    return near, far
+
+
+def _first_spans(spans: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Of the parts that each ray meets ahead of it, or else behind it, return the span of the first one."""
+    near, far = spans[0]
+    for start, end in spans[1:]:
+        met, known = start <= end, near <= far
+        # What lies behind the origin hides nothing.
+        ahead = np.where(end > 0.0, start, np.inf) < np.where(known & (far > 0.0), near, np.inf)
+        taken = met & (ahead | ~known)
+        near, far = np.where(taken, start, near), np.where(taken, end, far)
+    return near, far
 
 
 def _slabs(local: Array, d: Array, half: Array) -> tuple[Array, Array]:
@@ -212,7 +257,7 @@ def convex_hull(points: Array, options: str | None = None) -> ConvexHull:
 
 @lru_cache(maxsize=256)
 def half_spaces(mesh: ConvexMesh) -> tuple[Array, Array]:
-    """Outward unit normals (m, 3) and offsets (m,) of the faces: inside is n·x ≤ offset."""
+    """Outward unit normals (m, 3) and offsets (m,) of the hull's faces: inside is n·x ≤ offset."""
     equations = np.unique(np.round(convex_hull(np.array(mesh.vertices)).equations, 9), axis=0)
     return equations[:, :3].copy(), -equations[:, 3]
 
@@ -230,5 +275,8 @@ def inside(shape: Shape, pose: Pose, points: Array, margin: float = 0.0) -> NDAr
             round_ = local[:, 0] ** 2 + local[:, 1] ** 2 <= (radius + margin) ** 2
             return round_ & (np.abs(local[:, 2]) <= height / 2 + margin)
         case ConvexMesh():
-            normals, offsets = half_spaces(shape)
-            return np.all(local @ normals.T <= offsets + margin, axis=1)
+            found = np.zeros(len(local), dtype=np.bool_)
+            for part in convex_parts(shape):
+                normals, offsets = half_spaces(part)
+                found |= np.all(local @ normals.T <= offsets + margin, axis=1)
+            return found

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...world.mesh_reader import DEFAULT_COLOUR, read_mesh
 from ...world.scene.description import Hole
-from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, convex_hull
+from ...world.shapes import Box, CompoundMesh, ConvexMesh, Cylinder, Shape, Sphere, convex_hull, convex_parts
 from ...world.values import Array, Pose, Vector3
 
 Indices = NDArray[np.int64]
@@ -163,6 +163,8 @@ def shape_mesh(shape: Shape, colour: tuple[float, float, float] = DEFAULT_COLOUR
             rings = [(math.cos(a), math.sin(a)) for a in angles]
             vertices, faces = _surface_of_revolution([(0.0, -1.0), *rings, (0.0, 1.0)], 48)
             vertices = vertices * radius
+        case CompoundMesh():
+            return join_meshes([shape_mesh(part, colour) for part in convex_parts(shape)])
         case ConvexMesh(points):
             vertices = np.array(points)
             faces = convex_hull(vertices).simplices.astype(np.int64)

@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...robots.description import GripperDescription
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, grasp
 from ...world.scene.description import MIN_FELT_MASS
-from ...world.shapes import Box, ConvexMesh, Cylinder, Sphere, extents
+from ...world.shapes import Box, CompoundMesh, ConvexMesh, Cylinder, Sphere, extents
 from ...world.values import GRAVITY, ObjectId, Pose
+from ..grasp.object_grasps import contacts_at
 from ..grasp.straight_lines import lift_off
 from ..place.dropped_objects import release_object
 
@@ -101,7 +103,7 @@ class GripCheck:
 def check_grip(world: World, load: float | None) -> GripCheck:
     """Return the grip check of the believed held object for the present opening and a measured load, N."""
     held = world.scene.held
-    thin = held is not None and held.kind == "unknown"
+    thin = held is not None and (held.kind == "unknown" or isinstance(held.shape, CompoundMesh))
     return GripCheck(world.gripper.width, load, _light_object(world), thin)
 
 
@@ -117,11 +119,14 @@ def _light_object(world: World) -> LightObject | None:
     entry = None if held is None else world.description.find_entry(held.kind)
     if held is None or entry is None or entry.mass >= MIN_FELT_MASS:
         return None
-    return LightObject(entry.mass, _widths(held))
+    return LightObject(entry.mass, _widths(held, world.robot.description.gripper, world.gripper.width))
 
 
-def _widths(held: BeliefObject) -> tuple[float, ...]:
-    """Return the openings at which fingers may stand around an object, m; flat pads turn it until it fits."""
+def _widths(held: BeliefObject, gripper: GripperDescription, width: float) -> tuple[float, ...]:
+    """Return the openings at which fingers may stand around an object, m; flat pads turn it until it fits.
+
+    `width`: their opening, m. A body that is not convex may be held by a wall.
+    """
     match held.shape:
         case Box(size):
             return size
@@ -131,6 +136,10 @@ def _widths(held: BeliefObject) -> tuple[float, ...]:
             return (2 * radius,)
         case ConvexMesh():
             assert held.object_in_tcp is not None
+            if isinstance(held.shape, CompoundMesh):
+                around = width + 2 * MAX_OPENING_ERROR
+                met = contacts_at(held.shape, held.object_in_tcp, gripper, around)
+                return () if met is None else (met.width,)
             low, high = extents(held.shape, held.object_in_tcp.rotation())
             return (float(high[1] - low[1]),)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...robots.description import GripperDescription
 from ...world.belief.planning_scene import BeliefObject
-from ...world.shapes import Box, ConvexMesh, Cylinder, Sphere, corners, extents
+from ...world.shapes import MIN_DIRECTION, Box, ConvexMesh, Cylinder, Sphere, corners, extents
 from ...world.values import Array, Pose, cross
 
 ROOMY_EXCESS, TIGHT_EXCESS = 0.020, 0.010
@@ -215,7 +215,7 @@ def _spans(belief: BeliefObject, rotation: Array, yaws: int) -> list[_Span]:
         case Sphere(radius):
             return _round_spans(2 * radius, belief.pose, yaws)
         case ConvexMesh():
-            return _hull_spans(belief.shape, rotation)
+            return _hull_spans(belief.shape, belief.pose, yaws)
 
 
 def _round_spans(width: float, pose: Pose, yaws: int) -> list[_Span]:
@@ -236,22 +236,61 @@ def _box_spans(size: tuple[float, float, float], rotation: Array) -> list[_Span]
     return spans
 
 
-def _hull_spans(shape: ConvexMesh, rotation: Array) -> list[_Span]:
-    """Return directions across the flat sides of the hull's outline, narrow ones first (rotating
-    calipers)."""
-    import cv2
+MIN_EDGE = 0.008
+"""Length of an outline's edge from which a pad lies flat on it, m."""
+TURNED = math.radians(10.0)
+"""Turn of the hand after which a body must not be much narrower, rad: else closing pads turn it."""
+MAX_NARROWING = 5e-4
+"""Greatest decrease of a body's width after that turn, m: that of fine facets."""
+ROUND_EXCESS = 1e-3
+"""Greatest difference of the widths of a round outline, m."""
 
-    points = (corners(shape) @ rotation.T)[:, :2].astype(np.float32)
-    outline = cv2.convexHull(points)[:, 0, :].astype(np.float64)
+
+def _hull_spans(shape: ConvexMesh, pose: Pose, yaws: int) -> list[_Span]:
+    """Return directions across which an upright hull's outline is steady, narrow ones first (rotating
+    calipers).
+
+    Pads lie flat on long edges. On short ones, as those of a round mesh, they hold where turned pads would
+    not come nearer to each other.
+    """
+    outline = _outline(shape, pose)
+    widths = np.array([_width(outline, k * math.pi / 36) for k in range(36)])
+    if float(np.ptp(widths)) < ROUND_EXCESS:
+        return _round_spans(float(widths.max()), pose, yaws)
     spans: list[_Span] = []
     for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
         edge = end - start
         length = float(np.linalg.norm(edge))
-        if length < 0.008:
+        if length < MIN_DIRECTION:
             continue
-        normal = np.array([-edge[1], edge[0]]) / length
-        reach = outline @ normal
-        yaw = math.atan2(float(normal[1]), float(normal[0])) % math.pi
+        yaw = math.atan2(float(edge[0]), float(-edge[1])) % math.pi
+        width = _width(outline, yaw)
+        if length < MIN_EDGE and any(
+            _width(outline, yaw + turn) < width - MAX_NARROWING for turn in (-TURNED, TURNED)
+        ):
+            continue
         if all(abs(yaw - s.yaw) > 0.05 for s in spans):
-            spans.append(_Span(yaw, float(reach.max() - reach.min()), length))
+            spans.append(_Span(yaw, width, length))
     return sorted(spans, key=lambda s: s.width)[:4]
+
+
+def heading_of(shape: ConvexMesh, pose: Pose) -> float:
+    """Return the direction in the world of the longest edge of a hull's outline from above, rad."""
+    outline = _outline(shape, pose)
+    edges = np.roll(outline, -1, axis=0) - outline
+    x, y = edges[int(np.argmax((edges**2).sum(axis=1)))]
+    return math.atan2(float(y), float(x))
+
+
+def _outline(shape: ConvexMesh, pose: Pose) -> Array:
+    """Return the corners (k, 2) of a hull's outline from above, about its centre, m."""
+    import cv2
+
+    points = (corners(shape) @ pose.rotation().T)[:, :2].astype(np.float32)
+    return cv2.convexHull(points)[:, 0, :].astype(np.float64)
+
+
+def _width(outline: Array, yaw: float) -> float:
+    """Return the width of an outline (k, 2) along a direction, m."""
+    reach = outline @ np.array([math.cos(yaw), math.sin(yaw)])
+    return float(reach.max() - reach.min())

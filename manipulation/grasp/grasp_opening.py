@@ -9,6 +9,7 @@ from ...planning.collision.tool_room import WORKSPACE_MARGIN
 from ...robots.description import GripperDescription
 from ...robots.finger_linkage import fingers_of
 from ...world.belief.planning_scene import BeliefObject
+from ...world.shapes import CompoundMesh
 from .grasp_candidates import GraspCandidate
 
 if TYPE_CHECKING:
@@ -33,9 +34,9 @@ def widened(
     The wider hand keeps the margin of the grasp, and `OUTER_ROOM` more outside of its fingers. Otherwise a
     finger would only come nearer to a neighbour than to the object. Hinged fingers retract their tips as
     they open: beside a flat object these stay ahead of the TCP. Without room the grasp is `narrow`. The
-    grasps of a heap stay as they are: its map shows where the fingers fit.
+    grasps of a heap, and of a body that is not convex, stay as they are: a map shows where the fingers fit.
     """
-    if belief.role == "heap":
+    if belief.role == "heap" or isinstance(belief.shape, CompoundMesh):
         return grasp
     for excess in WIDE_EXCESSES:
         opening = min(grasp.expected_width + excess, gripper.max_width)

@@ -10,7 +10,7 @@ from ...world.belief.facts import GRASP
 from ...world.causes import Failure, grasp
 from ...world.causes import world as world_causes
 from ...world.values import ObjectId
-from ..grasp.grasp_candidates import grasp_candidates, leaning_grasps
+from ..grasp.object_grasps import leaning_object_grasps, object_grasps
 from ..grasp.straight_lines import descend_until_contact
 from ..replanning import ReplanBudget, TargetMoved, TargetWatch, plan_after_stop
 from .pick_candidates import PLACE_STAGE, PickPlaceCandidate, count_rejections, describe_rejections
@@ -76,7 +76,7 @@ def _approach_or_stop(world: World, task: PickTask, replans: ReplanBudget) -> Do
     belief = world.scene.get(task.object)
     moved = TargetWatch(world, belief)
     gripper = world.robot.description.gripper
-    ranked, leaning = grasp_candidates(belief, gripper), False
+    ranked, leaning = object_grasps(belief, gripper), False
     refused = world.attempts.refusal(GRASP, belief, world.scene)
     if refused is not None:
         raise Failure(
@@ -93,7 +93,7 @@ def _approach_or_stop(world: World, task: PickTask, replans: ReplanBudget) -> Do
             world, lambda: search.find(speed=task.speed, gently=task.gently), task.node
         )
         if found is None and search.cramped and not leaning:
-            leaning, more = True, leaning_grasps(belief, gripper)
+            leaning, more = True, leaning_object_grasps(belief, gripper)
             ranked += more
             offered += (fresh := world.attempts.remaining(task.node, task.object, more))
             search.add(fresh)

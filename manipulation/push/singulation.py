@@ -24,7 +24,8 @@ from ...world.quasi_static_pushing import PlanarPushModel
 from ...world.scene.description import Fixture
 from ...world.shapes import Shape, bottom, extents, top
 from ...world.values import ObjectId, Pose
-from ..grasp.grasp_candidates import GraspCandidate, distinct_grasps, grasp_candidates
+from ..grasp.grasp_candidates import GraspCandidate, distinct_grasps
+from ..grasp.object_grasps import object_grasps
 from .push_arcs import PushSide, height, push_sides, straight
 from .push_stroke import SUPPORT_EDGE_MARGIN, placed, support_of, within
 from .stroke_planning import PushStroke, straight_stroke
@@ -88,7 +89,7 @@ def has_room(world: World, belief: BeliefObject) -> bool:
     """
     if belief.role != "item":
         return free_distance(world, belief) >= ALONE_DISTANCE
-    for grasp in grasp_candidates(belief, world.robot.description.gripper):
+    for grasp in object_grasps(belief, world.robot.description.gripper):
         clear = world.queries.hand_clearance(
             grasp.tcp_in_world, grasp.opening, (belief.id,), grasp.margin, least=math.inf
         )
@@ -346,7 +347,7 @@ class _Case:
         """Return the `distinct_grasps` of an object at its supposed pose."""
         known = self._grasps.get((o.id, o.pose))
         if known is None:
-            known = self._grasps[o.id, o.pose] = distinct_grasps(grasp_candidates(o, self._gripper))
+            known = self._grasps[o.id, o.pose] = distinct_grasps(object_grasps(o, self._gripper))
         return known
 
 

@@ -18,7 +18,7 @@ from ..segmentation import LABEL_NAMES, Blob
 from .view import Detection
 
 HEIGHT_GATE = 0.009
-"""Difference between the tops of a stable pose and of the blob above which the pose is not tried, m."""
+"""Difference between the tops of a stable pose and of the blob from which on the pose is not tried, m."""
 MAX_HOVER_HEIGHT = 0.025
 """Greatest height above the table of an item that leans or lies on another, m. A higher blob is a part of
 something else."""
@@ -144,7 +144,8 @@ class ItemFitter:
         origin, ray = self.sight.origin, self.sight.directions(blob.middle[None])[0]
         for rest in self.rests:
             below = support if supported else blob.top - rest.height
-            if supported and abs(support + rest.height - blob.top) > HEIGHT_GATE:
+            above = blob.top - support
+            if supported and not rest.least_top - HEIGHT_GATE <= above <= rest.height + HEIGHT_GATE:
                 continue
             if not supported and not support - sink <= below <= support + hover:
                 continue
@@ -189,7 +190,7 @@ class ItemFitter:
             return [(s + rest.unlikely, stand) for s, stand in starts]
         moved: list[tuple[float, StandingPose]] = []
         for left, start in starts:
-            corners = silhouette(self.sight, start)
+            corners = np.concatenate(silhouette(self.sight, start))
             beyond = float((corners @ blob.hidden_side).max() - (blob.hull @ blob.hidden_side).max())
             depth = float((start.centre - self.sight.origin) @ self.sight.rotation[:, 2])
             shift = (

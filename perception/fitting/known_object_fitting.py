@@ -19,8 +19,9 @@ from ...world.belief.facts import ASIDE
 from ...world.belief.planning_scene import BeliefObject
 from ...world.values import Array, ObjectId, Pose
 from ..expectation.backdrop import SupportSurface
+from ..geometry.polygons import covered_area
 from ..geometry.resting_poses import StablePose
-from ..geometry.silhouette_fitting import StandingPose, polygon_area, silhouette
+from ..geometry.silhouette_fitting import StandingPose, silhouette
 from ..segmentation import (
     Blob,
     PixelPatch,
@@ -391,7 +392,7 @@ def _sighting(
 
 def _shows_two_objects(picture: SegmentationInput, blob: Blob, best: Hypothesis) -> bool:
     """Whether the patch is too large for the object: another of its colour touches it."""
-    whole = polygon_area(silhouette(picture.sight, best.stand))
+    whole = covered_area(silhouette(picture.sight, best.stand))
     return blob.area > (1.0 + MAX_EXCESS_AREA) * whole
 
 

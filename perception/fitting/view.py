@@ -20,7 +20,8 @@ from ...world.values import Array, ObjectId, Pose
 from .. import segmentation
 from ..expectation.robot_mask import fill
 from ..geometry.camera_geometry import PosedCamera, rays_of
-from ..geometry.resting_poses import body_points
+from ..geometry.polygons import covered_area
+from ..geometry.resting_poses import part_points
 from ..segmentation import SegmentationInput
 
 MIN_DEPTH_BEHIND = 0.010
@@ -158,24 +159,23 @@ class PerceivedView:
     def _silhouette(self, shape: Shape, pose: Pose) -> tuple[NDArray[np.intp], NDArray[np.intp], int]:
         """Return rows and columns of the pixels that the body covers, and their number without the picture's
         borders."""
-        if isinstance(shape, Sphere):
-            side = shape.radius
-            points = np.array(pose.position) + body_points(Box((2 * side, 2 * side, 2 * side)))
-        else:
-            points = pose.apply(body_points(shape))
+        where = Pose(pose.position) if isinstance(shape, Sphere) else pose
+        parts = [where.apply(points) for points in part_points(shape)]
+        points = np.concatenate(parts)
         if len(self.sight.before(points)) != len(points):
             # A part of it is next to or behind the camera: too near for a statement.
             nothing = np.zeros(0, dtype=np.intp)
             return nothing, nothing, 0
-        hull = cv2.convexHull(self.sight.pixels(points).astype(np.float32))
+        hulls = [cv2.convexHull(self.sight.pixels(part).astype(np.float32)) for part in parts]
         h, w = self.depth.shape
-        x, y, wide, high = (int(n) for n in cv2.boundingRect(hull))
+        x, y, wide, high = (int(n) for n in cv2.boundingRect(np.concatenate(hulls)))
         x0, y0, x1, y1 = max(x, 0), max(y, 0), min(x + wide, w), min(y + high, h)
-        total = int(cv2.contourArea(hull))
+        total = int(covered_area([hull[:, 0].astype(np.float64) for hull in hulls]))
         if x0 >= x1 or y0 >= y1:
             return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), total
         mask = np.zeros((y1 - y0, x1 - x0), dtype=np.uint8)
-        fill(mask, hull[:, 0].astype(np.float64) - np.array([x0, y0]))
+        for hull in hulls:
+            fill(mask, hull[:, 0].astype(np.float64) - np.array([x0, y0]))
         rows, columns = np.nonzero(mask)
         return rows + y0, columns + x0, max(total, len(rows))
 

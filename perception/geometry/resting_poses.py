@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Final
 
@@ -14,14 +14,32 @@ import numpy as np
 from ...files.disk_cache import cached_arrays
 from ...world import shapes
 from ...world.belief.hole_matching import fits_hole
+from ...world.pad_contacts import top_heights
 from ...world.scene.description import CatalogueEntry, Fixture, Hole
-from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, convex_hull, half_spaces, top
+from ...world.shapes import (
+    Box,
+    CompoundMesh,
+    ConvexMesh,
+    Cylinder,
+    Shape,
+    Sphere,
+    convex_hull,
+    half_spaces,
+    inside,
+    top,
+)
 from ...world.values import Array, ObjectId, Pose
+from .polygons import covered_area
 
 CORNER_TOLERANCE = 2e-4
 """Distance between corners below which they look the same, m."""
 CIRCLE_CORNERS = 16
 """Number of corners of the polygon that stands for a circle."""
+
+
+TOP_CELLS, LEAST_TOP_QUANTILE = 24, 0.5
+"""Cells along each side of a body's height map, and the quantile of its heights that its top may seem to be:
+sides that are seen from aslant add to the lower ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +50,7 @@ class StablePose:
     rotation: Array
     """Orientation at yaw 0 (3, 3)."""
     outline: Array
-    """Points (n, 3) about the centre at yaw 0 whose hull is the body; empty for a sphere."""
+    """Points (n, 3) about the centre at yaw 0 whose hull contains the body; empty for a sphere."""
     below: float
     """Distance from the centre down to the support, m."""
     height: float
@@ -45,6 +63,27 @@ class StablePose:
     """Area of the shadow under light from straight above, m²."""
     unlikely: float = 0.0
     """Addition to the misfit, for faces on which items are seldom found."""
+
+    @cached_property
+    def least_top(self) -> float:
+        """Least height above the support that most of what is seen may have, m: a cup shows its floor."""
+        mesh = self.entry.shape
+        if not isinstance(mesh, CompoundMesh):
+            return self.height
+        low, high = self.outline[:, :2].min(axis=0), self.outline[:, :2].max(axis=0)
+        share = np.arange(TOP_CELLS**2)
+        steps = np.column_stack([share // TOP_CELLS, share % TOP_CELLS]) / (TOP_CELLS - 1)
+        pose = Pose.from_rotation((0.0, 0.0, self.below), self.rotation)
+        heights = top_heights(mesh, pose, low + (high - low) * steps)
+        return float(np.quantile(heights[np.isfinite(heights)], LEAST_TOP_QUANTILE))
+
+    @cached_property
+    def parts(self) -> tuple[Array, ...]:
+        """Points (n, 3) of each convex part, as `outline` has them; empty for a convex body."""
+        mesh = self.entry.shape
+        if not isinstance(mesh, CompoundMesh):
+            return ()
+        return tuple(np.array(part) @ self.rotation.T for part in mesh.parts)
 
 
 def catalogue_poses(catalogue: Iterable[CatalogueEntry]) -> tuple[StablePose, ...]:
@@ -122,6 +161,9 @@ def _stable_pose(entry: CatalogueEntry, rotation: Array, turn: float, unlikely: 
         low, high = -entry.shape.radius, entry.shape.radius
     reach = float(np.hypot(outline[:, 0], outline[:, 1]).max())
     footprint = float(convex_hull(outline[:, :2]).volume)
+    if isinstance(entry.shape, CompoundMesh):
+        shadows = [(np.array(part) @ rotation.T)[:, :2] for part in entry.shape.parts]
+        footprint = covered_area([shadow[convex_hull(shadow).vertices] for shadow in shadows])
     return StablePose(entry, rotation, outline, -low, high - low, turn, reach, footprint, unlikely)
 
 
@@ -145,6 +187,17 @@ def body_points(shape: Shape) -> Array:
         case ConvexMesh(vertices):
             points = np.array(vertices)
             return points[convex_hull(points).vertices]
+
+
+def part_points(shape: Shape) -> list[Array]:
+    """Return points (n, 3) of each convex part of a shape, whose hulls cover what is seen of it."""
+    match shape:
+        case Sphere(radius):
+            return [body_points(Box((2 * radius, 2 * radius, 2 * radius)))]
+        case CompoundMesh(parts=parts):
+            return list(map(np.array, parts))
+        case _:
+            return [body_points(shape)]
 
 
 def _box_poses(entry: CatalogueEntry, size: tuple[float, float, float]) -> list[StablePose]:
@@ -177,16 +230,40 @@ def _mesh_poses(entry: CatalogueEntry, mesh: ConvexMesh) -> list[StablePose]:
         face = points[np.abs(points @ normal - offset) < 1e-5]
         rotation = _rotation_face_down(normal)
         if len(face) >= 3 and _is_stable_on(face @ rotation.T):
-            one = _stable_pose(entry, rotation, _symmetry_turn(points @ rotation.T), 0.0)
+            one = _stable_pose(entry, rotation, _symmetry_turn(mesh, rotation), 0.0)
             if not any(_looks_like(one, other) for other in found):
                 found.append(one)
     return found
 
 
-def _symmetry_turn(points: Array) -> float:
-    """Return the smallest turn about the vertical that takes the corners (n, 3) to one another, rad."""
+def _symmetry_turn(mesh: ConvexMesh, rotation: Array) -> float:
+    """Return the smallest turn about the vertical that takes the body to itself, rad; 0: any turn does."""
+    points = np.array(mesh.vertices) @ rotation.T
+    normals, offsets = half_spaces(mesh)
+    faces = normals @ rotation.T
+    if all(
+        (_turned(points, angle) @ faces.T - offsets).max() < CORNER_TOLERANCE for angle in ROUND_TURNS
+    ) and _fills_alike(mesh, rotation, ROUND_TURNS):
+        return 0.0
     turns = (2 * math.pi / times for times in (12, 10, 8, 6, 5, 4, 3, 2))
-    return next((t for t in turns if _corners_coincide(_turned(points, t), points)), 2 * math.pi)
+    alike = (t for t in turns if _corners_coincide(_turned(points, t), points))
+    return next((t for t in alike if _fills_alike(mesh, rotation, (t,))), 2 * math.pi)
+
+
+ROUND_TURNS = (0.05, 0.1, 0.2, 0.35, 0.55, 0.8, 1.1, 1.45)
+"""Turns about the vertical after which a round body looks the same, rad."""
+PART_TOLERANCE = 1.5e-3
+"""Distance by which parts of a body may differ from those of the turned one, m: parts are about right."""
+
+
+def _fills_alike(mesh: ConvexMesh, rotation: Array, turns: Iterable[float]) -> bool:
+    """Whether the parts of a body fill the same room after each of these turns about the vertical."""
+    if not isinstance(mesh, CompoundMesh):
+        return True
+    points = np.array([vertex for part in mesh.parts for vertex in part]) @ rotation.T
+    return all(
+        bool(inside(mesh, Pose(), _turned(points, turn) @ rotation, PART_TOLERANCE).all()) for turn in turns
+    )
 
 
 def _looks_like(one: StablePose, other: StablePose) -> bool:

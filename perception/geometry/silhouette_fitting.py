@@ -1,8 +1,9 @@
-"""Silhouette fitting: a lying body is fitted to the outline of a blob. Catalogue shapes are convex, so their
+"""Silhouette fitting: a lying body is fitted to the outline of a blob. It consists of convex parts, whose
 pictures are hulls."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...world.values import Array, cross
 from .camera_geometry import PosedCamera
+from .polygons import covered_area, next_corners
 from .resting_poses import CIRCLE_CORNERS, StablePose
 
 PIXEL_SIGMA = 0.33
@@ -59,18 +61,22 @@ class SilhouetteFit:
     """Area of the silhouette, pixels."""
 
 
-def silhouette(sight: PosedCamera, stand: StandingPose) -> Array:
-    """Return the corners (k, 2) of the silhouette's hull, pixels.
+def silhouette(sight: PosedCamera, stand: StandingPose) -> list[Array]:
+    """Return the silhouette as hulls that cover it together: for each convex part its corners (k, 2), pixels.
 
-    Its inside lies to the left of each edge for an eye that sees y point up.
+    The inside of a hull lies to the left of each edge for an eye that sees y point up.
     """
-    hull = cv2.convexHull(sight.pixels(_body(sight, stand)).astype(np.float32))
-    return hull[:, 0].astype(np.float64)
+    hulls = (cv2.convexHull(sight.pixels(part).astype(np.float32)) for part in _parts(sight, stand))
+    return [hull[:, 0].astype(np.float64) for hull in hulls]
 
 
-def distances_outside(corners: Array, pixels: Array) -> Array:
-    """Return the distance of pixels (n, 2) from a silhouette with these corners (k, 2), (n,), pixels; 0
+def distances_outside(hulls: Sequence[Array], pixels: Array) -> Array:
+    """Return the distance of pixels (n, 2) from a silhouette of hulls, corners (k, 2) each, (n,), pixels; 0
     inside."""
+    return np.minimum.reduce([_distances_outside(corners, pixels) for corners in hulls])
+
+
+def _distances_outside(corners: Array, pixels: Array) -> Array:
     along = np.roll(corners, -1, axis=0) - corners
     squared = np.maximum((along**2).sum(axis=1), 1e-12)
     x, y = (pixels[:, i, None] - corners[:, i] for i in (0, 1))
@@ -86,9 +92,20 @@ def distances_outside(corners: Array, pixels: Array) -> Array:
 def _body(sight: PosedCamera, stand: StandingPose) -> Array:
     if not len(stand.rest.outline):
         return _tangent_circle(sight, stand)
-    c, s = float(np.cos(stand.yaw)), float(np.sin(stand.yaw))
-    turn = np.array((c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0)).reshape(3, 3)
-    return stand.rest.outline @ turn + stand.centre
+    return stand.rest.outline @ _turn(stand.yaw) + stand.centre
+
+
+def _parts(sight: PosedCamera, stand: StandingPose) -> list[Array]:
+    if not stand.rest.parts:
+        return [_body(sight, stand)]
+    turn = _turn(stand.yaw)
+    return [part @ turn + stand.centre for part in stand.rest.parts]
+
+
+def _turn(yaw: float) -> Array:
+    """Return the matrix (3, 3) that turns points, as rows, about the vertical."""
+    c, s = float(np.cos(yaw)), float(np.sin(yaw))
+    return np.array((c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0)).reshape(3, 3)
 
 
 def _tangent_circle(sight: PosedCamera, stand: StandingPose) -> Array:
@@ -117,8 +134,8 @@ def fit_outline(
     free = 3 if start.rest.turn else 2
     whole, pull = bool(outline.real.all()), np.ones(1)
     while True:
-        corners = silhouette(sight, stand)
-        distance, slope = _distances(sight, stand, corners, outline.points, free)
+        hulls = silhouette(sight, stand)
+        distance, slope = _distances(sight, stand, hulls, outline.points, free)
         rounds -= 1
         if not whole:
             pull = (outline.real | (distance > 0)).astype(np.float64)
@@ -136,7 +153,7 @@ def fit_outline(
     covariance = np.diag([0.0, 0.0, np.pi**2])
     covariance[:free, :free] = inverse * PIXEL_SIGMA**2
     misfit = float(np.minimum(scaled * scaled, OUTLIER_SIGMAS**2).sum()) / len(distance)
-    return SilhouetteFit(stand, misfit, covariance, polygon_area(corners))
+    return SilhouetteFit(stand, misfit, covariance, covered_area(hulls))
 
 
 MIN_FIT_STEP, MIN_FIT_TURN = 3e-4, 6e-3
@@ -146,7 +163,7 @@ _DAMPING = np.diag([0.1, 0.1, 1e-3])
 
 
 def _distances(
-    sight: PosedCamera, stand: StandingPose, corners: Array, points: Array, free: int
+    sight: PosedCamera, stand: StandingPose, hulls: Sequence[Array], points: Array, free: int
 ) -> tuple[Array, Array]:
     """Return the signed distance (m,) of each point from the silhouette, pixels, outside positive, and its
     derivatives.
@@ -154,14 +171,11 @@ def _distances(
     The derivatives are by x, y and, if `free` is 3, yaw (m, free). For them only, the image is taken as
     affine about the centre.
     """
-    along, up = (_next(corners) - corners).T
-    length = np.sqrt(along * along + up * up) + 1e-9
-    out = np.empty_like(corners)
-    out[:, 0], out[:, 1] = up / length, -along / length
-    away = points @ out.T - (corners[:, 0] * out[:, 0] + corners[:, 1] * out[:, 1])
-    nearest = away.argmax(axis=1)
-    distance = away[np.arange(len(points)), nearest]
-    out = out[nearest]
+    distance, out = _nearest_edges(hulls[0], points)
+    for corners in hulls[1:]:
+        near, its = _nearest_edges(corners, points)
+        nearer = near < distance
+        distance, out = np.where(nearer, near, distance), np.where(nearer[:, None], its, out)
     centre = (stand.centre - sight.origin) @ sight.projection.T
     middle = centre[:2] / centre[2]
     by_place = (sight.projection[:2] - middle[:, None] * sight.projection[2])[:, :2] / centre[2]
@@ -171,6 +185,18 @@ def _distances(
         turned = (points - middle) @ _turning(by_place)
         slope[:, 2] = -(out[:, 0] * turned[:, 0] + out[:, 1] * turned[:, 1])
     return distance, slope
+
+
+def _nearest_edges(corners: Array, points: Array) -> tuple[Array, Array]:
+    """Return the signed distance (m,) of points (m, 2) from a hull (k, 2), and the normals (m, 2) of the
+    edges."""
+    along, up = (next_corners(corners) - corners).T
+    length = np.sqrt(along * along + up * up) + 1e-9
+    out = np.empty_like(corners)
+    out[:, 0], out[:, 1] = up / length, -along / length
+    away = points @ out.T - (corners[:, 0] * out[:, 0] + corners[:, 1] * out[:, 1])
+    nearest = away.argmax(axis=1)
+    return away[np.arange(len(points)), nearest], out[nearest]
 
 
 def _turning(by_place: Array) -> Array:
@@ -225,12 +251,3 @@ def _minima(values: list[float]) -> list[tuple[float, int]]:
     return sorted(
         (v, k) for k, v in enumerate(values) if v <= values[k - 1] and v <= values[(k + 1) % len(values)]
     )
-
-
-def polygon_area(polygon: Array) -> float:
-    following = _next(polygon)
-    return 0.5 * abs(float((polygon[:, 0] * following[:, 1] - following[:, 0] * polygon[:, 1]).sum()))
-
-
-def _next(polygon: Array) -> Array:
-    return np.concatenate([polygon[1:], polygon[:1]])

@@ -175,6 +175,9 @@ class Unpacking:
         place = plain if plain == posixpath.normpath(mesh.text) else name
         content = self._log.attachment(name)
         self._put(folder / place, content)
+        for held in self._names:
+            if held.startswith(f"{name}@"):  # its convex parts at a scale
+                self._put(folder / f"{place}{held.removeprefix(name)}", self._log.attachment(held))
         for library in map(os.fsdecode, material_names(content)):
             if (held := beside(name, library)) in self._names:
                 at = plain_reference(posixpath.join(posixpath.dirname(place), library))

@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 from ...world.planar_geometry import PlanarOutline, PlanarPose, outline, planar
 from ...world.scene.description import CatalogueEntry, Fixture, SceneDescription
-from ...world.shapes import Shape, extents
+from ...world.shapes import CompoundMesh, Shape, convex_parts, extents
 from ...world.values import ObjectId, Pose, Vector3
 from ..footprints import Footprint, distance, footprint
 from .holes import HoleBelow, KinematicHoles
@@ -311,9 +311,17 @@ class KinematicBodies:
 
     def _level_tops(self) -> tuple[Top, ...]:
         if self._tops is None:
-            bodies = (*self._fixed, *self._prisms.values())
+            bodies = [*self._fixed]
+            for name, prism in self._prisms.items():
+                bodies += self._parts(self._items[name]) or (prism,)
             self._tops = tuple((*p.low[:2], *p.high[:2], p.high[2], p) for p in bodies)
         return self._tops
+
+    def _parts(self, body: KinematicBody) -> list[Prism]:
+        """Return the prisms of the convex parts of a body, which has a hollow between them; empty: none."""
+        if not isinstance(body.entry.shape, CompoundMesh):
+            return []
+        return [Prism.of(body.id, part, body.pose) for part in convex_parts(body.entry.shape)]
 
     def _measure(self) -> None:
         self._tops = None

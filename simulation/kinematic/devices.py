@@ -8,7 +8,8 @@ import numpy as np
 
 from ...robots.description import GripperDescription
 from ...robots.model import RobotModel
-from ...world.shapes import extents
+from ...world.pad_contacts import pad_contacts
+from ...world.shapes import CompoundMesh, extents
 from ...world.values import GRAVITY, Array, GripperState, JointState, ObjectId, Pose, Quaternion, Wrench
 from ..checkpoints import GripperCommand
 from ..faults.device_faults import DeviceFaults
@@ -110,6 +111,11 @@ class KinematicGripper:
             world_in_tcp = world_in_tcp or tcp.inverse()
             pose = world_in_tcp @ body.pose
             low, high = extents(body.entry.shape, pose.rotation())
+            if isinstance(shape := body.entry.shape, CompoundMesh):
+                pads = pad_contacts(shape, pose, before, self._reach_x, (self._lowest, self._highest))
+                if pads is None or width > pads.width:
+                    continue
+                return body.id, pose.shifted((0.0, -(pads.left + pads.right) / 2, 0.0)), pads.width
             x, y, z = pose.position
             inside_x = min(x + float(high[0]), self._reach_x) - max(x + float(low[0]), -self._reach_x)
             inside_z = min(z + float(high[2]), self._highest) - max(z + float(low[2]), self._lowest)

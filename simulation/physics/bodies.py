@@ -8,9 +8,11 @@ file's name. So each piece is a body of its own; all have the fixture's name in 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TypeAlias
 
 import numpy as np
@@ -18,14 +20,15 @@ import numpy as np
 from ...errors import PicktreeError
 from ...files.disk_cache import cached_arrays
 from ...world.colours import COLOURS
+from ...world.convex_parts import centre_and_spread
+from ...world.mesh_reader import hulls_text
 from ...world.scene.calibration_results import TILE_HEIGHT, tile_body
 from ...world.scene.description import Bin, Fixture, SceneDescription
 from ...world.scene.hole_geometry import convex_pieces, surface
-from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
+from ...world.shapes import Box, CompoundMesh, ConvexMesh, Cylinder, Shape, Sphere, convex_hull, convex_parts
 from ...world.values import Array, ObjectId, Pose, Vector3
 from ..engine import pb
 from ..footprints import floor_height, support_height
-from ..spawning.heap_spawning import PartsMesh
 from ..spawning.spawn import SpawnedItem
 
 
@@ -159,17 +162,12 @@ def add_item(item: SpawnedItem, pose: Pose, client: int, known: ItemShapes) -> i
     check_body(item.id, item.entry.shape, pose)
     if not (math.isfinite(item.entry.mass) and item.entry.mass > 0):
         raise PicktreeError(f"{item.id}: mass {item.entry.mass} kg; it must be positive")
-    mesh, shape = item.mesh, item.entry.shape
-    if mesh is not None:
-        shapes = _parts_collision(mesh, client), _parts_visual(mesh, item.colour, client)
-    elif (shape, item.colour) in known:
-        shapes = known[shape, item.colour]
-    else:
-        shapes = _collision(shape, client), _visual(shape, item.colour, client)
-        known[shape, item.colour] = shapes
+    shape = item.entry.shape
+    if (shape, item.colour) not in known:
+        known[shape, item.colour] = _collision(shape, client), _visual(shape, item.colour, client)
     body = pb.createMultiBody(
         item.entry.mass,
-        *shapes,
+        *known[shape, item.colour],
         pose.position,
         pose.orientation,
         useMaximalCoordinates=1,
@@ -188,32 +186,7 @@ def add_item(item: SpawnedItem, pose: Pose, client: int, known: ItemShapes) -> i
     if isinstance(shape, ConvexMesh):
         pb.changeDynamics(body, -1, collisionMargin=0.0, physicsClientId=client)
         set_mass(body, shape, item.entry.mass, client)
-    if mesh is not None:
-        moments = [item.entry.mass * moment for moment in mesh.inertia]
-        pb.changeDynamics(body, -1, localInertiaDiagonal=moments, physicsClientId=client)
     return body
-
-
-def _parts_collision(mesh: PartsMesh, client: int) -> int:
-    """Create the collision shape of a mesh: one hull for each part of its file."""
-    return pb.createCollisionShape(
-        pb.GEOM_MESH,
-        fileName=mesh.file,
-        meshScale=[mesh.scale] * 3,
-        collisionFramePosition=[-c for c in mesh.centre],
-        physicsClientId=client,
-    )
-
-
-def _parts_visual(mesh: PartsMesh, colour: str, client: int) -> int:
-    return pb.createVisualShape(
-        pb.GEOM_MESH,
-        fileName=mesh.file,
-        meshScale=[mesh.scale] * 3,
-        rgbaColor=_rgba(colour),
-        visualFramePosition=[-c for c in mesh.centre],
-        physicsClientId=client,
-    )
 
 
 def set_friction(body: int, friction: float, client: int) -> None:
@@ -246,6 +219,10 @@ def inertia(shape: Shape, mass: float) -> Vector3:
         case Sphere(radius):
             moment = 0.4 * mass * radius * radius
             return moment, moment, moment
+        case CompoundMesh(parts=parts):
+            _, spread = centre_and_spread(list(map(np.array, parts)))
+            ixx, iyy, izz = (float(m) for m in mass * (np.trace(spread) - np.diag(spread)))
+            return ixx, iyy, izz
         case ConvexMesh(vertices):
             hull = _hull(vertices)
             ixx, iyy, izz = (float(m) for m in np.diag(hull["inertia"]) * mass / float(hull["volume"]))
@@ -310,6 +287,9 @@ def _collision(shape: Shape, client: int) -> int:
             )
         case Sphere(radius):
             return pb.createCollisionShape(pb.GEOM_SPHERE, radius=radius, physicsClientId=client)
+        case CompoundMesh(parts=parts):
+            file = _parts_file(parts, ENGINE_MARGIN)
+            return pb.createCollisionShape(pb.GEOM_MESH, fileName=file, physicsClientId=client)
         case ConvexMesh(vertices):
             return pb.createCollisionShape(pb.GEOM_MESH, vertices=vertices, physicsClientId=client)
 
@@ -327,8 +307,8 @@ def _visual(shape: Shape, colour: str, client: int) -> int:
             )
         case Sphere(radius):
             return pb.createVisualShape(pb.GEOM_SPHERE, radius=radius, rgbaColor=rgba, physicsClientId=client)
-        case ConvexMesh(vertices):
-            corners, order, normals = _faces(vertices)
+        case ConvexMesh():
+            corners, order, normals = _faces(shape)
             return pb.createVisualShape(
                 pb.GEOM_MESH,
                 vertices=corners,
@@ -340,13 +320,48 @@ def _visual(shape: Shape, colour: str, client: int) -> int:
 
 
 @cache
-def _faces(vertices: tuple[Vector3, ...]) -> tuple[list[list[float]], list[int], list[list[float]]]:
-    """Return corners, order and normals of the hull's triangles. They are made once: pybullet never frees the
-    lists."""
-    hull = _hull(vertices)
-    corners: Array = hull["triangles"].reshape(-1, 3)
-    normals: Array = np.repeat(hull["normals"], 3, axis=0)
+def _faces(mesh: ConvexMesh) -> tuple[list[list[float]], list[int], list[list[float]]]:
+    """Return corners, order and normals of the triangles of its parts. They are made once: pybullet never
+    frees the lists."""
+    hulls = [_hull(part.vertices) for part in convex_parts(mesh)]
+    corners: Array = np.concatenate([hull["triangles"].reshape(-1, 3) for hull in hulls])
+    normals: Array = np.concatenate([np.repeat(hull["normals"], 3, axis=0) for hull in hulls])
     return corners.tolist(), list(range(len(corners))), normals.tolist()
+
+
+ENGINE_MARGIN = 0.001
+"""Distance by which the engine enlarges each part of a body of several, m; it takes none for that body."""
+MAX_MARGIN_SHARE = 0.6
+"""Share of the distance from a part's middle to its faces that the engine's margin may make up."""
+
+
+@cache
+def _parts_file(parts: tuple[tuple[Vector3, ...], ...], margin: float) -> str:
+    """Write convex parts, each smaller by `margin` all round, as an OBJ file of this process; return its
+    path."""
+    file = Path(_folder().name) / f"parts_{len(os.listdir(_folder().name))}.obj"
+    file.write_text(hulls_text([_shrunk(np.array(part), margin) for part in parts]), encoding="ascii")
+    return str(file)
+
+
+@cache
+def _folder() -> TemporaryDirectory[str]:
+    return TemporaryDirectory(prefix="picktree-parts-")
+
+
+def _shrunk(corners: Array, margin: float) -> Array:
+    """Return the corners of the body whose distance from the outside of a hull is the margin.
+
+    A part that is thinner than that keeps some of its thickness.
+    """
+    middle = corners.mean(axis=0)
+    faces = np.unique(np.round(convex_hull(corners - middle).equations, 9), axis=0)
+    room = float((-faces[:, 3]).min())
+    faces[:, 3] += min(margin, MAX_MARGIN_SHARE * room)
+    # A face at distance d with unit normal n is the point n / d of the polar body.
+    polar = convex_hull(-faces[:, :3] / faces[:, 3:])
+    planes = np.unique(np.round(polar.equations, 9), axis=0)
+    return middle - planes[:, :3] / planes[:, 3:]
 
 
 def _hull(vertices: tuple[Vector3, ...]) -> dict[str, Array]:

@@ -211,11 +211,11 @@ class PhysicsItems:
         """Yield the tags on all present items, at their poses in the world."""
         for name, number in self._numbers.items():
             item = self.inventory.here[name]
-            if item.tag is None or item.mesh is None:
+            if item.tag is None or item.stickers is None:
                 continue
             body = Pose(*pb.getBasePositionAndOrientation(number, self._client))
-            for pose in item.mesh.stickers:
-                yield Sticker(item.tag, item.mesh.tag_size, body @ pose)
+            for pose in item.stickers.poses:
+                yield Sticker(item.tag, item.stickers.size, body @ pose)
 
     def name(self, body: int) -> str | None:
         """Return the name of the item with a body number; None: it is no item."""

@@ -1,6 +1,6 @@
-"""Heaps: items that are poured into a tote or onto the table, and things of an assortment with their meshes.
+"""Heaps: items that are poured into a tote or onto the table, and things of an assortment.
 
-Each `o` group of an OBJ file is one convex part. The engine reads the parts from the file itself.
+Each `o` group of a thing's OBJ file is one convex part.
 """
 
 from __future__ import annotations
@@ -15,6 +15,9 @@ import numpy as np
 
 from ...errors import PicktreeError
 from ...files.disk_cache import cached_arrays
+from ...world import convex_parts, mesh_reader
+from ...world.convex_parts import as_arrays, body_of, centre_and_spread, from_arrays, moments
+from ...world.mesh_reader import MeshError, parse_groups
 from ...world.scene.description import (
     ASSORTMENT,
     MESH_SETS,
@@ -26,7 +29,8 @@ from ...world.scene.description import (
 )
 from ...world.scene.heap_regions import PILE_RIM, HeapRegion
 from ...world.shapes import Box, ConvexMesh, Shape, bottom, convex_hull, corners, half_spaces, top
-from ...world.values import Array, ObjectId, Pose, Quaternion, Vector3
+from ...world.shapes import convex_parts as convex_parts_of
+from ...world.values import Array, ObjectId, Pose, Quaternion
 from ..footprints import support_height
 
 MIN_THICKNESS = 0.002
@@ -42,19 +46,13 @@ PILE_WALL_HEIGHT = 0.6
 
 
 @dataclass(frozen=True, slots=True)
-class PartsMesh:
-    """Mesh of convex parts in its file, for the engine."""
+class Stickers:
+    """Places of one tag on the faces of a thing."""
 
-    file: str
-    scale: float
-    centre: Vector3
-    """Centre of mass in the scaled file's frame, m."""
-    inertia: Vector3
-    """Moments about the centre for 1 kg, m²; products are neglected."""
-    stickers: tuple[Pose, ...] = ()
-    """Poses of the tag on its faces, in the frame of the body: z points outwards."""
-    tag_size: float = 0.0
-    """Side of the tags, m."""
+    poses: tuple[Pose, ...]
+    """Poses in the frame of the body: z points outwards."""
+    size: float
+    """Side of the tag, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,10 +68,10 @@ class Sticker:
 
 @dataclass(frozen=True, slots=True)
 class Thing:
-    """Thing of an assortment: its hull as a kind, and its mesh."""
+    """Thing of an assortment, as a kind, with the faces that carry a tag."""
 
     entry: CatalogueEntry
-    mesh: PartsMesh
+    stickers: Stickers
 
 
 @cache
@@ -128,52 +126,42 @@ def read_thing(file: Path, assortment: Assortment) -> Thing:
     raw = file.read_bytes()
     side = assortment.tag_size if assortment.tags else 0.0
     key = (raw, repr(assortment.scale), repr(side))
-    makers = (Path(__file__), "numpy", "scipy")
-    solid = cached_arrays(
-        "parts-mesh", key, makers, lambda: _solid(file, raw.decode(), assortment.scale, side)
+    makers = (Path(__file__), convex_parts, mesh_reader, "numpy", "scipy", "trimesh")
+    solid = cached_arrays("thing", key, makers, lambda: _solid(file, raw, assortment.scale, side))
+    volume, stickers, shape = (
+        float(solid["volume"]),
+        solid["stickers"],
+        from_arrays(solid, str(file), assortment.scale),
     )
-    hull, volume = solid["hull"], float(solid["volume"])
-    centre, inertia = (tuple(map(float, solid[name])) for name in ("centre", "inertia"))
-    shape = ConvexMesh(tuple((float(x), float(y), float(z)) for x, y, z in hull), str(file))
     entry = CatalogueEntry("unknown", "mesh", shape, volume * assortment.density, assortment.friction)
-    assert len(centre) == 3 and len(inertia) == 3
-    stickers = tuple(Pose.from_rotation(tuple(m[:3, 3]), m[:3, :3]) for m in solid["stickers"])
-    return Thing(entry, PartsMesh(str(file), assortment.scale, centre, inertia, stickers, side))
+    poses = tuple(Pose.from_rotation(tuple(m[:3, 3]), m[:3, :3]) for m in stickers)
+    return Thing(entry, Stickers(poses, side))
 
 
-def _solid(file: Path, text: str, scale: float, side: float) -> dict[str, Array]:
-    """Return what follows from a mesh, in SI: hull (n, 3) about the centre of mass, volume, centre (3,).
+def _solid(file: Path, raw: bytes, scale: float, side: float) -> dict[str, Array]:
+    """Return what follows from a mesh, in SI, with the origin in its centre of mass.
 
-    Besides: inertia (3,) for 1 kg, and stickers (k, 4, 4) of tags with that side; 0: there are none.
+    `volume`, the corners (n, 3) of its hull as `0` and of its parts from `1` on, and the `stickers` (k, 4, 4)
+    of tags with that side; 0: there are none.
     """
-    parts = [points * scale for points in _parts(file, text)]
-    volume, moment, second = 0.0, np.zeros(3), np.zeros((3, 3))
-    for points in parts:
-        if not np.isfinite(points).all():
-            raise PicktreeError(f"{file}: the mesh is broken: a vertex is not a finite number")
-        if len(points) < 4 or np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-6) < 3:
-            raise PicktreeError(f"{file}: the mesh is broken: a part has no volume")
-        own, first, squares = _moments(points)
-        volume, moment, second = volume + own, moment + first, second + squares
-    centre = moment / volume
-    covariance = second / volume - np.outer(centre, centre)
-    spread = np.diag(covariance)
-    together = np.concatenate(parts) - centre
-    hull = together[np.sort(convex_hull(together).vertices)]
-    _, axes = np.linalg.eigh(covariance)
-    thin = float(np.ptp(hull @ axes, axis=0).min())
+    try:
+        parts = [points * scale for points in parse_groups(raw, file)]
+    except MeshError as error:
+        raise PicktreeError(f"{file}: the mesh is broken: {error.message}") from None
+    if any(np.linalg.matrix_rank(part - part.mean(axis=0), tol=1e-6) < 3 for part in parts):
+        raise PicktreeError(f"{file}: the mesh is broken: a part has no volume")
+    volume = sum(moments(part)[0] for part in parts)
+    body = body_of(parts, str(file), scale)
+    about = [np.array(part.vertices) for part in convex_parts_of(body)]
+    _, spread = centre_and_spread(about)
+    _, axes = np.linalg.eigh(spread)
+    thin = float(np.ptp(np.array(body.vertices) @ axes, axis=0).min())
     if thin < MIN_THICKNESS:
         raise PicktreeError(
             f"{file}: the mesh is {thin * 1000:.1f} mm thick; at least {MIN_THICKNESS * 1000:.0f} mm are "
             "wanted, the engine's margin: give a greater 'scale'"
         )
-    return {
-        "hull": hull,
-        "volume": np.array(volume),
-        "centre": centre,
-        "inertia": spread.sum() - spread,
-        "stickers": _stickers([points - centre for points in parts], side),
-    }
+    return {**as_arrays(body), "volume": np.array(volume), "stickers": _stickers(about, side)}
 
 
 MAX_STICKERS = 8
@@ -217,56 +205,16 @@ def _face_frame(points: Array, face: Array) -> tuple[Array, tuple[float, float]]
     return frame, (float(high[0] - low[0]), float(high[1] - low[1]))
 
 
-def _moments(points: Array) -> tuple[float, Array, Array]:
-    """Return volume, first (3,) and second (3, 3) moments of the hull of points (n, 3), by tetrahedra."""
-    inner = points.mean(axis=0)
-    hull = convex_hull(points - inner)
-    corners = (points - inner)[hull.simplices]
-    volumes = np.abs(np.linalg.det(corners)) / 6.0
-    volume = float(volumes.sum())
-    sums = corners.sum(axis=1)
-    first = (volumes[:, None] * sums).sum(axis=0) / 4.0
-    second = np.einsum("k,kai,kaj->ij", volumes, corners, corners)
-    second = (second + np.einsum("k,ki,kj->ij", volumes, sums, sums)) / 20.0
-    about = np.outer(inner, first)
-    return volume, first + volume * inner, second + about + about.T + volume * np.outer(inner, inner)
-
-
-def _parts(file: Path, text: str) -> list[Array]:
-    """Return the vertices (n, 3) of each `o` group of an OBJ text. Raises PicktreeError when it has none."""
-    vertices: list[list[float]] = []
-    groups: list[set[int]] = [set()]
-    try:
-        for line in text.splitlines():
-            words = line.split()
-            if not words:
-                continue
-            if words[0] == "v":
-                vertices.append([float(word) for word in words[1:4]])
-            elif words[0] == "o":
-                groups.append(set())
-            elif words[0] == "f":
-                numbers = (int(word.partition("/")[0]) for word in words[1:])
-                groups[-1].update(n - 1 if n > 0 else len(vertices) + n for n in numbers)
-        points = np.array(vertices, dtype=np.float64).reshape(-1, 3)
-        found = [points[sorted(group)] for group in groups if group]
-    except (ValueError, IndexError):
-        raise PicktreeError(f"{file}: the mesh is broken: it is no OBJ file") from None
-    if not found:
-        raise PicktreeError(f"{file}: the mesh is broken: it has no faces")
-    return found
-
-
 def draw_entries(
     scene: SceneDescription, spawn: Spawn, rng: np.random.Generator
-) -> list[tuple[CatalogueEntry, PartsMesh | None]]:
+) -> list[tuple[CatalogueEntry, Stickers | None]]:
     """Draw the kinds of a heap's items, in the order of the entry."""
-    found: list[tuple[CatalogueEntry, PartsMesh | None]] = []
+    found: list[tuple[CatalogueEntry, Stickers | None]] = []
     for kind, number in spawn.counts:
         if kind == ASSORTMENT:
             assert scene.assortment is not None
             things = draw_things(scene.assortment, number, rng)
-            found += [(thing.entry, thing.mesh) for thing in things]
+            found += [(thing.entry, thing.stickers) for thing in things]
         else:
             found += [(scene.entry(kind), None)] * number
     return found

@@ -13,7 +13,7 @@ from ...world.scene.description import CatalogueEntry, SceneDescription
 from ...world.shapes import ConvexMesh, Shape, scaled
 from ...world.values import ObjectId, Pose
 from ..scoring.truth import TrueBody
-from .heap_spawning import PartsMesh, mesh_files, read_thing
+from .heap_spawning import Stickers, mesh_files, read_thing
 from .spawn import SpawnedItem, item_id, item_number
 
 
@@ -176,11 +176,11 @@ class Inventory:
         left = {item_id(number) for number, _ in state.departed}
         self.here = {name: item for name, item in self._spawned.items() if name not in left}
         for each in state.brought:
-            entry, mesh = self._kind(each)
+            entry, stickers = self._kind(each)
             # The pose is in the backend's own part of the checkpoint.
             self.here[each.id] = SpawnedItem(
-                each.id, entry, each.colour, Pose(), False, each.brought_by, mesh,
-                tag=each.tag, rolls=mesh is not None,
+                each.id, entry, each.colour, Pose(), False, each.brought_by, stickers,
+                tag=each.tag, rolls=stickers is not None,
             )  # fmt: skip
         self._kinds = {}
         indices = [self._kinds.setdefault(kind, len(self._kinds)) for kind in state.kinds]
@@ -196,13 +196,13 @@ class Inventory:
         files = mesh_files(assortment.meshes)
         return files.index(Path(shape.source)) if Path(shape.source) in files else None
 
-    def _kind(self, item: BroughtItem | DepartedItem) -> tuple[CatalogueEntry, PartsMesh | None]:
-        """Return the entry of the catalogue, or the thing of the assortment with its mesh."""
+    def _kind(self, item: BroughtItem | DepartedItem) -> tuple[CatalogueEntry, Stickers | None]:
+        """Return the entry of the catalogue, or the thing of the assortment with its stickers."""
         assortment = self._scene.assortment
         if item.mesh is None or assortment is None:
             return self._scene.entry(item.kind), None
         thing = read_thing(mesh_files(assortment.meshes)[item.mesh], assortment)
-        return thing.entry, thing.mesh
+        return thing.entry, thing.stickers
 
 
 def _departed(body: TrueBody, taken_with: ObjectId, brought_by: int | None) -> TrueBody:

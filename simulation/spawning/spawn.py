@@ -18,7 +18,7 @@ from ...world.scene.description import NO_UNCERTAINTY, CatalogueEntry, Fixture, 
 from ...world.shapes import Shape, bottom, scaled
 from ...world.values import Array, ObjectId, Pose, Quaternion, quaternion_product
 from ..footprints import Footprint, distance, footprint, support_height
-from .heap_spawning import PartsMesh, draw_entries, pour_poses, upright_turn
+from .heap_spawning import Stickers, draw_entries, pour_poses, upright_turn
 from .touching_items import lay_out_touching
 
 TUMBLE_HEIGHT = 0.1
@@ -44,8 +44,8 @@ class SpawnedItem:
     """Whether the item falls from `pose` instead of standing there."""
     brought_by: int | None = None
     """Entry of the feed that brought the item; None: it was there at the start."""
-    mesh: PartsMesh | None = None
-    """Mesh of a thing of the assortment; None: the kind's shape is the item's."""
+    stickers: Stickers | None = None
+    """Faces of a thing of the assortment that carry its tag; None: the item is of the catalogue."""
     heap: int | None = None
     """Entry of `spawn` that pours the item into a heap; None: it is in no heap at the start."""
     tag: int | None = None
@@ -121,8 +121,8 @@ def draw_heap(
     if spawn.drop == "packed":
         turns = _turns(spawn, entries, rng)
         upright = [
-            turn if mesh is None else quaternion_product(turn, upright_turn(entry.shape))
-            for turn, (entry, mesh) in zip(turns, drawn, strict=True)
+            turn if stickers is None else quaternion_product(turn, upright_turn(entry.shape))
+            for turn, (entry, stickers) in zip(turns, drawn, strict=True)
         ]
         poses = _pack(scene, spawn, entries, upright, rng, [] if taken is None else taken, where)
     else:
@@ -131,10 +131,12 @@ def draw_heap(
     dropped = spawn.drop != "packed"
     in_tote = spawn.into is not None
     items: list[SpawnedItem] = []
-    for k, (entry, mesh) in enumerate(drawn):
-        tag, rolls = (None, False) if mesh is None else (tags[k], in_tote)
+    for k, (entry, stickers) in enumerate(drawn):
+        tag, rolls = (None, False) if stickers is None else (tags[k], in_tote)
         name = item_id(k)
-        items.append(SpawnedItem(name, entry, colours[k], poses[k], dropped, None, mesh, None, tag, rolls))
+        items.append(
+            SpawnedItem(name, entry, colours[k], poses[k], dropped, None, stickers, tag=tag, rolls=rolls)
+        )
     return items
 
 

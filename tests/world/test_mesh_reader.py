@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.world.mesh_reader import FlatMesh, MeshError, hull_corners, read_mesh, write_hull
+from picktree.world.mesh_reader import FlatMesh, MeshError, hull_corners, hulls_text, read_mesh
 from picktree.world.values import Array
 
 CORNERS: Array = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.2, 0], [0, 0, 0.3]])
@@ -171,7 +171,7 @@ def test_a_flat_mesh_has_no_hull(thickness: float) -> None:
 
 def test_a_written_hull_is_closed_and_faces_outwards(tmp_path: Path) -> None:
     points = np.random.default_rng(3).normal(size=(60, 3))
-    write_hull(tmp_path / "hull.obj", hull_corners(points))
+    (tmp_path / "hull.obj").write_text(hulls_text([hull_corners(points)]))
     mesh = read_mesh(tmp_path / "hull.obj")
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)

@@ -15,7 +15,7 @@ from ....robots.link_shapes import LinkShape, link_shapes
 from ....robots.urdf_text import parsed_urdf
 from ....robots.urdf_tree import numbers_text
 from ....world.colours import COLOURS
-from ....world.mesh_reader import write_hull
+from ....world.mesh_reader import hulls_text
 from ....world.shapes import Box, ConvexMesh, Cylinder, Sphere
 from ....world.values import Pose
 
@@ -84,7 +84,7 @@ def _put_shape(link: ElementTree.Element, part: LinkShape, file: Path) -> None:
         case Sphere(radius):
             ElementTree.SubElement(geometry, "sphere", radius=repr(radius))
         case ConvexMesh(vertices):
-            write_hull(file, np.array(vertices))
+            file.write_text(hulls_text([np.array(vertices)]), encoding="ascii")
             ElementTree.SubElement(geometry, "mesh", filename=str(file))
 
 

@@ -11,8 +11,9 @@ from ....files.marks import Location
 from ....files.yaml.document_checker import DocumentChecker
 from ....files.yaml.file_text import Unreadable, read_bytes
 from ....files.yaml.named_files import path_of
-from ... import mesh_reader
-from ...mesh_reader import FlatMesh, MeshError, hull_corners, parse_mesh
+from ... import convex_parts, mesh_reader
+from ...convex_parts import as_arrays, body_of, decomposed, from_arrays, read_parts, simplified
+from ...mesh_reader import FlatMesh, MeshError, TriangleMesh, hull_corners, parse_mesh
 from ...shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...values import Array, ObjectId, Pose, Vector3
 from ..body_schema import FORMS, CatalogueFile, FixtureFile, UnknownFile
@@ -22,35 +23,37 @@ from ..scene_schema import CameraFile
 from .hole_loading import check_holes, holes, uncertainty
 
 MAX_MESH_BYTES = 1_000_000
-MAX_VERTICES = 256
-"""Maximum number of vertices of the hull: contact costs grow with it."""
-MAX_HULL_VOLUME_RATIO = 1.05
-"""A hull that is larger than its mesh by this factor hides a hollow."""
+CONVEX_VOLUME_RATIO = 1.05
+"""Ratio of a hull's volume to its mesh's up to which the hull stands for it."""
 
 
-def load_convex(path: Path, scale: float) -> ConvexMesh:
-    """The convex hull of a mesh file, scaled to m and moved to its centre of mass. Raises MeshError."""
+def load_body(path: Path, scale: float) -> ConvexMesh:
+    """The body of a mesh file, scaled to m, about its centre of mass; in convex parts if it is not convex.
+
+    The file of parts beside it is taken for them, if it is of this mesh. Raises MeshError.
+    """
     try:
         raw = read_bytes(path, MAX_MESH_BYTES)
     except Unreadable as error:
         raise MeshError(f"{path}: {error.message}") from None
-    makers = (Path(__file__), mesh_reader, "numpy", "scipy", "trimesh", "pycollada")
-    inputs = (raw, path.suffix, repr(scale))
-    points = cached_arrays("convex-mesh", inputs, makers, lambda: {"points": _corners(raw, path, scale)})
-    return ConvexMesh(tuple((float(x), float(y), float(z)) for x, y, z in points["points"]), str(path))
+    told = read_parts(path, raw, scale)
+    makers = (Path(__file__), mesh_reader, convex_parts, "numpy", "scipy", "trimesh", "pycollada", "coacd")
+    inputs = (raw, path.suffix, repr(scale), repr([part.tolist() for part in told or ()]))
+    kept = cached_arrays("mesh-body", inputs, makers, lambda: as_arrays(_body(raw, path, scale, told)))
+    return from_arrays(kept, str(path), scale)
 
 
-def _corners(raw: bytes, path: Path, scale: float) -> Array:
-    """The corners (n, 3) of the hull of a mesh file's content. Raises MeshError."""
+def _body(raw: bytes, path: Path, scale: float, told: list[Array] | None) -> ConvexMesh:
+    """The body of a mesh file's content, of the parts that are `told` if it is not convex. Raises
+    MeshError."""
     triangles = parse_mesh(raw, path)
     import trimesh  # slow to import
 
     mesh = trimesh.Trimesh(triangles.vertices * scale, triangles.faces)
     hull_corners(mesh.vertices)
     hull = mesh.convex_hull
-    volume, solid = float(hull.volume), float(mesh.volume)
-    points = np.asarray(hull.vertices, dtype=np.float64) - np.asarray(hull.center_mass, dtype=np.float64)
-    size = points.max(axis=0) - points.min(axis=0)
+    volume = float(hull.volume)
+    size = np.ptp(np.asarray(hull.vertices, dtype=np.float64), axis=0)
     if volume < 1e-12 or float(size.min()) < 1e-4:
         raise FlatMesh
     if float(size.max()) > 1.0:
@@ -59,12 +62,19 @@ def _corners(raw: bytes, path: Path, scale: float) -> Array:
     if not mesh.is_watertight:
         hint = f"close it; its hull, which could stand for it, has {volume * 1e6:.1f} cm³"
         raise MeshError("the mesh is not closed: some of its edges do not belong to two faces", hint)
-    if solid > 0 and volume > MAX_HULL_VOLUME_RATIO * solid:
-        share = 100 * (volume / solid - 1)
-        raise MeshError(f"the mesh is not convex: its hull is {share:.0f} % larger", "convex parts only")
-    if len(points) > MAX_VERTICES:
-        raise MeshError(f"the hull has {len(points)} vertices", f"{MAX_VERTICES} at most; simplify the mesh")
-    return points
+    mesh.fix_normals()  # pyright: ignore[reportUnknownMemberType]
+    solid = float(mesh.volume)
+    corners = np.asarray(hull.vertices, np.float64)
+    if volume <= CONVEX_VOLUME_RATIO * solid:
+        points = simplified(corners) - np.asarray(hull.center_mass, np.float64)
+        return from_arrays({"0": points}, str(path), scale)
+    centre = np.asarray(mesh.center_mass, np.float64)
+    if told is None:
+        vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
+        parts = decomposed(TriangleMesh(vertices, faces, np.empty((0, 3))))
+    else:
+        parts = [part + centre for part in told]
+    return body_of(parts, str(path), scale, corners, centre)
 
 
 RESERVED_NAMES = ("arm", "gripper", "hand", "aside")
@@ -273,7 +283,7 @@ def _shape(check: DocumentChecker, loc: Location, entry: CatalogueFile) -> Shape
         at = (*loc, "mesh")
         try:
             file = path_of(check.document, (*at, "file"), entry.mesh.file)
-            return load_convex(file, entry.mesh.scale)
+            return load_body(file, entry.mesh.scale)
         except MeshError as error:
             check.fault(at, error.message, error.hint, code="P409")
             return None

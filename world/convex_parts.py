@@ -1,0 +1,193 @@
+"""Bodies that are not convex, as convex parts: decomposition of a mesh, masses, and the file of the parts.
+
+A file of parts is an OBJ file with one `o` group for each part, in m about the centre of mass. Its first
+line tells of which mesh it is, so that a log that holds both is read alike everywhere.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from .mesh_reader import MeshError, TriangleMesh, hulls_text, parse_groups
+from .shapes import CompoundMesh, ConvexMesh, convex_hull
+from .values import Array
+
+MAX_PARTS = 16
+"""Greatest number of parts: contacts cost more with each."""
+CONCAVITY = 0.03
+"""Concavity at which a part counts as convex, as a share of its size; coacd's `threshold`."""
+RESOLUTION_DIGITS = 5
+"""Decimals to which coordinates of parts are rounded, m: 10 µm."""
+MAX_EXCESS = 0.25
+"""Greatest volume of the parts beyond that of the mesh, as a share of it."""
+MAX_CORNERS = 256
+"""Greatest number of corners of a hull: contact costs grow with it."""
+MAX_SIMPLIFICATION = 3e-4
+"""Greatest depth that a hull loses when it is given fewer corners, m."""
+
+
+def decomposed(mesh: TriangleMesh) -> list[Array]:
+    """Return the corners (k, 3) of at most `MAX_PARTS` convex parts that together are about the mesh, in its
+    frame.
+
+    The decomposition is that of Wei et al., Approximate Convex Decomposition for 3D Meshes with
+    Collision-Aware Concavity and Tree Search (SIGGRAPH 2022), by their library.
+    Raises MeshError when so few parts do not come near to it.
+    """
+    import coacd as library  # pyright: ignore[reportMissingTypeStubs] # slow to load
+
+    coacd = cast("Any", library)
+    coacd.set_log_level("error")
+    found = coacd.run_coacd(
+        coacd.Mesh(mesh.vertices, mesh.faces),
+        threshold=CONCAVITY,
+        max_convex_hull=MAX_PARTS,
+        preprocess_mode="off",
+        seed=0,
+    )
+    parts = [np.asarray(vertices, dtype=np.float64) for vertices, _ in found]
+    excess = sum(moments(part)[0] for part in parts) / mesh.volume() - 1.0
+    if excess > MAX_EXCESS:
+        raise MeshError(
+            f"the mesh is too intricate: {MAX_PARTS} convex parts are {100 * excess:.0f} % larger than it",
+            "leave out threads, ribs and engravings",
+        )
+    return parts
+
+
+def body_of(
+    parts: Sequence[Array],
+    source: str,
+    scale: float,
+    hull: Array | None = None,
+    centre: Array | None = None,
+) -> ConvexMesh:
+    """Return the body that consists of convex parts, corners (k, 3) each, about its centre of mass.
+
+    `source` and `scale`: its file, and the factor from the file's coordinates to m.
+    `hull` (n, 3) and `centre` (3,) are those of the mesh that was decomposed, if it was one: parts are
+    about as symmetric as it is, and no more. Coordinates of parts are rounded to `RESOLUTION_DIGITS`.
+    """
+    if centre is None:
+        centre, _ = centre_and_spread(parts)
+    rounded = (np.unique(np.round(part - centre, RESOLUTION_DIGITS) + 0.0, axis=0) for part in parts)
+    alone = sorted((_hull_alone(simplified(part)) for part in rounded), key=lambda corners: corners.tolist())
+    whole = simplified(np.concatenate(alone) if hull is None else hull - centre)
+    return _mesh(whole, source, scale, alone if len(alone) > 1 else [])
+
+
+def _mesh(vertices: Array, source: str, scale: float, parts: Sequence[Array]) -> ConvexMesh:
+    if not parts:
+        return ConvexMesh(_vectors(vertices), source)
+    return CompoundMesh(_vectors(vertices), source, tuple(map(_vectors, parts)), scale)
+
+
+def as_arrays(mesh: ConvexMesh) -> dict[str, Array]:
+    """Return a body as arrays (k, 3) for the disk cache: its hull as `0`, its parts from `1` on."""
+    parts = mesh.parts if isinstance(mesh, CompoundMesh) else ()
+    return {str(n): np.array(corners) for n, corners in enumerate((mesh.vertices, *parts))}
+
+
+def from_arrays(arrays: Mapping[str, Array], source: str, scale: float) -> ConvexMesh:
+    """Return the body of what `as_arrays` gave; other names are left out."""
+    numbers = range(sum(name.isdecimal() for name in arrays))
+    vertices, *parts = (arrays[str(n)] for n in numbers)
+    return _mesh(vertices, source, scale, parts)
+
+
+def _hull_alone(points: Array) -> Array:
+    """Return the points (n, 3) without those that are no corners, also not of the hull that is left."""
+    while len(points) > len(corners := points[np.sort(convex_hull(points).vertices)]):
+        points = corners
+    return points
+
+
+def _vectors(points: Array) -> tuple[tuple[float, float, float], ...]:
+    return tuple((x, y, z) for x, y, z in points.tolist())
+
+
+def simplified(corners: Array) -> Array:
+    """Return at most `MAX_CORNERS` of the corners (k, 3) of a hull: each next one lies farthest outside.
+
+    Raises MeshError when the hull loses more than `MAX_SIMPLIFICATION`.
+    """
+    corners = corners[np.sort(convex_hull(corners).vertices)]
+    if len(corners) <= MAX_CORNERS:
+        return corners
+    kept = {int(k) for axis in range(3) for k in (corners[:, axis].argmin(), corners[:, axis].argmax())}
+    while len(kept) < 4 or np.linalg.matrix_rank(corners[list(kept)] - corners[min(kept)], tol=1e-7) < 3:
+        away = np.linalg.norm(corners[:, None] - corners[sorted(kept)], axis=2).min(axis=1)
+        kept.add(int(away.argmax()))
+    while True:
+        chosen = np.array(sorted(kept))
+        faces = np.unique(np.round(convex_hull(corners[chosen]).equations, 12), axis=0)
+        outside = (corners @ faces[:, :3].T + faces[:, 3]).max(axis=1)
+        outside[chosen] = -1.0
+        if len(kept) == MAX_CORNERS or outside.max() <= 0.0:
+            break
+        kept.add(int(outside.argmax()))
+    if float(outside.max()) > MAX_SIMPLIFICATION:
+        raise MeshError(
+            f"the hull has {len(corners)} corners; with {MAX_CORNERS} it loses {outside.max() * 1000:.1f} mm",
+            "simplify the mesh",
+        )
+    return corners[chosen]
+
+
+def centre_and_spread(parts: Sequence[Array]) -> tuple[Array, Array]:
+    """Return centre of mass (3,), m, and covariance (3, 3), m², of the mass of parts of one density."""
+    volume, moment, second = 0.0, np.zeros(3), np.zeros((3, 3))
+    for points in parts:
+        own, first, squares = moments(points)
+        volume, moment, second = volume + own, moment + first, second + squares
+    centre = moment / volume
+    return centre, second / volume - np.outer(centre, centre)
+
+
+def moments(points: Array) -> tuple[float, Array, Array]:
+    """Return volume, m³, first (3,) and second (3, 3) moments of the hull of points (n, 3), by tetrahedra."""
+    inner = points.mean(axis=0)
+    hull = convex_hull(points - inner)
+    corners = (points - inner)[hull.simplices]
+    volumes = np.abs(np.linalg.det(corners)) / 6.0
+    volume = float(volumes.sum())
+    sums = corners.sum(axis=1)
+    first = (volumes[:, None] * sums).sum(axis=0) / 4.0
+    second = np.einsum("k,kai,kaj->ij", volumes, corners, corners)
+    second = (second + np.einsum("k,ki,kj->ij", volumes, sums, sums)) / 20.0
+    about = np.outer(inner, first)
+    return volume, first + volume * inner, second + about + about.T + volume * np.outer(inner, inner)
+
+
+def parts_name(mesh: str, scale: float) -> str:
+    """Return the name of the file of the parts of a mesh with that name at a scale."""
+    return f"{mesh}@{scale:g}.parts.obj"
+
+
+def parts_text(shape: CompoundMesh, raw: bytes) -> str:
+    """Return the content of the file of a body's parts, for a mesh with that content."""
+    return f"{_heading(raw, shape.scale)}\n{hulls_text([np.array(part) for part in shape.parts])}"
+
+
+def read_parts(mesh: Path, raw: bytes, scale: float) -> list[Array] | None:
+    """Return the corners (k, 3) of the parts in the file beside a mesh, about its centre of mass, m.
+
+    None: there is no such file for this content and scale.
+    """
+    file = mesh.with_name(parts_name(mesh.name, scale))
+    try:
+        text = file.read_bytes()
+    except OSError:
+        return None
+    if text.partition(b"\n")[0].decode(errors="replace").strip() != _heading(raw, scale):
+        return None
+    return parse_groups(text, file)
+
+
+def _heading(raw: bytes, scale: float) -> str:
+    return f"# convex parts of the mesh {hashlib.sha256(raw).hexdigest()} at scale {scale!r}"
