@@ -31,6 +31,7 @@ LIBRARIES: Final = (
     "toppra",
     "opencv-python-headless",
     "trimesh",
+    "coacd",
     "mcap",
 )
 SOURCES_ATTACHMENT: Final = "sources.txt"

@@ -21,6 +21,8 @@ MAX_PARTS = 16
 """Greatest number of parts: contacts cost more with each."""
 CONCAVITY = 0.03
 """Concavity at which a part counts as convex, as a share of its size; coacd's `threshold`."""
+SEARCH = {"mcts_iterations": 30, "mcts_nodes": 10, "resolution": 1000}
+"""Effort of the search for cuts: a quarter of the library's own, with parts of the same volume."""
 RESOLUTION_DIGITS = 5
 """Decimals to which coordinates of parts are rounded, m: 10 µm."""
 MAX_EXCESS = 0.25
@@ -48,6 +50,7 @@ def decomposed(mesh: TriangleMesh) -> list[Array]:
         threshold=CONCAVITY,
         max_convex_hull=MAX_PARTS,
         preprocess_mode="off",
+        **SEARCH,
         seed=0,
     )
     parts = [np.asarray(vertices, dtype=np.float64) for vertices, _ in found]
@@ -186,7 +189,7 @@ def read_parts(mesh: Path, raw: bytes, scale: float) -> list[Array] | None:
         return None
     if text.partition(b"\n")[0].decode(errors="replace").strip() != _heading(raw, scale):
         return None
-    return parse_groups(text, file)
+    return parse_groups(text)
 
 
 def _heading(raw: bytes, scale: float) -> str:

@@ -109,26 +109,29 @@ def parse_mesh(raw: bytes, path: Path) -> TriangleMesh:
     # What no face names is no part of the body.
     used, places = np.unique(faces, return_inverse=True)
     vertices, faces = vertices[used], places.reshape(-1, 3).astype(np.int64)
-    if bad := int((~np.isfinite(vertices).all(axis=1)).sum()):
-        raise MeshError(
-            f"the mesh has {bad} of {len(used)} vertices that are not finite numbers", "export it anew"
-        )
+    _refuse_infinite(vertices)
     return TriangleMesh(vertices, faces, np.concatenate([part.colours for part in parts]))
 
 
-def parse_groups(raw: bytes, path: Path) -> list[Array]:
+def _refuse_infinite(vertices: Array) -> None:
+    if bad := int((~np.isfinite(vertices).all(axis=1)).sum()):
+        raise MeshError(
+            f"the mesh has {bad} of {len(vertices)} vertices that are not finite numbers", "export it anew"
+        )
+
+
+def parse_groups(raw: bytes) -> list[Array]:
     """Return the vertices (n, 3) of each object (`o`) of an OBJ file's content, in no certain order.
 
     Raises MeshError as `read_mesh` does.
     """
     scene = _loaded(_prepared(raw, "obj"), "obj", {}, by_object=True)
     meshes = list(cast("Any", scene).geometry.values())
-    groups = [np.asarray(m.vertices, dtype=np.float64)[np.unique(m.faces)] for m in meshes if len(m.faces)]
+    solid = [mesh for mesh in meshes if len(getattr(mesh, "faces", ()))]
+    groups = [np.asarray(mesh.vertices, dtype=np.float64)[np.unique(mesh.faces)] for mesh in solid]
     if not groups:
-        raise MeshError(f"{path}: the mesh has no triangles", "convert it anew to OBJ")
-    for group in groups:
-        if bad := int((~np.isfinite(group).all(axis=1)).sum()):
-            raise MeshError(f"{path}: {bad} vertices are not finite numbers", "export it anew")
+        raise MeshError("the mesh has no triangles", "convert it anew to OBJ")
+    _refuse_infinite(np.concatenate(groups))
     return groups
 
 

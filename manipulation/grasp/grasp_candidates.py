@@ -238,7 +238,7 @@ def _box_spans(size: tuple[float, float, float], rotation: Array) -> list[_Span]
 
 MIN_EDGE = 0.008
 """Length of an outline's edge from which a pad lies flat on it, m."""
-TURNED = math.radians(10.0)
+TURNED = math.radians(20.0)
 """Turn of the hand after which a body must not be much narrower, rad: else closing pads turn it."""
 MAX_NARROWING = 5e-4
 """Greatest decrease of a body's width after that turn, m: that of fine facets."""

@@ -145,9 +145,9 @@ def _solid(file: Path, raw: bytes, scale: float, side: float) -> dict[str, Array
     of tags with that side; 0: there are none.
     """
     try:
-        parts = [points * scale for points in parse_groups(raw, file)]
+        parts = [points * scale for points in parse_groups(raw)]
     except MeshError as error:
-        raise PicktreeError(f"{file}: the mesh is broken: {error.message}") from None
+        raise PicktreeError(f"{file}: {error}") from None
     if any(np.linalg.matrix_rank(part - part.mean(axis=0), tol=1e-6) < 3 for part in parts):
         raise PicktreeError(f"{file}: the mesh is broken: a part has no volume")
     volume = sum(moments(part)[0] for part in parts)

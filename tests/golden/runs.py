@@ -83,6 +83,7 @@ GOLDEN: Mapping[str, Golden] = {
     "resumed": Golden("all_items", ("checkpoint", "item_done: green_block_1"), interrupted=3.5),
     "noise": Golden("one_item", ("image: image from wrist", "servo", "item_done"), scene="noisy"),
     "walls": Golden("one_item", ("plan: RRTConnect", "item_done"), scene="walls", backend="kinematic"),
+    "concave": Golden("one_item", ("pick: red_ring_1: held", "item_done: red_ring_1"), scene="concave"),
     "pillar": Golden("watch", ("belief: obstacle_1", "item_done"), backend="kinematic"),
 }  # fmt: skip
 
@@ -159,7 +160,7 @@ def compute(name: str) -> Computed:
 
 def libraries() -> dict[str, str]:
     """Return the versions of all libraries whose results are part of a digest."""
-    packages = ("libpinocchio", "libcoal", "python-fcl", "trimesh", "toppra")
+    packages = ("libpinocchio", "libcoal", "python-fcl", "trimesh", "toppra", "coacd")
     return {
         **arithmetic().versions,
         "Python": ".".join(platform.python_version_tuple()[:2]),

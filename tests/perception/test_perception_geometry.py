@@ -140,7 +140,7 @@ def test_the_fit_finds_back_the_place_from_beside_it(kind: str) -> None:
     entry = next(e for e in CATALOGUE if e.kind == kind)
     for rest in stable_poses(entry):
         true = StandingPose(rest, np.array([0.55, -0.2, rest.below]), 0.4)
-        corners = silhouette(sight, true)
+        (corners,) = silhouette(sight, true)
         share = np.linspace(0, 1, 8, endpoint=False)[:, None, None]
         points = (corners * (1 - share) + np.roll(corners, -1, axis=0) * share).reshape(-1, 2)
         outline = BlobOutline(points, np.ones(len(points), dtype=bool))
@@ -187,5 +187,5 @@ def test_distances_from_a_silhouette_are_those_of_opencv(seed: int) -> None:
     pixels = np.argwhere(np.ones((80, 80))).astype(np.float64)
     expected = [max(0.0, -cv2.pointPolygonTest(hull, (u, v), True)) for u, v in pixels.tolist()]
     for corners in (hull[:, 0], hull[::-1, 0]):
-        found = distances_outside(corners.astype(np.float64), pixels)
+        found = distances_outside([corners.astype(np.float64)], pixels)
         assert found == pytest.approx(np.array(expected), abs=1e-4)

@@ -19,6 +19,7 @@ from picktree.robots.loading import load_robot
 from picktree.simulation.footprints import distance, footprint
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
+from picktree.simulation.physics.bodies import inertia
 from picktree.simulation.physics.rgbd_camera import RenderedImage, draw_tag
 from picktree.simulation.spawning.heap_spawning import Sticker, mesh_files, read_thing, upright_turn
 from picktree.simulation.spawning.spawn import spawn_items
@@ -31,7 +32,7 @@ from picktree.world.scene.description import (
 )
 from picktree.world.scene.heap_regions import heap_regions
 from picktree.world.scene.loading.scene_loading import load_scene, parse_scene
-from picktree.world.shapes import Sphere, bottom, top
+from picktree.world.shapes import CompoundMesh, ConvexMesh, Sphere, bottom, top
 from picktree.world.values import ObjectId, Pose
 
 CUBE = "".join(f"v {x} {y} {z}\n" for x in (0, 20) for y in (0, 20) for z in (0, 20))
@@ -55,8 +56,7 @@ def thing(tmp_path: Path, text: str, density: float = 1000.0):
 def test_a_thing_has_the_mass_centre_and_inertia_of_its_parts(tmp_path: Path):
     found = thing(tmp_path, "o part\n" + CUBE + FACES)
     assert found.entry.mass == pytest.approx(0.008)
-    assert found.mesh.centre == pytest.approx((0.01, 0.01, 0.01))
-    assert found.mesh.inertia == pytest.approx((0.02**2 / 6,) * 3)
+    assert inertia(found.entry.shape, 1.0) == pytest.approx((0.02**2 / 6,) * 3)
     assert np.abs(np.array(found.entry.shape.vertices)).max() == pytest.approx(0.01)  # type: ignore[union-attr]
 
 
@@ -65,7 +65,12 @@ def test_two_parts_of_a_thing_are_weighed_apart(tmp_path: Path):
     other = "f 9 10 11 12\nf 13 14 15 16\nf 9 13 10 14\n"
     found = thing(tmp_path, "o a\n" + CUBE + FACES + "o b\n" + second + other)
     assert found.entry.mass == pytest.approx(0.016)
-    assert found.mesh.centre == pytest.approx((0.04, 0.01, 0.01))
+    shape = found.entry.shape
+    assert isinstance(shape, CompoundMesh) and len(shape.parts) == 2
+    # The origin is the centre of mass, in the middle between both.
+    assert sorted(x for x, _, _ in shape.parts[0]) == pytest.approx([-0.04] * 4 + [-0.02] * 4)
+    far = 0.02**2 / 12 + 0.03**2
+    assert inertia(shape, 1.0) == pytest.approx((0.02**2 / 6, far + 0.02**2 / 12, far + 0.02**2 / 12))
 
 
 @pytest.mark.parametrize(
@@ -73,12 +78,12 @@ def test_two_parts_of_a_thing_are_weighed_apart(tmp_path: Path):
     [
         (
             CUBE.replace("v 20 20 20", "v nan 20 20") + FACES,
-            "the mesh is broken: a vertex is not a finite number",
+            "the mesh has 1 of 8 vertices that are not finite numbers; export it anew",
         ),
         (CUBE.replace("20\n", "0\n") + FACES, "the mesh is broken: a part has no volume"),
         (CUBE.replace("20\n", "1\n") + FACES, "the mesh is 1.0 mm thick; at least 2 mm are wanted"),
-        ("v 1 2\nf 1 2 3\n", "the mesh is broken: it is no OBJ file"),
-        ("v 1 2 3\n", "the mesh is broken: it has no faces"),
+        ("v 1 2\nf 1 2 3\n", "the mesh file is damaged, or of another format than its name says"),
+        ("v 1 2 3\n", "the mesh has no triangles; convert it anew to OBJ"),
     ],
 )
 def test_a_broken_mesh_is_refused_with_a_sentence(tmp_path: Path, text: str, words: str):
@@ -89,11 +94,12 @@ def test_a_broken_mesh_is_refused_with_a_sentence(tmp_path: Path, text: str, wor
 
 def test_the_shipped_set_has_a_thing_without_finite_vertices_which_is_never_drawn():
     broken = next(file for file in mesh_files("random_urdfs") if file.stem == "168")
-    with pytest.raises(PicktreeError, match="not a finite number"):
+    with pytest.raises(PicktreeError, match="not finite numbers"):
         read_thing(broken, Assortment("random_urdfs", 0.01, 1000.0, 0.5))
     drawn = spawn_items(tote(200), 1)
-    assert len(drawn) == 200 == len({item.mesh.file for item in drawn if item.mesh is not None})
-    assert all(item.entry.mass >= 0.03 and "168" not in (item.mesh or item).file for item in drawn)  # type: ignore
+    sources = [item.entry.shape.source for item in drawn if isinstance(item.entry.shape, ConvexMesh)]
+    assert len(drawn) == 200 == len(set(sources))
+    assert all(item.entry.mass >= 0.03 for item in drawn) and not any("168" in name for name in sources)
 
 
 def test_a_heap_is_drawn_from_the_seed_alone():
@@ -121,8 +127,8 @@ def test_poured_things_come_to_rest_in_their_tote_fall_asleep_and_continue_from_
 
 
 def test_a_tote_that_overflows_is_refused():
-    scene = tote(60)
-    with pytest.raises(PicktreeError, match=r"spawn\[0\]: tote overflows: \d+ of 60 items do not stay in it"):
+    scene = tote(90)
+    with pytest.raises(PicktreeError, match=r"spawn\[0\]: tote overflows: \d+ of 90 items do not stay in it"):
         PhysicsHardware(scene, load_robot("panda"), 1)
 
 
@@ -194,10 +200,10 @@ def test_a_thing_has_tags_on_the_faces_that_carry_one(tmp_path: Path):
     plate = "".join(f"v {x} {y} {z}\n" for x in (0, 10) for y in (0, 40) for z in (0, 60))
     (tmp_path / "thing.obj").write_text("o part\n" + plate + FACES)
     given = Assortment(str(tmp_path), 1e-3, 1000.0, 0.5, tags=(7,), tag_size=0.02)
-    mesh = read_thing(tmp_path / "thing.obj", given).mesh
-    assert len(mesh.stickers) == 2 and mesh.tag_size == 0.02
-    assert sorted(round(1000 * pose.position[0], 6) for pose in mesh.stickers) == [-5.0, 5.0]
-    for pose in mesh.stickers:
+    stickers = read_thing(tmp_path / "thing.obj", given).stickers
+    assert len(stickers.poses) == 2 and stickers.size == 0.02
+    assert sorted(round(1000 * pose.position[0], 6) for pose in stickers.poses) == [-5.0, 5.0]
+    for pose in stickers.poses:
         outwards = pose.rotation()[:, 2]
         assert outwards * np.sign(pose.position[0]) == pytest.approx((1.0, 0.0, 0.0))
         assert np.array(pose.position[1:]) == pytest.approx((0.0, 0.0), abs=1e-9)

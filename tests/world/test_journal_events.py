@@ -28,7 +28,7 @@ def recorded(event: JournalEvent) -> dict[str, object]:
 
 def test_fields_are_recorded_in_their_order_and_read_back() -> None:
     event = RecoveryEvent("a cure", "Main", cause="grasp.missed", failed="Main/Grasp", handler="grasp.*")
-    assert list(event.data) == ["cause", "failed", "reason", "handler", "attempt"]
+    assert list(event.data) == ["cause", "failed", "reason", "handler", "attempt", "ends"]
     assert decode_event(encode(event_record(event))) == event
 
 

@@ -392,7 +392,6 @@ def test_a_mesh_becomes_its_hull_about_its_centre(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("hollow", "the mesh is not convex: its hull is 17 % larger (convex parts only)"),
         (
             "open",
             "the mesh is not closed: some of its edges do not belong to two faces "
@@ -400,7 +399,10 @@ def test_a_mesh_becomes_its_hull_about_its_centre(tmp_path: Path) -> None:
         ),
         ("flat", "the mesh is flat: it encloses no volume"),
         ("large", "the mesh is 30 m large (is it in millimetres? then 'scale: 0.001')"),
-        ("round", "the hull has 642 vertices (256 at most; simplify the mesh)"),
+        (
+            "round",
+            "the hull has 2562 corners; with 256 it loses 4.6 mm (simplify the mesh)",
+        ),
         ("nan", "the mesh has 1 of 4 vertices that are not finite numbers (export it anew)"),
         ("text", None),
         ("empty", None),
@@ -409,13 +411,6 @@ def test_a_mesh_becomes_its_hull_about_its_centre(tmp_path: Path) -> None:
 def test_meshes_that_are_refused(tmp_path: Path, content: str, message: str | None) -> None:
     path = tmp_path / "part.obj"
     match content:
-        case "hollow":
-            corner = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
-            triangles = [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)]
-            outline = np.array(corner) * 0.01
-            thin = trimesh.creation.extrude_triangulation(outline, np.array(triangles), height=0.02)
-            assert thin.convex_hull.volume / thin.volume == pytest.approx(7 / 6)
-            thin.export(path)
         case "flat":
             path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 3 4\n")
         case "open":
@@ -424,7 +419,7 @@ def test_meshes_that_are_refused(tmp_path: Path, content: str, message: str | No
         case "large":
             trimesh.creation.box((30, 20, 10)).export(path)
         case "round":
-            trimesh.creation.icosphere(3, radius=0.02).export(path)
+            trimesh.creation.icosphere(4, radius=0.3).export(path)
         case "nan":
             path.write_text("v nan 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 2 3 4\n")
         case "text":
