@@ -9,7 +9,7 @@
 
 The golden runs of tests/golden are executed natively; natively with environment variables that would have
 their libraries compute otherwise; and under `qemu-x86_64 -cpu …` (package qemu-user of Debian), which takes
-some 25 times as long. Finished cells are kept in runs/machines.json for as long as sources, libraries and
+some 25 times as long. Nothing comes from the disk cache. Finished cells are kept in runs/machines.json for as long as sources, libraries and
 processor stay as they are. Exit code 1: a golden run has more than one digest, or fails somewhere.
 """
 
@@ -238,7 +238,7 @@ def _start(runs: Sequence[str], where: Surroundings, errors: int) -> subprocess.
     script = [str(SCRIPT)] if where.gathers else ["-c", WITHOUT_GATHERS, str(SCRIPT)]
     return subprocess.Popen(
         [*where.before, sys.executable, *script, *runs],
-        env=environment | where.variables,
+        env=environment | {"PICKTREE_CACHE": ""} | where.variables,
         stdout=subprocess.PIPE,
         stderr=errors,
         text=True,

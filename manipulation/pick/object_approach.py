@@ -166,7 +166,7 @@ def _no_candidate(search: CandidateSearch, object_id: ObjectId, ranked: int, tri
     trail = search.trail.entry()
     why = (
         describe_rejections(count_rejections(trail.tried, trail.into))
-        or "an object of this width is not grasped"
+        or "nothing of it fits between the fingers"
     )
     return Failure(
         grasp.NO_CANDIDATE,

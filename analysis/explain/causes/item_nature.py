@@ -6,7 +6,8 @@ import numpy as np
 
 from ....logs.schema.event_records import ImageEvent
 from ....world.events.run_events import DeliveryEvent
-from ....world.shapes import extents
+from ....world.shapes import Shape, convex_hull, corners, extents
+from ....world.values import Pose
 from ..investigation.case import Investigation
 from ..investigation.explanation import FailureStory, Finding, number
 from ..investigation.number_wording import between, counted, place, seconds
@@ -34,12 +35,20 @@ def too_wide(case: Investigation, failure: FailureStory) -> Finding | None:
     body = case.belief.at(failure.item, failure.time)
     if body is None:
         return None
-    low, high = extents(body.shape, np.eye(3))
-    width = float(np.min((high - low)[:2]))
+    width = _least_width(body.shape, body.pose)
     most = float(case.run.gripper.widths.max(initial=0.0))
+    if width < most:
+        return None
     title = f"{failure.item} is too wide for the hand: {1000 * width:.0f} mm at its narrowest"
     reasons = (f"the fingers were {1000 * most:.0f} mm open at most", "no grasp of its width exists")
     return Finding("item.too_wide", failure.item, title, reasons, failure.item, failure.time)
+
+
+def _least_width(shape: Shape, pose: Pose) -> float:
+    """Return the least width of a body seen from above, m: across an edge of its outline."""
+    outline = (corners(shape) @ pose.rotation().T)[:, :2]
+    across = convex_hull(outline).equations[:, :2]
+    return float(np.ptp(outline @ across.T, axis=0).min())
 
 
 def larger(case: Investigation, failure: FailureStory) -> Finding | None:
