@@ -75,10 +75,10 @@ class SphereFile(FileModel):
 
 
 class MeshFile(FileModel):
-    """A convex body from a mesh file."""
+    """A body from a mesh file: convex, or decomposed into at most 16 convex parts."""
 
     file: Annotated[str, NamedFile("mesh")]
-    """An OBJ or STL file; its path counts from this file. Its hull is what the robot handles."""
+    """A mesh file (OBJ, STL, PLY, OFF, DAE, GLB) of one closed surface; its path counts from this file."""
     scale: Annotated[float, quantity("", above=0)] = 1.0
     """Factor on the mesh's own coordinates: 0.001 for a mesh in mm."""
 
@@ -192,7 +192,7 @@ class CatalogueFile(FileModel):
     plate: ItemSizes | None = None
     """A flat box; its height, the last number, is at most a third of the shorter side."""
     mesh: Annotated[MeshFile | None, as_mapping("file", MeshFile | str | None)] = None
-    """A convex body of another shape; a bare text is its mesh file."""
+    """A body of another shape, convex or not; a bare text is its mesh file."""
     mass: ItemMass
     """Mass of one item."""
     friction: Annotated[float, quantity("", least=0, most=2)]
