@@ -27,9 +27,11 @@ from .author.new import new
 from .batch.commands import batch
 from .cache import cache
 from .commission import calibrate, plan, robot
+from .run import run as run_command
 from .run.attach import attach
 from .run.run import run
 from .studio import studio
+from .terminal.help_groups import HelpGroups, grouped_command
 from .terminal.output import painter
 
 COMMANDS: Mapping[str, Callable[..., None] | typer.Typer] = {
@@ -63,6 +65,8 @@ COMMANDS: Mapping[str, Callable[..., None] | typer.Typer] = {
     "cache": cache,
 }
 """Commands and groups of commands by name, in the order of the help."""
+HELP_GROUPS: Mapping[str, HelpGroups] = {"run": run_command.HELP_GROUPS}
+"""Groups of options in the help of commands that have many."""
 
 
 class _Group(TyperGroup):
@@ -85,7 +89,7 @@ def _built(name: str) -> Callable[..., Any]:
     if isinstance(made, typer.Typer):
         alone.add_typer(made, name=name)
         return cast("TyperGroup", typer.main.get_command(alone)).commands[name]
-    alone.command(name)(made)
+    alone.command(name, cls=grouped_command(groups) if (groups := HELP_GROUPS.get(name)) else None)(made)
     return typer.main.get_command(alone)
 
 

@@ -10,6 +10,10 @@ from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).parents[1]
 CODES = "files/diagnostics/pages/"
+LOOKED_UP = ("Reference", "Figures")
+"""Groups of pages in which one looks something up: the search finds the guides before them."""
+LOOKED_UP_BOOST = 0.2
+"""Weight of these pages in the search; that of a guide is 1."""
 _LINK = re.compile(r"(?P<image>!?)\[(?P<text>(?:[^\[\]]|\[[^\]]*\]\([^)]*\))*)\]\((?P<target>[^)\s]+)\)")
 
 
@@ -22,8 +26,13 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Lead links to where the site has their pages; a file that the site does not have is only named."""
+    """Lead links to where the site has their pages; a file that the site does not have is only named.
+
+    Pages of groups in which one looks something up weigh less in the search.
+    """
     source = page.file.src_uri
+    if source.startswith("codes/") or any(group.title in LOOKED_UP for group in page.ancestors):
+        page.meta["search"] = {"boost": LOOKED_UP_BOOST}
     if source == "index.md":
         folder = ROOT
     else:

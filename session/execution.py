@@ -26,7 +26,7 @@ from ..trees.status import NodeStatus
 from ..world.causes import Failure
 from ..world.computing_time import Stopwatch
 from ..world.journal import Entry
-from ..world.scene.description import Fixture, SceneDescription
+from ..world.scene.description import Fixture
 from ..world.shapes import extents
 from ..world.values import Vector3
 from .assembly import TICK_LENGTH, assemble_world
@@ -110,8 +110,8 @@ class Execution:
         self._checkpointed = self.tally.done
         self.tree.on_start.append(self.injector.node_started)
         self.tally.follow(self.tree.structure())
-        self.items_total = items_expected(recipe.scene, self.hardware.item_count)
-        """Number of items of the run; with a feed without a known total, of those so far."""
+        self.items_total = self.hardware.item_count
+        """Number of items that have come so far."""
 
     def tick(self) -> tuple[TickReport, tuple[Entry, ...]]:
         """Tick the tree and the faults; return the report of the tree and the tick's journal entries."""
@@ -119,7 +119,7 @@ class Execution:
             report = self._look_first() or self.tree.tick()
         faults, feed = self.injector.tick(), self.hardware.take_events()
         if feed:
-            self.items_total = items_expected(self.recipe.scene, self.hardware.item_count)
+            self.items_total = self.hardware.item_count
         for happened in (*faults, *feed):
             self.world.journal.note(happened)
         entries = self.world.journal.take()
@@ -277,12 +277,3 @@ def _is_over(belt: Fixture, body: TrueBody) -> bool:
     low, high = extents(belt.shape, np.eye(3))
     x, y, z = (belt.pose.inverse() @ body.pose).position
     return bool(low[0] <= x <= high[0] and low[1] <= y <= high[1] and z > low[2])
-
-
-def items_expected(scene: SceneDescription, so_far: int) -> int:
-    """Return the total number of items of a run, or the number so far when a delivery has no known total."""
-    totals = [delivery.total for delivery in scene.deliveries]
-    known = [total for total in totals if total is not None]
-    if not totals or len(known) < len(totals):
-        return so_far
-    return sum(known) + sum(count for spawn in scene.spawn for _, count in spawn.counts)

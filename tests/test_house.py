@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import doctest
 import importlib
-import re
-import shlex
 import shutil
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -16,12 +13,9 @@ import pytest
 
 from picktree.files.shipped_files import rooms
 
-from .commands import call
 from .house.figures import docstring_figures, folder_sizes, lone_folders, long_modules
 from .house.source import House, When, circles, own_house
 from .rooms import PACKAGES, PROJECT, ROOMS, ROOT
-
-README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def modules_with_examples() -> list[str]:
@@ -117,76 +111,3 @@ def test_no_tracked_file_names_a_package_registry() -> None:
         if registry.encode() in path.read_bytes()
     ]
     assert named == []
-
-
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
-
-
-def in_block(block: str) -> list[list[str]]:
-    return [words for line in block.splitlines() if (words := shlex.split(line, comments=True))]
-
-
-def commands() -> list[list[str]]:
-    return [words for block in blocks("sh") for words in in_block(block)]
-
-
-def test_readme_shows_only_make_and_picktree() -> None:
-    assert {words[0] for words in commands()} == {"make", ".venv/bin/picktree"}
-
-
-@pytest.mark.parametrize("target", [words[1] for words in commands() if words[0] == "make"])
-def test_make_target_of_the_readme_exists(target: str) -> None:
-    assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(), re.MULTILINE)
-
-
-def test_mission_of_the_readme_loads() -> None:
-    from picktree.trees.loading.loader import parse_mission
-
-    (mission,) = blocks("yaml")
-    assert parse_mission(mission, Path("first.yaml")).name == "first mission"
-
-
-FEWER = {"0:20": "0:1"}
-"""A test needs no rate: of what the README runs for the sake of numbers, less is run."""
-BEGINNINGS = (
-    "examples/continuous_sort.yaml", "examples/kitting.yaml", "examples/sort_past_obstacles.yaml",
-)  # fmt: skip
-"""Missions that go on for long; what they come to after a few items is enough."""
-ONE_WORKER = ("batch", "run")
-
-
-def shortened(words: list[str]) -> list[str]:
-    """A command of the README as it is run here: word by word the same, but for a rate or a long mission."""
-    fewer = [FEWER.get(word, word) for word in words[1:]]
-    if any(word in BEGINNINGS for word in words):
-        fewer += ["--limit", "8 s"]
-    if tuple(words[1:3]) == ONE_WORKER:
-        fewer += ["--workers", "1"]  # else it has one for each core of the machine
-    return fewer
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "block", [b for b in blocks("sh") if "picktree " in b], ids=lambda block: "_".join(block.split()[1:3])
-)
-def test_picktree_commands_of_the_readme_run_in_their_order(block: str, tmp_path: Path) -> None:
-    (mission,) = blocks("yaml")
-    (tmp_path / "first.yaml").write_text(mission, encoding="utf-8")
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
-    for words in in_block(block):
-        ran = call(shortened(words), tmp_path)
-        told = f"{shlex.join(words)}\n{ran.stdout}\n{ran.stderr}"
-        if any(word in BEGINNINGS for word in words):
-            assert ran.returncode == 1 and " items done" in ran.stdout, told
-            assert "timeout: " in ran.stdout, told
-            continue
-        answers = (0, 1, -signal.SIGKILL) if "--faults" in words else (0,)  # what is planted may well cost it
-        assert ran.returncode in answers, told
-        if "-o" in words:
-            assert (tmp_path / words[words.index("-o") + 1]).stat().st_size > 1000
-
-
-def test_readme_links_lead_somewhere() -> None:
-    targets = re.findall(r"\]\(([^)#:]+)\)", README)
-    assert [target for target in targets if not (ROOT / target).exists()] == []

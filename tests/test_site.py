@@ -29,5 +29,8 @@ def test_the_site_is_built_without_warnings_and_is_searched(tmp_path: Path) -> N
         assert f"{folder}{page.stem}.html" in places
     for word in ("singulate", "force_limit", "P325"):
         assert any(word in entry["text"] or word in entry["title"] for entry in entries), word
+    boosts = {entry["location"].partition("#")[0]: entry.get("boost", 1) for entry in entries}
+    assert boosts["recovery.html"] == boosts["index.html"] == boosts["cookbook.html"] == 1
+    assert max(boosts[name] for name in ("codes/P325.html", "codes.html", "nodes.html", "figures.html")) < 0.5
     for page in (tmp_path / "index.html", tmp_path / "language.html"):
         assert _LOADED.findall(page.read_text(encoding="utf-8")) == []

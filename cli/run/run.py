@@ -22,6 +22,7 @@ from ..options import (
     faults_file,
     mission_file,
 )
+from ..terminal.help_groups import HelpGroups
 from ..terminal.output import end_with, keep_stdout, print_answer, program
 
 if TYPE_CHECKING:
@@ -105,6 +106,14 @@ Answers: TypeAlias = Annotated[
     list[str] | None,
     typer.Option("--answer", metavar="TEXT", help="What is answered when the mission asks for help."),
 ]
+
+HELP_GROUPS: HelpGroups = {
+    "What is run": ("scene", "robot", "seed", "set_", "faults", "backend", "verify"),
+    "How long, and where it is recorded": ("limit", "out", "rotate_mb", "rotate_minutes"),
+    "Watching and steering": ("debug", "watch", "live", "live_port", "pace", "answers", "wait"),
+    "Going on with a run": ("resume", "as_it_stands"),
+    "Output": ("profile", "json"),
+}
 
 
 def run(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -12,6 +13,7 @@ from typing import Any
 import pytest
 
 from picktree.cli.app import answer
+from picktree.cli.run.run import HELP_GROUPS
 from picktree.cli.terminal.output import program
 from picktree.errors import PicktreeError
 from picktree.logs.recording.rotated_log import Rotation
@@ -188,3 +190,16 @@ sys.exit(answer(["run", "m.yaml", "--json"]))
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout == result.to_json_text()
     assert {"printed in Python", "printed in C"} <= set(ran.stderr.splitlines())
+
+
+def test_the_help_of_run_has_its_options_in_groups(capsys: pytest.CaptureFixture[str]) -> None:
+    assert answer(["run", "--help"]) == 0
+    groups = re.split(r"^(\S.*):$", capsys.readouterr().out, flags=re.MULTILINE)[1:]
+    options = {
+        heading: re.findall(r"^  (--[\w-]+)", text, re.MULTILINE)
+        for heading, text in zip(groups[::2], groups[1::2], strict=True)
+    }
+    assert list(options) == ["Arguments", *HELP_GROUPS, "Other options"]
+    assert options["Other options"] == ["--help"]
+    assert options["Going on with a run"] == ["--resume", "--as-it-stands"]
+    assert max(len(names) for names in options.values()) <= 7

@@ -1,4 +1,4 @@
-"""docs/continuous.md: its files are right, its commands are taken, it names all that there is for a feed."""
+"""docs/continuous.md: its commands are taken, it names all that there is for a feed."""
 
 from __future__ import annotations
 
@@ -8,31 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.check import check_mission
 from picktree.cli.run.run import parse_parameters
-from picktree.files.yaml.document import read_document
 from picktree.trees.loading.loader import load_mission
 from picktree.trees.running.run_settings import parameter_value
 from picktree.world.causes import feed
-from picktree.world.scene.loading.scene_loading import load_scene
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "continuous.md").read_text("utf-8")
-FILES = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
 COMMANDS = [shlex.split(line, comments=True) for line in re.findall(r"^picktree .*", PAGE, re.MULTILINE)]
-
-
-def test_its_scenes_and_missions_are_right(tmp_path: Path) -> None:
-    kinds: list[str] = []
-    for n, text in enumerate(FILES):
-        kinds += re.findall(r"^kind: (\w+)", text, re.MULTILINE)
-        if kinds[-1] == "scene":
-            (tmp_path / f"{n}.yaml").write_text(text)
-            assert load_scene(f"{n}.yaml", tmp_path).deliveries
-            continue
-        faults = check_mission(read_document(Path("mission.yaml"), "mission", text)).faults
-        assert [str(fault) for fault in faults if fault.severity == "error"] == []
-    assert {"scene", "mission"} <= set(kinds)
 
 
 def test_its_commands_name_missions_and_their_parameters() -> None:

@@ -1,15 +1,12 @@
-"""docs/language.md: every file in it is right, and what it lists is what there is."""
+"""docs/language.md: what it lists is what there is."""
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import pytest
 
-from picktree.authoring.check import check_mission
 from picktree.files.expressions.parser import FUNCTIONS
-from picktree.files.yaml.document import read_document
 from picktree.trees.declaration import COMMON_KEYS
 from picktree.trees.loading.loader import load_mission
 from picktree.trees.loading.tree_set import MAX_INCLUDED_FILES
@@ -19,14 +16,6 @@ from picktree.trees.values.references import ATTRIBUTES
 from picktree.world.belief.facts import FACTS
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "language.md").read_text("utf-8")
-FILES = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
-
-
-@pytest.mark.parametrize("text", FILES, ids=range(len(FILES)))
-def test_its_files_have_no_errors(text: str) -> None:
-    whole = text if text.startswith("picktree:") else f"picktree: 1\nkind: mission\nscene: three_bins\n{text}"
-    faults = check_mission(read_document(Path("mission.yaml"), "mission", whole)).faults
-    assert [str(fault) for fault in faults if fault.severity == "error"] == []
 
 
 @pytest.mark.parametrize(
