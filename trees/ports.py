@@ -173,8 +173,8 @@ class PortDeclaration:
     each_of: str | None = None
     """Key of the input whose elements an output takes one after the other; None: none."""
     takes: Takes = "value"
-    """Input: a value, a text in which the node fills in references (`template`), a key of the blackboard
-    whose value is not read, or assignments as a text."""
+    """Content of an input: a value, a template, a key whose value is not read, or assignments as a text.
+    The node fills in the references of a template."""
     remapped: bool = False
     """Whether it is a key of a tree that calls with `_autoremap` share with their tree."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Final, TypeAlias
 from urllib.parse import quote
 
@@ -76,6 +76,5 @@ def _location(name: str, folder: Path) -> Json:
     try:
         below = (folder / name).resolve().relative_to(folder.resolve())
     except (OSError, ValueError, RuntimeError):
-        path = PurePosixPath(folder, name)
-        return {"uri": path.as_uri()}
+        return {"uri": Path(folder, name).as_uri()}
     return {"uri": quote(below.as_posix()), "uriBaseId": ROOT}
