@@ -68,6 +68,9 @@ TextFile: TypeAlias = Annotated[
     Path | None,
     typer.Option("-o", "--output", metavar="FILE", help="Write it there instead of to stdout."),
 ]
+JunitFile: TypeAlias = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Write the results as JUnit XML, too.")
+]
 JsonResult: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")]
 JsonAnswer: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")]
 JsonWritten: TypeAlias = Annotated[

@@ -9,7 +9,9 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class _Unit:
+class Unit:
+    """Unit of a dimension, with its value in the SI unit."""
+
     dimension: str
     times: float = 1.0
     over: float = 1.0
@@ -20,46 +22,54 @@ class _Unit:
 
 
 _DEGREE = math.pi / 180.0
-_UNITS: Mapping[str, _Unit] = {
-    "m": _Unit("a length"),
-    "cm": _Unit("a length", over=1e2),
-    "mm": _Unit("a length", over=1e3),
-    "um": _Unit("a length", over=1e6),
-    "rad": _Unit("an angle"),
-    "mrad": _Unit("an angle", over=1e3),
-    "deg": _Unit("an angle", times=_DEGREE),
-    "s": _Unit("a time"),
-    "ms": _Unit("a time", over=1e3),
-    "us": _Unit("a time", over=1e6),
-    "min": _Unit("a time", times=60.0),
-    "h": _Unit("a time", times=3600.0),
-    "kg": _Unit("a mass"),
-    "g": _Unit("a mass", over=1e3),
-    "N": _Unit("a force"),
-    "mN": _Unit("a force", over=1e3),
-    "kN": _Unit("a force", times=1e3),
-    "Nm": _Unit("a torque"),
-    "mNm": _Unit("a torque", over=1e3),
-    "Ns": _Unit("an impulse"),
-    "m/s": _Unit("a speed"),
-    "cm/s": _Unit("a speed", over=1e2),
-    "mm/s": _Unit("a speed", over=1e3),
-    "rad/s": _Unit("an angular speed"),
-    "deg/s": _Unit("an angular speed", times=_DEGREE),
-    "m/s2": _Unit("an acceleration"),
-    "rad/s2": _Unit("an angular acceleration"),
-    "deg/s2": _Unit("an angular acceleration", times=_DEGREE),
-    "N/m": _Unit("a stiffness"),
-    "N/mm": _Unit("a stiffness", times=1e3),
-    "Nm/rad": _Unit("an angular stiffness"),
-    "Hz": _Unit("a rate"),
-    "kHz": _Unit("a rate", times=1e3),
-    "": _Unit("a number without a unit"),
-    "%": _Unit("a number without a unit", over=1e2),
+UNIT_TABLE: Mapping[str, Unit] = {
+    "m": Unit("a length"),
+    "cm": Unit("a length", over=1e2),
+    "mm": Unit("a length", over=1e3),
+    "um": Unit("a length", over=1e6),
+    "rad": Unit("an angle"),
+    "mrad": Unit("an angle", over=1e3),
+    "deg": Unit("an angle", times=_DEGREE),
+    "s": Unit("a time"),
+    "ms": Unit("a time", over=1e3),
+    "us": Unit("a time", over=1e6),
+    "min": Unit("a time", times=60.0),
+    "h": Unit("a time", times=3600.0),
+    "kg": Unit("a mass"),
+    "g": Unit("a mass", over=1e3),
+    "N": Unit("a force"),
+    "mN": Unit("a force", over=1e3),
+    "kN": Unit("a force", times=1e3),
+    "Nm": Unit("a torque"),
+    "mNm": Unit("a torque", over=1e3),
+    "Ns": Unit("an impulse"),
+    "m/s": Unit("a speed"),
+    "cm/s": Unit("a speed", over=1e2),
+    "mm/s": Unit("a speed", over=1e3),
+    "rad/s": Unit("an angular speed"),
+    "deg/s": Unit("an angular speed", times=_DEGREE),
+    "m/s2": Unit("an acceleration"),
+    "rad/s2": Unit("an angular acceleration"),
+    "deg/s2": Unit("an angular acceleration", times=_DEGREE),
+    "N/m": Unit("a stiffness"),
+    "N/mm": Unit("a stiffness", times=1e3),
+    "Nm/rad": Unit("an angular stiffness"),
+    "Hz": Unit("a rate"),
+    "kHz": Unit("a rate", times=1e3),
+    "": Unit("a number without a unit"),
+    "%": Unit("a number without a unit", over=1e2),
 }
-UNITS = tuple(unit for unit in _UNITS if unit)
+UNITS = tuple(unit for unit in UNIT_TABLE if unit)
 """All units that may be written."""
-_ALIASES = {"°": "deg", "µm": "um", "μm": "um", "µs": "us", "μs": "us", "m/s²": "m/s2", "rad/s²": "rad/s2"}
+SPELLINGS: Mapping[str, str] = {
+    "°": "deg",
+    "µm": "um",
+    "μm": "um",
+    "µs": "us",
+    "μs": "us",
+    "m/s²": "m/s2",
+    "rad/s²": "rad/s2",
+}
 _EXAMPLE = {
     "a length": "30 mm",
     "an angle": "5 deg",
@@ -88,8 +98,8 @@ def in_unit(number: float, unit: str, like: str) -> str:
     ('1 mm', '0.001 m')
     """
     match = _QUANTITY.fullmatch(like)
-    written = _ALIASES.get(match[2], match[2]) if match else ""
-    given, target = _UNITS.get(written), _UNITS.get(_ALIASES.get(unit, unit))
+    written = SPELLINGS.get(match[2], match[2]) if match else ""
+    given, target = UNIT_TABLE.get(written), UNIT_TABLE.get(SPELLINGS.get(unit, unit))
     if not written or given is None or target is None or given.dimension != target.dimension:
         return f"{number:g} {unit}".strip()
     return f"{number * given.over / given.times:g} {match[2] if match else written}"
@@ -97,8 +107,8 @@ def in_unit(number: float, unit: str, like: str) -> str:
 
 def units_like(unit: str) -> tuple[str, ...]:
     """The units that may be written where `unit` is wanted, `unit` first."""
-    wanted = _UNITS.get(unit)
-    same = (name for name, u in _UNITS.items() if wanted and u.dimension == wanted.dimension and name)
+    wanted = UNIT_TABLE.get(unit)
+    same = (name for name, u in UNIT_TABLE.items() if wanted and u.dimension == wanted.dimension and name)
     return (unit, *(name for name in same if name != unit))
 
 
@@ -109,7 +119,7 @@ def spellings(unit: str) -> tuple[str, ...]:
     ('rad', 'mrad', 'deg', '°')
     """
     units = tuple(name for name in units_like(unit) if name)
-    return (*units, *(alias for alias, name in _ALIASES.items() if name in units))
+    return (*units, *(alias for alias, name in SPELLINGS.items() if name in units))
 
 
 def example(unit: str) -> str:
@@ -118,15 +128,21 @@ def example(unit: str) -> str:
     >>> example("m"), example("Nm/rad"), example("")
     ('30 mm', '1.5 Nm/rad', '0.5')
     """
-    known = _UNITS.get(_ALIASES.get(unit, unit))
+    known = UNIT_TABLE.get(SPELLINGS.get(unit, unit))
     return _EXAMPLE.get(known.dimension if known else "", f"1.5 {unit}")
 
 
 def dimension(unit: str) -> str:
     """Return the dimension that a unit measures, as `a length`; empty for a bare number or an unknown
     unit."""
-    known = _UNITS.get(_ALIASES.get(unit, unit))
+    known = UNIT_TABLE.get(SPELLINGS.get(unit, unit))
     return known.dimension if known is not None and unit not in ("", "%") else ""
+
+
+def bare_number(text: str) -> float | None:
+    """Return the number of a text without a unit; None for anything else."""
+    match = _QUANTITY.fullmatch(text)
+    return float(match[1]) if match is not None and not match[2] else None
 
 
 def _finite(value: float, unit: str) -> float:
@@ -145,13 +161,13 @@ def _with_unit(text: str, unit: str) -> float:
     match = _QUANTITY.fullmatch(text)
     if match is None:
         raise ValueError(f"{_short(text)} is not {_wanted(unit)}")
-    number, written = float(match[1]), _ALIASES.get(match[2], match[2])
-    target = _UNITS.get(_ALIASES.get(unit, unit))
+    number, written = float(match[1]), SPELLINGS.get(match[2], match[2])
+    target = UNIT_TABLE.get(SPELLINGS.get(unit, unit))
     if not math.isfinite(number):
         raise NotFinite("the number is too large")
     if written == "" or written == unit:
         return number
-    given = _UNITS.get(written)
+    given = UNIT_TABLE.get(written)
     if given is None:
         allowed = ", ".join(u for u in units_like(unit) if u)
         raise ValueError(f"{_short(text)}: unknown unit {written!r}" + (f" ({allowed})" if allowed else ""))
@@ -161,7 +177,7 @@ def _with_unit(text: str, unit: str) -> float:
 
 
 def _wanted(unit: str) -> str:
-    known = _UNITS.get(_ALIASES.get(unit, unit))
+    known = UNIT_TABLE.get(SPELLINGS.get(unit, unit))
     if known is None:
         return f"a number in {unit}"
     return f"{known.dimension} (as {example(unit)})"

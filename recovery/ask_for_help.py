@@ -50,7 +50,9 @@ class AskForHelp(Node):
     """
 
     kind = "action"
-    reason: In[str] = port("why help is needed: a sentence for a person; references in it are filled in")
+    reason: In[str] = port(
+        "why help is needed: a sentence for a person; references in it are filled in", takes="template"
+    )
     object: In[ObjectId] = port("what it is about, for the record", default=ObjectId(""))
     choices: In[list[str]] = port("the answers to choose from", default=[GO_ON, SET_ASIDE, GIVE_UP])
     give_up: In[str] = port("the choice with which the node fails", default=GIVE_UP)

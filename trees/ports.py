@@ -139,7 +139,7 @@ Where scene and robot are known, only their names are valid.
 """
 
 
-Takes: TypeAlias = Literal["value", "key", "assignments"]
+Takes: TypeAlias = Literal["value", "template", "key", "assignments"]
 
 
 class Required:
@@ -173,7 +173,8 @@ class PortDeclaration:
     each_of: str | None = None
     """Key of the input whose elements an output takes one after the other; None: none."""
     takes: Takes = "value"
-    """Input: a value, a key of the blackboard whose value is not read, or assignments as a text."""
+    """Content of an input: a value, a template, a key whose value is not read, or assignments as a text.
+    The node fills in the references of a template."""
     remapped: bool = False
     """Whether it is a key of a tree that calls with `_autoremap` share with their tree."""
 
@@ -262,7 +263,7 @@ def port(
     in which literals may be written, and the bounds `least`, `most`, `above` in that unit. A text may be
     limited to `choices`, or to `names`, a kind of name in scene or robot. An output passes on the value of
     the input `like`, or takes the elements of the input `each_of` in turn. An input may take a
-    key instead of its value, or assignments.
+    key instead of its value, assignments, or a template: a text in which the node fills in references.
     """
     allowed = tuple(choices) if choices is not None else None
     return PortSpec(doc, unit, default, allowed, key, names, Range(least, most, above), like, each_of, takes)

@@ -10,7 +10,7 @@ from .navigation import Edit
 
 _NEW = re.compile(
     r"""did\ you\ mean\ '(?P<near>[^']+)'\?
-    | write\ (?:'(?P<single>[^']+)'|(?P<double>"\{[\w.]+\}")|(?P<bare>[\w.+-]+)(?=$|;))
+    | write\ (?:'(?P<single>[^']+)'|(?P<double>"\{[\w.]+\}")|(?P<bare>[\w.+-]+(?:\ [\w/%]+)?)(?=$|;))
       (?:\ for\ '(?P<old>[^']+)')?""",
     re.VERBOSE,
 )
@@ -33,7 +33,7 @@ def quick_fix(fault: Diagnostic, lines: list[str]) -> Edit | None:
     if hint is None:
         return None
     new = hint["near"] or hint["single"] or hint["double"] or hint["bare"]
-    if " " in new or "…" in new or fault.mark.line > len(lines) or not fault.mark.line:
+    if (" " in new and not hint["bare"]) or "…" in new or fault.mark.line > len(lines) or not fault.mark.line:
         return None
     if hint["double"]:
         return _reference(fault, lines, new)

@@ -73,7 +73,7 @@ def _input(port: PortDeclaration, known: ProposedNames) -> Schema:
 
 def _literal(port: PortDeclaration, known: ProposedNames) -> Schema:
     """Return the schema of a literal, or of a reference in its place."""
-    if port.takes != "value":
+    if port.takes in ("key", "assignments"):
         return reference() if port.takes == "key" else {"type": "string", "minLength": 1}
     choices = _choices(port, known)
     if choices is not None:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from ...errors import PicktreeError
-from ..options import JsonResult, OtherRobot, TextFile, mission_file
-from ..terminal.output import end_with, keep_stdout, painter, print_answer, show
+from ..options import JsonResult, JunitFile, OtherRobot, TextFile, mission_file
+from ..terminal.output import end_with, keep_stdout, painter, print_answer, require_place, show
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -58,10 +58,13 @@ def check(
         typer.Argument(metavar="FILE…", help="Files of any kind; a folder: all its YAML files; -: stdin."),
     ],
     format_: Annotated[
-        Literal["text", "json", "github"],
-        typer.Option("--format", help="For people, for programs (one object), for annotations on GitHub."),
+        Literal["text", "json", "github", "sarif"],
+        typer.Option("--format", help="For people, programs, annotations on GitHub, code scanning (SARIF)."),
     ] = "text",
     strict: Annotated[bool, typer.Option("--strict", help="Exit code 1 for warnings, too.")] = False,
+    ours_only: Annotated[
+        bool, typer.Option("--ours-only", help="Leave out files that are not picktree's, as in folders.")
+    ] = False,
     stdin_filename: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="What stdin is called, and beside which file it stands."),
@@ -78,7 +81,7 @@ def check(
             return known_file(name) or Path(name)
         return UnsavedText(stdin_filename or Path("<stdin>"), sys.stdin.buffer.read(MAX_BYTES + 1))
 
-    report = check_files([given(name) for name in files], CHECKS)
+    report = check_files([given(name) for name in files], CHECKS, ours_only=ours_only)
     match format_:
         case "text":
             print(report.to_text(painter(sys.stdout)))
@@ -86,6 +89,11 @@ def check(
             print(report.to_github())
         case "json":
             print(report.to_json_text(), end="")
+        case "sarif":
+            from ... import __version__
+            from ...files.diagnostics.sarif import to_sarif
+
+            print(to_sarif(report, __version__, Path.cwd()), end="")
     raise typer.Exit(report.exit_code(strict=strict))
 
 
@@ -225,24 +233,44 @@ def rehearse(
     full_coverage: Annotated[
         bool, typer.Option("--full-coverage", help="Exit code 1 also when a node or branch is not reached.")
     ] = False,
+    min_recovery_coverage: Annotated[
+        int,
+        typer.Option(
+            metavar="PERCENT",
+            min=0,
+            max=100,
+            help="Exit code 1 also when cases reach fewer branches of recovery.",
+        ),
+    ] = 0,
     causes: Annotated[
         bool, typer.Option("--causes", help="List the declared causes that no case raises.")
     ] = False,
+    junit: JunitFile = None,
     json: JsonResult = False,
 ) -> None:
     """Rehearse a mission without physics: its leaves answer as the cases say. Exit code 1: a case failed."""
     answer = keep_stdout() if json else None
 
     from ...authoring.rehearsal.rehearse import rehearse_files
-    from ...authoring.rehearsal.verdict.rehearsal_result import to_json_text
+    from ...authoring.rehearsal.verdict.rehearsal_result import coverage_gaps, to_json_text
     from ...authoring.rehearsal.verdict.rehearsal_text import to_text
     from ...files.diagnostics.fault_rendering import fault_lines
 
+    if case and min_recovery_coverage:
+        raise PicktreeError("--min-recovery-coverage is about all cases: leave out --case")
+    require_place(junit)
     result = rehearse_files(mission, cases, case or (), robot)
     if result.warnings:
         print(fault_lines(result.warnings, painter(sys.stderr)), file=sys.stderr)
     print_answer(answer, lambda: to_text(result, quiet=quiet, causes=causes), lambda: to_json_text(result))
-    end_with(result.passed and (result.coverage.full or not full_coverage))
+    gaps = coverage_gaps(result.coverage, full=full_coverage, recovery=min_recovery_coverage)
+    for gap in gaps:
+        print(gap, file=sys.stderr)
+    if junit is not None:
+        from ...authoring.rehearsal.verdict.rehearsal_junit import to_junit
+
+        show(to_junit(result, gaps), junit)
+    end_with(result.passed and not gaps)
 
 
 def render(

@@ -17,8 +17,17 @@ import typer
 
 from ...errors import PicktreeError
 from ...files.marks import FileError
-from ..options import Backend, JsonWritten, Verify, faults_file, mission_file, plan_file
-from ..terminal.output import StatusLine, end_with, json_text, keep_stdout, print_answer, program
+from ..options import Backend, JsonWritten, JunitFile, Verify, faults_file, mission_file, plan_file
+from ..terminal.output import (
+    StatusLine,
+    end_with,
+    json_text,
+    keep_stdout,
+    print_answer,
+    program,
+    require_place,
+    show,
+)
 
 if TYPE_CHECKING:
     from ...batch.cluster.ray_executor import RayExecutor
@@ -110,6 +119,7 @@ def run(
     address: ClusterAddress = None,
     out: NewFolder = None,
     resume: ResumedFolder = None,
+    junit: JunitFile = None,
     json: JsonEvents = False,
 ) -> None:
     """Run every combination of missions, scenes, faults and settings with every seed.
@@ -120,6 +130,7 @@ def run(
     _require_one_source(context, plan, mission, resume)
     if address is not None and executor == "local":
         raise PicktreeError("--address is of a Ray cluster: add --executor ray")
+    require_place(junit)
     answer = keep_stdout() if json else None
 
     from ...batch.plan_loading import load_plan, plan_of
@@ -128,7 +139,7 @@ def run(
     if resume is not None:
         resumed = Batch.resume(resume)
         with _executor(executor, workers, address) as hands:
-            _carry_out(resumed, hands, answer)
+            _carry_out(resumed, hands, answer, junit)
         return
     if plan is not None:
         asked = load_plan(plan)
@@ -147,7 +158,7 @@ def run(
         }
         asked = plan_of(_matrix(mission or [], faults or [], set_ or [], options))
     with _executor(executor, workers, address) as hands:
-        _carry_out(Batch.create(out or _new_folder(asked), asked), hands, answer)
+        _carry_out(Batch.create(out or _new_folder(asked), asked), hands, answer, junit)
 
 
 def _require_one_source(
@@ -199,14 +210,17 @@ def _matrix(
     }
 
 
-def _carry_out(made: Batch, executor: Executor, answer: TextIO | None) -> None:
+def _carry_out(made: Batch, executor: Executor, answer: TextIO | None, junit: Path | None) -> None:
     """Run all jobs that are to do, show the progress, and end with the exit code."""
+    from ...batch.junit import to_junit
     from ...batch.statistics.summary import summarise
     from .progress import EventLines, discard, progress
 
     with made, _stopped_by_signals(made), progress(made.folder, answer) as seen:
         complete = made.run(executor, seen)
         summary = summarise(made.store)
+        if junit is not None:
+            show(to_junit(made.store), junit)
     try:
         if answer is not None:
             EventLines(answer).summary(summary)
@@ -214,10 +228,7 @@ def _carry_out(made: Batch, executor: Executor, answer: TextIO | None) -> None:
             _show(made.folder, summary, complete)
     except OSError:  # nobody reads it
         discard(answer or sys.stdout)
-    if not complete:
-        raise typer.Exit(130)
-    if not summary.reached:
-        raise typer.Exit(1)
+    end_with(summary.reached, "" if complete else "interrupted")
 
 
 def _show(folder: Path, summary: BatchSummary, complete: bool) -> None:

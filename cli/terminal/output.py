@@ -69,6 +69,16 @@ class StatusLine:
             print(f"\r\x1b[2K{text}", end="", file=sys.stderr, flush=True)
 
 
+def require_place(output: Path | None) -> None:
+    """Raise PicktreeError when a file cannot be made there: a long run would end without it."""
+    from ...errors import PicktreeError
+
+    if output is not None and output.is_dir():
+        raise PicktreeError(f"{output} is a folder; name a file in it")
+    if output is not None and not output.absolute().parent.is_dir():
+        raise PicktreeError(f"{output} cannot be written: there is no folder {output.absolute().parent}")
+
+
 def show(text: str, output: Path | None) -> None:
     """Print the text, or write it to a file. Raises PicktreeError when it cannot be written."""
     if output is None:

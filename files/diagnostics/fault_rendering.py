@@ -81,8 +81,7 @@ def as_github(fault: Diagnostic) -> str:
     hint = f" ({one_line(fault.hint)})" if fault.hint else ""
     values = {
         "file": one_line(mark.file),
-        "line": str(mark.line),
-        "col": str(mark.column),
+        **({"line": str(mark.line), "col": str(mark.column)} if mark.line else {}),
         "title": f"{fault.code} {title(fault.code)}".strip(),
     }
     settings = ",".join(f"{key}={_property(value)}" for key, value in values.items())

@@ -124,16 +124,22 @@ def is_ours(text: str) -> bool:
     return _OURS.search(text) is not None
 
 
-def check_files(paths: Iterable[Path | UnsavedText], checks: Mapping[str, Check]) -> CheckReport:
-    """Check files, folders (all YAML files in them that are ours) and given texts, each once."""
-    return _Round(checks).of(paths)
+def check_files(
+    paths: Iterable[Path | UnsavedText], checks: Mapping[str, Check], *, ours_only: bool = False
+) -> CheckReport:
+    """Check files, folders (all YAML files in them that are ours) and given texts, each once.
+
+    `ours_only`: files that are not ours are left out also where they are named.
+    """
+    return _Round(checks, ours_only=ours_only).of(paths)
 
 
 class _Round:
     """One call: what was found, by the file in which it stands."""
 
-    def __init__(self, checks: Mapping[str, Check]) -> None:
+    def __init__(self, checks: Mapping[str, Check], *, ours_only: bool) -> None:
         self._checks = checks
+        self._ours_only = ours_only
         self._codes = tuple(page.code for page in pages())
         self._texts: dict[str, str] = {}
         self._left_out: list[str] = []
@@ -191,7 +197,8 @@ class _Round:
     def _written_out(self, paths: Iterable[Path | UnsavedText]) -> Iterator[Path | UnsavedText]:
         for path in paths:
             if isinstance(path, UnsavedText) or not is_folder(path):
-                yield path
+                if isinstance(path, UnsavedText) or not self._ours_only or self._is_ours(path):
+                    yield path
                 continue
             ours = [file for file in _yaml_files(path) if self._is_ours(file)]
             if not ours:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Mapping
 from contextlib import AbstractContextManager, suppress
 from typing import Any, Literal, TypeVar, cast, get_args, get_origin
@@ -13,6 +14,7 @@ from ..marks import MAX_FAULTS, SPOILING_CODES, CheckedFile, Diagnostic, Locatio
 from ..value_wording import describe, listed, suggest_boolean, suggest_name, suggest_number
 from .document import Document
 from .file_models import InvalidValue, UnreadPart, bare, check_name, partial_model
+from .slips import structure_hint
 
 HEADER = ("picktree", "kind")
 MAX_ENTRIES = 1000
@@ -231,7 +233,23 @@ def _meant(kind: str, given: object) -> str:
         return suggest_boolean(given)
     if kind.startswith(("int", "float")):
         return suggest_number(given)
+    if kind in ("list_type", "tuple_type"):
+        return _listed_hint(given)
+    if kind in ("dict_type", "model_type", "dataclass_type"):
+        if isinstance(given, list):
+            return "its keys stand without a '-'"
+        return structure_hint(given) if isinstance(given, str) else ""
     return "quote it" if kind == "string_type" and isinstance(given, int | float) else ""
+
+
+def _listed_hint(given: object) -> str:
+    """Return how a list is written that stands there without brackets or dashes."""
+    if isinstance(given, dict):
+        return "each entry of a list begins with '- '"
+    if isinstance(given, str) and len(given) <= 60:
+        hint = structure_hint(given)
+        return hint or f"write [{', '.join(re.split(r'[,;] *| +', given.strip()))}]"
+    return f"write [{describe(given)}]" if isinstance(given, int | float) else ""
 
 
 def _length(model: type[BaseModel], path: Location, value: object, context: Mapping[str, object]) -> str:

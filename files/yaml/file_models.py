@@ -37,6 +37,7 @@ from pydantic.fields import FieldInfo
 
 from ..marks import Location
 from ..quantities import NotFinite, dimension, in_unit, parse_quantity
+from ..quantity_hints import suggested
 from ..value_wording import describe, suggest_number
 
 
@@ -97,9 +98,9 @@ def quantity(
             raise InvalidValue(str(error), code="P120") from None
         except ValueError as error:
             meant = suggest_number(value)
-            raise InvalidValue(
-                f"{describe(value)} is not a number" if meant else str(error), meant, code="P109"
-            ) from None
+            message = f"{describe(value)} is not a number" if meant else str(error)
+            meant = meant or (suggested(value, unit) if isinstance(value, str) else "")
+            raise InvalidValue(message, meant, code="P109") from None
         written = value if isinstance(value, str) else f"{value} {unit}".strip()
         what = dimension(unit) or "it"
         if number < 0 and (above == 0 or least == 0):

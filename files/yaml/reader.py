@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NoReturn, TypeAlias
 
@@ -15,130 +14,8 @@ import yaml
 
 from ..marks import MAX_FAULTS, Diagnostic, FileError, Location, Mark, too_many, where
 from .file_text import check_characters
-
-
-@dataclass(frozen=True, slots=True)
-class _Words:
-    message: str
-    hint: str = ""
-    at_start: bool = False
-    """The fault stands where the construct begins, not where the reader gave up."""
-
-
-_NEVER_CLOSED = _Words(
-    "the quote that opens here is never closed", "close it, or double a quote inside", True
-)
-_NO_TAB = _Words("a tab cannot indent", "use spaces")
-_PROBLEMS: Mapping[str, _Words] = {
-    "mapping values are not allowed in this context": _Words(
-        "a ':' does not fit here", "quote the text, or indent it"
-    ),
-    "block sequence entries are not allowed in this context": _Words(
-        "a list cannot begin here", "each '-' stands on a line of its own, under the key"
-    ),
-    "did not find expected key": _Words(
-        "this does not line up with the keys above", "check indent and quotes"
-    ),
-    "did not find expected '-' indicator": _Words(
-        "this does not line up with the list above", "check indent and quotes"
-    ),
-    "did not find expected ',' or '}'": _Words("a ',' or '}' is missing", "the { of line {line} is open"),
-    "did not find expected ',' or ']'": _Words("a ',' or ']' is missing", "the [ of line {line} is open"),
-    "could not find expected ':'": _Words("a ':' is missing behind this key", "as 'key: value'", True),
-    "did not find expected alphabetic or numeric character": _Words(
-        "& and * begin an anchor and an alias, and need a name", "quote a text that begins with them", True
-    ),
-    "did not find expected <document start>": _Words(
-        "this does not belong to the mapping above", "check indent"
-    ),
-    "did not find expected comment or line break": _Words("the line must end here"),
-    "found unknown escape character": _Words(
-        'unknown escape in a "…" text', "a backslash is written \\\\, or the text in '…'"
-    ),
-    "found unexpected document indicator": _NEVER_CLOSED,
-    "found a tab character that violates indentation": _NO_TAB,
-    "found a tab character where an indentation space is expected": _NO_TAB,
-    "found incompatible YAML document": _Words("the directive %YAML asks for another YAML", "leave it out"),
-    "found undefined tag handle": _Words("tags (!) are not read", "quote a text that begins with !"),
-    "found unexpected ':'": _Words(
-        "a ':' does not fit here", "quote the text, or put a blank behind the ':'"
-    ),
-    "found invalid Unicode character escape code": _Words("the escape is no character", "as \\u00e9"),
-    "did not find expected hexdecimal number": _Words("the escape needs hexadecimal digits", "as \\u00e9"),
-}
-
-
-def yaml_fault(error: yaml.YAMLError, text: str, file: str) -> Diagnostic:
-    """Return a fault for an error of libyaml: in our words, in its own where none of ours fit."""
-    if not isinstance(error, yaml.MarkedYAMLError):
-        return Diagnostic(Mark(file, 1, 1), "", f"not valid YAML: {error}", code="P101")
-    problem, context = str(error.problem or error.context or "unknown problem"), str(error.context or "")
-    at, start = error.problem_mark or error.context_mark, error.context_mark or error.problem_mark
-    indented = _wrong_indent(text, at) if at is not None and "mapping values" in problem else None
-    if indented is not None:
-        line, column, words = indented
-        return Diagnostic(
-            Mark(file, line, column), "", f"not valid YAML: {words.message}", words.hint, "P101"
-        )
-    words = _words(problem, context, text, at)
-    if words is None:
-        words = _Words(problem, context if error.problem else "")
-    hint = words.hint.replace("{line}", str(start.line + 1)) if start is not None else words.hint
-    place = start if words.at_start else at
-    mark = Mark(file, 1, 1) if place is None else Mark(file, place.line + 1, place.column + 1)
-    return Diagnostic(mark, "", f"not valid YAML: {words.message}", hint, "P101")
-
-
-def _wrong_indent(text: str, at: yaml.Mark) -> tuple[int, int, _Words] | None:
-    """Return line, column and words for a key that libyaml takes for more of the value above it; None: it is
-    none."""
-    lines = text.splitlines()
-    here = lines[at.line]
-    indent = len(here) - len(here.lstrip())
-    above = next((k for k in range(at.line - 1, -1, -1) if _code(lines[k])), None)
-    if above is None or ":" not in here[indent:] or ":" in here[indent : at.column]:
-        return None
-    before = _code(lines[above])
-    column, said = len(before) - len(before.lstrip()), before.strip().removeprefix("- ")
-    if _KEY_AND_VALUE.fullmatch(said) and indent > column:
-        key = here.strip().partition(":")[0]
-        message = f"{key!r} is indented deeper than {said.partition(':')[0]!r} above it, which has a value"
-        return at.line + 1, indent + 1, _Words(message, f"begin it in column {column + 1}")
-    words = said.split()
-    if 1 < len(words) <= 3 and ":" not in said and words[0].isidentifier():
-        value = " ".join(words[1:])
-        return above + 1, column + len(words[0]) + 1, _Words(
-            "a ':' is missing behind this key", f"write '{words[0]}: {value}'"
-        )  # fmt: skip
-    return None
-
-
-_KEY_AND_VALUE = re.compile(r"[\w.]+:\s+[^\s{\[|>&!][^:]*")
-
-
-def _code(line: str) -> str:
-    """Return a line without its comment, and without blanks at the end."""
-    return re.sub(r"(^|\s)#.*", "", line).rstrip()
-
-
-def _words(problem: str, context: str, text: str, at: yaml.Mark | None) -> _Words | None:
-    character = text[at.index : at.index + 1] if at is not None else ""
-    match problem:
-        case "found character that cannot start any token":
-            return (
-                _NO_TAB if character == "\t" else _Words(f"a text cannot begin with {character}", "quote it")
-            )
-        case "did not find expected node content":
-            return _Words(f"a value is missing {f'before {character!r}' if character else 'here'}")
-        case "found unexpected end of stream" if "quoted scalar" in context:
-            return _NEVER_CLOSED
-        case "did not find expected ',' or '}'" | "did not find expected ',' or ']'" if character == "[":
-            return _Words("a list cannot begin inside a text", 'quote the whole text, as "items[0]"')
-        case "did not find expected key" if at is not None and text[: at.index].rpartition("\n")[2].strip():
-            return _Words("this does not belong to the value before it", "quote the whole text")
-        case _:
-            return _PROBLEMS.get(problem)
-
+from .slips import PlainText, joined_key, look_alike, spoilt_key
+from .syntax_faults import syntax_faults
 
 Value: TypeAlias = "dict[str, Value] | list[Value] | str | int | float | bool | None"
 
@@ -186,6 +63,7 @@ _FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
 _INFINITE = re.compile(r"([-+]?)\.(?:inf|Inf|INF)")
 _NAN = re.compile(r"\.(?:nan|NaN|NAN)")
 _REFERENCE = re.compile(r"[A-Za-z_][\w.]*|=.*\S.*")
+_WHOLE = re.compile(r"(?<![\w.'+-])(?P<number>[-+]?[0-9]+),$")
 _COLON = re.compile(r"\s*:")
 
 
@@ -219,6 +97,8 @@ class _Open:
     """The value that comes next has a key that was refused."""
     bare: bool = False
     """A key that stands in braces without a colon: `{item}`."""
+    joined: tuple[str, Mark] | None = None
+    """Value that the key holds by itself, `{pose:home}`: the value that comes next is empty."""
 
 
 class _Reader:
@@ -238,7 +118,10 @@ class _Reader:
             for event in yaml.parse(self._text, yaml.CSafeLoader):
                 self._take(event)
         except yaml.YAMLError as error:
-            self._add_fault(yaml_fault(error, self._text, self._file))
+            told = {fault.mark for fault in self._faults}
+            for fault in syntax_faults(error, self._text, self._file):
+                if fault.mark not in told:
+                    self._add_fault(fault)
             raise FileError(self._faults) from None
         if self._root is None:
             self._stop(
@@ -286,30 +169,74 @@ class _Reader:
         mark = _mark(self._file, event.start_mark)
         self._count(1, mark)
         self._refuse_tag(event.tag, mark)
-        awaiting_key = self._awaiting_key()
-        value: Value = event.value
-        if event.style in (None, "") and not awaiting_key:
+        awaiting_key, plain = self._awaiting_key(), event.style in (None, "")
+        text = str(event.value)
+        if awaiting_key:
+            alone = plain and self._open[-1].flow and not self._colon_follows(event)
+            if alone and self._decimal_comma(text, event, mark):
+                return
+            joined = joined_key(text) if alone else None
+            spoilt = spoilt_key(text) if plain and not self._open[-1].flow else None
+            if spoilt is not None:
+                at = Mark(mark.file, mark.line, mark.column + spoilt.start)
+                self._stop(at, spoilt.message, spoilt.hint, code=spoilt.code)
+            meant = joined or (look_alike(text, is_key=True) if plain else None)
+            self._key(self._mended(meant, text, mark), mark)
+            self._open[-1].bare = alone and joined is None and _REFERENCE.fullmatch(text) is not None
+            if joined is not None and joined.value is not None:
+                shift = len(text) - len(joined.value)
+                self._open[-1].joined = joined.value, Mark(mark.file, mark.line, mark.column + shift)
+            return
+        if self._open and self._open[-1].joined is not None:
+            text, mark = self._open[-1].joined
+            self._open[-1].joined = None
+        meant = look_alike(text, is_key=False) if plain else None
+        text = self._mended(meant, text, mark)
+        value: Value = text
+        if plain and (meant is None or not meant.quoted):
             try:
-                value = resolve(event.value)
+                value = resolve(text)
             except ValueError:
                 self._fault(mark, where(self._loc()), "the number has too many digits", code="P120")
-        if awaiting_key:
-            self._key(str(event.value), mark)
-            self._open[-1].bare = (
-                self._open[-1].flow
-                and event.style in (None, "")
-                and _REFERENCE.fullmatch(event.value) is not None
-                and not _COLON.match(self._text, event.end_mark.index if event.end_mark else 0)
-            )
-        else:
-            self._add(YamlNode(value, mark), mark, event.anchor)
+        self._add(YamlNode(value, mark), mark, event.anchor)
+
+    def _colon_follows(self, event: yaml.ScalarEvent) -> bool:
+        return _COLON.match(self._text, event.end_mark.index if event.end_mark else 0) is not None
+
+    def _decimal_comma(self, text: str, event: yaml.ScalarEvent, mark: Mark) -> bool:
+        """Return whether a key in braces is the rest of a number, `{msec: 0,5 s}`, and mend it so."""
+        parent = self._open[-1]
+        before = _WHOLE.search(self._text, 0, event.start_mark.index if event.start_mark else 0)
+        if before is None or not text[:1].isdigit() or not parent.node.entries:
+            return False
+        meant = f"{before['number']}.{text}"
+        at = Mark(mark.file, mark.line, mark.column - 1)
+        self._fault(at, where(self._loc()), "a ',' in a number ends the value", f"write {meant}", code="P127")
+        key = next(reversed(parent.node.entries))
+        node = YamlNode(resolve(meant), parent.node.entries[key].mark)
+        parent.node.entries[key] = node
+        if isinstance(parent.node.value, dict):
+            parent.node.value[key] = node.value
+        parent.key, parent.key_mark, parent.skip = text, mark, True
+        return True
+
+    def _mended(self, meant: PlainText | None, text: str, mark: Mark) -> str:
+        """Return the text that is meant, with a fault where another one is written."""
+        if meant is None:
+            return text
+        at = Mark(mark.file, mark.line, mark.column + meant.slip.start)
+        self._fault(at, where(self._loc()), meant.slip.message, meant.slip.hint, code=meant.slip.code)
+        return meant.text
 
     def _key(self, key: str, mark: Mark) -> None:
         parent = self._open[-1]
         parent.skip = True
         if key in parent.node.keys:
             message, first = f"the key {_shown(key)} is given twice", parent.node.keys[key].line
-            self._fault(mark, where((*parent.loc, key)), message, f"first on line {first}", code="P114")
+            hint = f"first on line {first}" + (
+                "; nodes of a list begin with '- '" if key[:1].isupper() else ""
+            )
+            self._fault(mark, where((*parent.loc, key)), message, hint, code="P114")
         elif key == "":
             self._fault(mark, where(parent.loc), "a key is missing before ':'", code="P115")
         elif key == "<<":

@@ -177,7 +177,8 @@ def test_a_pattern_after_others_that_fit_all_that_it_fits() -> None:
          "P711 5:26: cases.it.facts.items_to_do: the fact 'items_to_do' is a whole number, not true"),
         ("halt_after: 0", "P107 5:17: cases.it.halt_after: at least 1 is wanted, not 0"),
         ("leafs: {}", "P104 5:5: cases.it.leafs: unknown key 'leafs' (did you mean 'leaves'?)"),
-        ("leaves: [Go]", "P106 5:13: cases.it.leaves: a mapping is wanted, not a list"),
+        ("leaves: [Go]", "P106 5:13: cases.it.leaves: a mapping is wanted, not a list "
+         "(its keys stand without a '-')"),
     ],
 )  # fmt: skip
 def test_the_world_of_a_case(line: str, fault: str) -> None:

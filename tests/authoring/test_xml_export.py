@@ -210,8 +210,8 @@ REFUSED = {
         "P921 mission.yaml:5:2: trees.Sub: BehaviorTree.CPP keeps the attribute 'ID' for itself "
         "(give the port another name)"
     ],
-    " Main: {Log: {message: ' {a} '}}": [
-        "P922 mission.yaml:4:24: Main/Log: port 'message': BehaviorTree.CPP reads ' {a} ' as a key of the "
+    " Main: {Log: {message: ' {a b} '}}": [
+        "P922 mission.yaml:4:24: Main/Log: port 'message': BehaviorTree.CPP reads ' {a b} ' as a key of the "
         "blackboard (leave out the braces)"
     ],
     " Main: {Timeout: {msec: 0.5, do: AlwaysSuccess}}": [

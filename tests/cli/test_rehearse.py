@@ -63,6 +63,7 @@ planning.no_path at Main/Recover/Sequence/back: No path free of collision was fo
 
 coverage  75 %: 6 of 8 reached; what no case reaches:
     m.yaml:9:52: Main/Recover/control.*: 'when control.*' is never used, nor 1 below
+recovery  50 %: 1 of 2 branches of recovery reached
 causes    1 of N that leaves declare are raised by some case
 to and fro: 1 of 2 cases passed
 """
@@ -126,7 +127,8 @@ def test_full_coverage_is_an_answer_too(files: Path, capsys: pytest.CaptureFixtu
     (files / "cases" / "m.yaml").write_text(mended + more)
     assert answer(["rehearse", "m.yaml", "-q", "--full-coverage", "--causes"]) == 0
     out = declared(capsys.readouterr().out)
-    assert "coverage  100 %: 8 of 8 reached\ncauses    2 of N that leaves declare" in out
+    assert "coverage  100 %: 8 of 8 reached\nrecovery  100 %: 2 of 2 branches of recovery reached\n" in out
+    assert "causes    2 of N that leaves declare" in out
     assert "    m.yaml:8:12: Main/Recover/Sequence/GoTo: never fails with planning.no_ik\n" in out
     assert "Main/Recover/Sequence/back: never fails with planning.no_path" not in out
 

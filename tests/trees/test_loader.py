@@ -79,7 +79,7 @@ CASES: dict[str, tuple[str, str]] = {
     ),
     "a list that is none": (
         "trees: {Main: {Find: {ids: red_1, found: '{x}'}}}",
-        "3:28: Main/Find: port 'ids': 'red_1' is not a list, each a text (what it finds)",
+        "3:28: Main/Find: port 'ids': 'red_1' is not a list, each a text (write [red_1])",
     ),
     "an unquoted reference": (
         "trees: {Main: {Take: {object: {item}}}}",

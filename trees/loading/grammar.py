@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from ...files.marks import Location, Mark
 from ...files.yaml.document import Document
 from ...files.yaml.reader import Value
+from ...files.yaml.slips import structure_hint
 from ..declaration import AUTOREMAP, COMMON_KEYS, IDENTIFIER, NodeDeclaration
 from ..mission import NodeSpec
 from ..node import Node
@@ -97,11 +98,7 @@ class NodeSpecReader:
                 ((identity, body),) = value.items()
                 return self._known(identity, body, (*loc, identity), loc, above, names)
             case dict() if value:
-                keys = list(value)
-                shown = ", ".join(map(show, keys[:4])) + (", …" if len(keys) > 4 else "")
-                message = f"a node is a mapping with one key, its ID; here are {len(keys)}: {shown}"
-                hint = f"what belongs to {show(keys[0])} is indented under it"
-                self._fault(loc, above, message, hint, code="P215")
+                self._several(value, loc, above, names)
             case list() if value:
                 shown = ", ".join([*map(_brief, value[:3]), *(["…"] if len(value) > 3 else [])])
                 hint = f"write 'Sequence: [{shown}]'"
@@ -110,6 +107,22 @@ class NodeSpecReader:
                 hint = "as 'Grasp: {object: \"{item}\"}' or a bare ID"
                 self._fault(loc, above, "here a node must stand", hint, code="P216")
         return None
+
+    def _several(self, value: dict[str, Value], loc: Location, above: str, names: ChildNames) -> None:
+        """Report a mapping of several keys: nodes without dashes, or ports that are not indented."""
+        keys = list(value)
+        shown = ", ".join(map(show, keys[:4])) + (", …" if len(keys) > 4 else "")
+        if not all(map(self._is_node, keys)):
+            message = f"a node is a mapping with one key, its ID; here are {len(keys)}: {shown}"
+            hint = f"what belongs to {show(keys[0])} is indented under it"
+            self._fault(loc, above, message, hint, code="P215")
+            return
+        if not any(key.startswith("-") for key in keys):  # else each of them is no ID
+            message = f"here are {len(keys)} nodes where one can stand: {shown}"
+            hint = f"in a list each begins with a '-': write '- {keys[0][:30]}', then '- {keys[1][:30]}'"
+            self._fault((*loc, keys[0]), above, message, hint, code="P215", key=True)
+        for key in keys:
+            self.node({key: value[key]}, loc, above, names)
 
     def _known(
         self, identity: str, body: Value, loc: Location, start: Location, above: str, names: ChildNames
@@ -150,7 +163,11 @@ class NodeSpecReader:
                 message = f"unknown node {show(identity)}"
                 self._fault(loc, above, message, hint, code="P207", key=key, detail=detail)
         else:
-            hint = "a letter or '_', then letters, digits and '_'"
+            words = identity.split()
+            hint = structure_hint(identity)
+            if not hint and len(words) > 1 and all(map(self._is_node, words)):
+                hint = f"each node of a list begins with a '-': write '- {words[0]}'"
+            hint = hint or "a letter or '_', then letters, digits and '_'"
             self._fault(loc, above, f"{show(identity)} is not an ID", hint, code="P208", key=key)
         # Descendants are checked too, so that all errors are reported at once.
         inner, at = (body.get("do"), (*loc, "do")) if isinstance(body, dict) else (body, loc)
@@ -276,14 +293,15 @@ class NodeSpecReader:
         given = dict(self._mapping(declaration.id, body, site))
         places: dict[str, Location] = {key: (*loc, key) for key in given}
         strange = [key for key in given if key not in declaration.keys]
-        if main is not None and "do" not in given and len(strange) == 1 and self._is_node(strange[0]):
+        children = [key for key in strange if self._is_node(key)]
+        if main is not None and "do" not in given and children:
             # `Inverter: {Condition: {if: holding}}`: the single key that is no port is the child.
-            child = strange[0]
-            given["do"] = {child: given.pop(child)}
+            given["do"] = {child: given.pop(child) for child in children}
             places["do"] = loc
         return given, places
 
     def _is_node(self, key: str) -> bool:
+        key = key.removeprefix("-")
         return key in self._trees or self._registry.find(key) is not None or key[:1].isupper()
 
     def _mapping(self, identity: str, body: Value, site: _Site) -> dict[str, Value]:
@@ -296,7 +314,8 @@ class NodeSpecReader:
                 self._fault(site.loc, site.trail, f"{identity} has no children", code="P230")
             case _:
                 message = f"the ports of {identity} are a mapping"
-                self._fault(site.loc, site.trail, message, "as '{port: value}'", code="P230")
+                hint = structure_hint(body) if isinstance(body, str) else ""
+                self._fault(site.loc, site.trail, message, hint or "as '{port: value}'", code="P230")
         return {}
 
     def _unknown_key(self, identity: str, key: str, known: Iterable[str], loc: Location, trail: str) -> None:

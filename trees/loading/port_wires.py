@@ -13,6 +13,7 @@ from typing import Final, Literal, cast
 from ...files.expressions.expression import Expression, ExpressionError
 from ...files.expressions.syntax_tree import Name
 from ...files.marks import Diagnostic, Location
+from ...files.quantity_hints import suggested
 from ...files.value_wording import suggest_number
 from ...files.yaml.document import Document
 from ...files.yaml.reader import Value
@@ -23,6 +24,7 @@ from ..values.fault_collector import MissionDiagnostics
 from ..values.port_types import convert_literal, show
 from ..values.references import (
     ATTRIBUTES,
+    REFERENCE_IN_TEXT,
     Assignment,
     Binding,
     Constant,
@@ -83,7 +85,10 @@ def _assignment(part: str, at: int) -> Assignment:
 
 
 def _as_expression(text: str) -> str:
-    """Return the hint for a text in braces that is no reference: as an expression, if it is one."""
+    """Return the hint for a text in braces that is no reference: without blanks, or as an expression."""
+    tight = re.sub(r"(?<=\{)\s+|\s+(?=\})", "", text)
+    if tight != text and REFERENCE_IN_TEXT.fullmatch(tight):
+        return f'write "{tight}"'
     try:
         inner = Expression.parse(text[1:-1].strip())
     except ExpressionError:
@@ -91,6 +96,25 @@ def _as_expression(text: str) -> str:
     if inner is None or isinstance(inner.root, Name):
         return 'a reference is "{key}" or "{key.attribute}"'
     return f"an expression begins with '=': \"{{= {inner}}}\""
+
+
+def _literal_hint(value: Value, port: PortDeclaration) -> str:
+    """Return what is meant by a literal that does not fit its port; "" where that is not known."""
+    if port.type.many:
+        return f"write [{value}]" if isinstance(value, str | int | float) and "{" not in str(value) else ""
+    if port.type.name not in ("int", "float") or not isinstance(value, str):
+        return ""
+    if port.type.name == "float" and port.unit is not None:
+        return suggest_number(value) or suggested(value, "s" if port.unit == "ms" else port.unit)
+    return suggest_number(value) or suggested(value, "")
+
+
+def _inner_reference(value: Value) -> str | None:
+    """Return the first reference that stands in a longer text, or in a list; None where there is none."""
+    if isinstance(value, list):
+        return next(filter(None, map(_inner_reference, value)), None)
+    found = REFERENCE_IN_TEXT.search(value) if isinstance(value, str) else None
+    return found[0] if found is not None else None
 
 
 class PortReader:
@@ -116,12 +140,20 @@ class PortReader:
                 self._expression_fault(error, value, loc, trail, what)
                 return None
             except ValueError as error:
-                self._fault(loc, trail, f"{what}: {error}", _as_expression(value), code="P221")
+                inner = _inner_reference(value)
+                if inner is not None:
+                    self._inner_reference_fault(port, value, inner, loc, trail)
+                else:
+                    self._fault(loc, trail, f"{what}: {error}", _as_expression(value), code="P221")
                 return None
             if computed is not None:
                 return computed
             if reference is not None:
                 return self._reference(port, reference, loc, trail)
+        inner = _inner_reference(value) if port.takes == "value" and port.type.name != "expression" else None
+        if inner is not None:
+            self._inner_reference_fault(port, value, inner, loc, trail)
+            return None
         if port.direction == "out" or port.takes == "key":
             hint = f'write "{{{value}}}"' if isinstance(value, str) and IDENTIFIER.fullmatch(value) else ""
             message = f"{what} is an output: it needs a key to write to"
@@ -136,10 +168,27 @@ class PortReader:
         except ExpressionError as error:
             self._expression_fault(error, value, loc, trail, what)
         except ValueError as error:
-            number = port.type.name in ("int", "float") and not port.type.many
-            hint = (suggest_number(value) if number else "") or port.doc
+            hint = _literal_hint(value, port) or port.doc
             self._fault(loc, trail, f"{what}: {error}", hint, code="P220")
         return None
+
+    def _inner_reference_fault(
+        self, port: PortDeclaration, value: Value, inner: str, loc: Location, trail: str
+    ) -> None:
+        """Report a reference that is not the whole value: nothing would take its place."""
+        if isinstance(value, list):
+            message = f"port {port.key!r}: a list holds no references, as {inner}"
+            hint = (
+                f'a key holds the whole list: write "{inner}"'
+                if len(value) == 1
+                else 'as "{key}", for the whole list'
+            )
+        else:
+            message = (
+                f"port {port.key!r}: {inner} is a part of the text {show(value)}, and stays as it is there"
+            )
+            hint = f'a reference is the whole value: write "{inner}"'
+        self._fault(loc, trail, message, hint, code="P221")
 
     def _reference(
         self, port: PortDeclaration, reference: Reference, loc: Location, trail: str

@@ -8,6 +8,7 @@ from typing import Literal, cast
 
 from ...files.marks import Location
 from ...files.quantities import UNITS
+from ...files.quantity_hints import suggested
 from ...files.value_wording import suggest_name
 from ...files.yaml.document import Document
 from ...files.yaml.reader import Value
@@ -152,7 +153,9 @@ class TreePorts:
         try:
             default = convert_literal(given.entry["default"], port.type, port.unit, port.choices)
         except ValueError as error:
-            self._fault(given.at("default"), f"the default: {error}", code="P213")
+            text = given.entry["default"]
+            hint = suggested(text, port.unit) if isinstance(text, str) and port.unit else ""
+            self._fault(given.at("default"), f"the default: {error}", hint, code="P213")
             return replace(port, default="")
         return replace(port, default=default)
 

@@ -93,5 +93,5 @@ def _wired_keys(tree: BehaviourTree) -> Iterator[tuple[str, PortDeclaration]]:
             continue
         for port in node.declaration.ports:
             wired = node.wiring.ports.get(port.key)
-            if isinstance(wired, Reference) and not wired.attributes and port.takes == "value":
+            if isinstance(wired, Reference) and not wired.attributes and port.takes in ("value", "template"):
                 yield node.wiring.namespace.full_key(wired.key), port

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias, cast
 
 from ...files.expressions.expression import Expression
-from ...files.quantities import in_unit, parse_quantity
+from ...files.quantities import bare_number, in_unit, parse_quantity
 from ...files.value_wording import suggest_name
 from ...world.journal import Plain
 from ...world.values import ObjectId
@@ -252,12 +252,10 @@ def _float(value: object, unit: str | None) -> float:
 
 def _milliseconds(value: str | int | float) -> float:
     # BT.CPP's ports `msec` and `delay_msec` take bare numbers in ms; here, too.
-    if not isinstance(value, str):
-        return parse_quantity(value, "s")
-    try:
-        return parse_quantity(float(value), "s")
-    except ValueError:
-        return round(parse_quantity(value, "s") * 1000.0, 9)
+    number = bare_number(value) if isinstance(value, str) else value
+    if number is not None:
+        return parse_quantity(number, "s")
+    return round(parse_quantity(value, "s") * 1000.0, 9)
 
 
 def _bool(value: object, _: str | None) -> bool:

@@ -59,6 +59,8 @@ class ExpressionLocator:
 ROOT_KEY: Final = "@"
 """First character of a key that is one of the tree `Main`, in whatever tree it is named."""
 _REFERENCE = re.compile(r"\{(@?[A-Za-z_]\w{0,59})((?:\.[A-Za-z_]\w{0,59}){0,9})\}", re.ASCII)
+REFERENCE_IN_TEXT: Final = re.compile(_REFERENCE.pattern, re.ASCII)
+"""Reference anywhere in a text."""
 _BRACES = re.compile(r"\{.*\}", re.DOTALL)
 
 

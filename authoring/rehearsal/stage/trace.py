@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from ....files.marks import Location
@@ -11,6 +11,7 @@ from ....files.node_patterns import node_matches
 from ....trees.blackboard import BlackboardWrite
 from ....trees.controls import NODES
 from ....trees.declaration import Resource
+from ....trees.flow import NEXT, ChildFlow, Recovery
 from ....trees.mission import Mission, NodeSpec
 from ....trees.node import Node
 from ....trees.ports import PortDeclaration
@@ -33,6 +34,8 @@ class NodeRole:
     branch: str = ""
     """Slot and label of the node where they have a meaning: `when grasp.missed`, `otherwise`."""
 
+    recovers: bool = False
+    """Whether it runs only after a failure: a handler, or an alternative of a Fallback."""
     played: bool = False
     """Whether a case answers for the node; nodes of the language run themselves."""
     causes: tuple[Cause | Family, ...] = ()
@@ -73,22 +76,34 @@ def roles_of(mission: Mission) -> NodeRoles:
     return NodeRoles(tuple(_walk(mission, mission.main.root, mission.main.name, mission.main.name, "")))
 
 
-def _walk(mission: Mission, spec: NodeSpec, above: str, text: str, branch: str) -> Iterator[NodeRole]:
+def _walk(
+    mission: Mission, spec: NodeSpec, above: str, text: str, branch: str, *, recovers: bool = False
+) -> Iterator[NodeRole]:
     path, text, node = f"{above}/{spec.name}", f"{text}/{spec.name}", spec.node
-    role = NodeRole(path, text, spec, branch)
+    role = NodeRole(path, text, spec, branch, recovers)
     if node is not None:
         declared = node.declaration
         wired = [port for port in declared.outputs if port.key in spec.ports]
         needed = tuple(port for port in wired if not follows_from_belief(port, declared.uses))
-        role = NodeRole(path, text, spec, branch, is_stubbed(node), declared.causes_with(spec.ports), needed)
+        causes = declared.causes_with(spec.ports)
+        role = replace(role, played=is_stubbed(node), causes=causes, needed=needed)
     yield role
     if spec.node is None:
         called = mission.trees[spec.id]
         yield from _walk(mission, called.root, role.path, called.name, "")
     for slot, filled in spec.slots.items():
-        for label, child in filled:
+        for index, (label, child) in enumerate(filled):
             below = f"{slot} {label}".strip() if label or slot != "do" else ""
-            yield from _walk(mission, child, role.path, role.text, below)
+            recovers = node is not None and _runs_after_failure(node, slot, index)
+            yield from _walk(mission, child, role.path, role.text, below, recovers=recovers)
+
+
+def _runs_after_failure(parent: type[Node], slot: str, index: int) -> bool:
+    """Whether that child starts only when another child has failed."""
+    flow = parent.flow
+    if isinstance(flow, Recovery):
+        return slot != "do" or index > 0
+    return type(flow) is ChildFlow and flow.failure == NEXT and index > 0
 
 
 @dataclass(slots=True)

@@ -44,6 +44,8 @@ class CoveragePoint:
     missed: str
     """Message when no case reaches the point: `never starts`."""
     reached: bool
+    recovers: bool = False
+    """Whether it is the start of a branch of recovery: a node that runs only after a failure."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +82,31 @@ class Coverage:
         """Share of reached points, %, rounded down, so that 100 means all."""
         return 100 * self.reached // len(self.points) if self.points else 100
 
+    @property
+    def recovery(self) -> Coverage:
+        """Coverage of the branches of recovery alone, each by its start."""
+        return Coverage(tuple(point for point in self.points if point.recovers), ())
+
+
+def coverage_gaps(coverage: Coverage, *, full: bool, recovery: int) -> tuple[str, ...]:
+    """Return a sentence for each demand that the coverage misses.
+
+    `full`: every point is demanded. `recovery`: least share of the branches of recovery, %.
+    """
+    gaps: list[str] = []
+    if full and not coverage.full:
+        gaps.append(
+            f"coverage is {coverage.percent} %: {len(coverage.missed)} of {len(coverage.points)} are not "
+            "reached, and --full-coverage demands all"
+        )
+    below = coverage.recovery
+    if 100 * below.reached < recovery * len(below.points):
+        missed = ", ".join(point.node for point in below.missed[:3]) + (", …" if below.missed[3:] else "")
+        gaps.append(
+            f"coverage of recovery is {below.percent} %, less than {recovery} %: no case reaches {missed}"
+        )
+    return tuple(gaps)
+
 
 @dataclass(slots=True)
 class CoverageRecord:
@@ -108,7 +135,8 @@ def coverage(staging: StubbedMission, reached: CoverageRecord) -> Coverage:
 def _points(staging: StubbedMission, reached: CoverageRecord, role: NodeRole) -> Iterator[CoveragePoint]:
     mark, text = role.spec.mark, role.text
     missed = f"'{role.branch}' is never used" if role.branch else "never starts"
-    yield CoveragePoint("branch" if role.branch else "node", mark, text, missed, text in reached.started)
+    kind: PointKind = "branch" if role.branch else "node"
+    yield CoveragePoint(kind, mark, text, missed, text in reached.started, role.recovers)
     if role.played and role.spec.node is not None and role.spec.node.kind == "condition":
         for answer in ("SUCCESS", "FAILURE"):
             yield CoveragePoint("answer", mark, text, f"never {answer}", (text, answer) in reached.answered)
@@ -275,6 +303,11 @@ def _coverage(coverage: Coverage) -> dict[str, Plain]:
         "percent": coverage.percent,
         "reached": coverage.reached,
         "total": len(coverage.points),
+        "recovery": {
+            "percent": coverage.recovery.percent,
+            "reached": coverage.recovery.reached,
+            "total": len(coverage.recovery.points),
+        },
         "missed": [
             {"place": _place(p.mark), "node": p.node, "kind": p.kind, "message": p.missed}
             for p in coverage.missed

@@ -151,6 +151,10 @@ def _coverage(coverage: Coverage, *, causes: bool) -> list[str]:
     if coverage.missed:
         lines[0] += "; what no case reaches:"
     lines += _missed(coverage.missed)
+    recovery = coverage.recovery
+    if recovery.points:
+        told = f"{recovery.reached} of {len(recovery.points)} branches of recovery reached"
+        lines.append(f"recovery  {recovery.percent} %: {told}")
     raised = sum(cause.raised for cause in coverage.causes)
     lines.append(f"causes    {raised} of {len(coverage.causes)} that leaves declare are raised by some case")
     if causes:

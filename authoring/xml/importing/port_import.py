@@ -102,7 +102,11 @@ class PortsOfTrees:
         default, remapped = None, ""
         if "default" in element.attributes:
             text = element.get("default")
-            if is_pointer(text):
+            if text.strip(" ").startswith("{="):
+                message = f"'default' of {key!r}: {text.strip(' ')!r} is no default"
+                hint = "a default is a value, or a '{key}'"
+                self.faults.append(Diagnostic(element.place("default"), tree, message, hint, "P911"))
+            elif is_pointer(text):
                 remapped = text.strip(" ")
             elif direction == "in":
                 default = self._value(tree, element, "default", PortType.parse(kind))
