@@ -9,8 +9,9 @@
 
 The golden runs of tests/golden are executed natively; natively with environment variables that would have
 their libraries compute otherwise; and under `qemu-x86_64 -cpu …` (package qemu-user of Debian), which takes
-some 25 times as long. Nothing comes from the disk cache. Finished cells are kept in runs/machines.json for as long as sources, libraries and
-processor stay as they are. Exit code 1: a golden run has more than one digest, or fails somewhere.
+some 25 times as long. Nothing comes from the disk cache. Finished cells are kept in runs/machines.json for as
+long as sources, libraries and processor stay as they are. Exit code 1: a golden run has more than one digest,
+or fails somewhere.
 """
 
 from __future__ import annotations

@@ -133,7 +133,7 @@ class Scaling:
     velocity: float = 1.0
     acceleration: float = 1.0
     tool: float = math.inf
-    """With something in the hand never more than `CARRYING_ACCELERATION`."""
+    """Acceleration of the tool; with something in the hand never more than `CARRYING_ACCELERATION`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -70,11 +70,11 @@ def body_of(
     hull: Array | None = None,
     centre: Array | None = None,
 ) -> ConvexMesh:
-    """Return the body that consists of convex parts, corners (k, 3) each, about its centre of mass.
+    """Return the body of convex parts, corners (k, 3) each, about its centre of mass.
 
     `source` and `scale`: its file, and the factor from the file's coordinates to m.
-    `hull` (n, 3) and `centre` (3,) are those of the mesh that was decomposed, if it was one: parts are
-    about as symmetric as it is, and no more. Coordinates of parts are rounded to `RESOLUTION_DIGITS`.
+    `hull` (n, 3) and `centre` (3,) are those of the mesh that was decomposed, if it was one. Parts are only
+    about as symmetric as that. Coordinates of parts are rounded to `RESOLUTION_DIGITS`.
     """
     if centre is None:
         centre, _ = centre_and_spread(parts)

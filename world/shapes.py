@@ -200,7 +200,7 @@ def _hull_span(hull: ConvexMesh, local: Array, d: Array) -> tuple[Array, Array]:
 
 
 def _first_spans(spans: list[tuple[Array, Array]]) -> tuple[Array, Array]:
-    """Of the parts that each ray meets ahead of it, or else behind it, return the span of the first one."""
+    """Return the span of the first part that each ray meets ahead of it, or else behind it."""
     near, far = spans[0]
     for start, end in spans[1:]:
         met, known = start <= end, near <= far

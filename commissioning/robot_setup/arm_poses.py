@@ -15,8 +15,7 @@ from ...robots.model import RobotModel
 from ...robots.urdf_tree import UrdfTree, read_skeleton
 from ...world.scene.description import MAX_HIDDEN_SHARE, SceneDescription
 from ...world.scene.loading.scene_loading import load_scene
-from ...world.values import Array, Pose
-from ...world.workspace_excess import workspace_excess
+from ...world.values import Array, Pose, workspace_excess
 
 SCENE = "sort_small"
 """Scene whose workspace contains the poses, and from whose cameras `home` does not hide the items."""

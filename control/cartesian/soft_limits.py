@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...robots.model import RobotModel
 from ...world.values import Array, Bounds, Vector3
+
+if TYPE_CHECKING:
+    from ...robots.model import RobotModel
 
 SOFT_LIMIT_MARGIN = 0.005
 """Distance to its soft limit at which a joint under torque control stops, rad."""

@@ -14,8 +14,7 @@ from ...world.causes import FailureReport, control, safety
 from ...world.journal import Journal, JournalEvent
 from ...world.protocols import SensorStamps
 from ...world.scene.description import SafetyLimits
-from ...world.values import Array, JointState, Vector3
-from ...world.workspace_excess import workspace_excess
+from ...world.values import Array, JointState, Vector3, workspace_excess
 from .sensor_silence import STALE_SENSOR_NAME, check_silence
 from .stop_latch import Latch, LatchState
 

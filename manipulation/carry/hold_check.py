@@ -17,7 +17,7 @@ from ...world.causes import Failure, grasp
 from ...world.scene.description import MIN_FELT_MASS
 from ...world.shapes import Box, CompoundMesh, ConvexMesh, Cylinder, Sphere, extents
 from ...world.values import GRAVITY, ObjectId, Pose
-from ..grasp.object_grasps import contacts_at
+from ..grasp.hand_shape import contacts_at
 from ..grasp.straight_lines import lift_off
 from ..place.dropped_objects import release_object
 

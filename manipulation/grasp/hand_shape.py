@@ -1,10 +1,14 @@
-"""Hand as boxes in the view along its approach, with dimensions from the robot's model."""
+"""Hand as boxes in the view along its approach, with dimensions from the robot's model, and what its pads
+meet."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from ...robots.description import GripperDescription
+from ...world.pad_contacts import PadContacts, pad_contacts
+from ...world.shapes import CompoundMesh
+from ...world.values import Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,3 +55,12 @@ class HandShape:
             for box, pose in gripper.hand
         ]
         return cls(gripper.tip, gripper.max_width, tuple(fingers), tuple(palm))
+
+
+def contacts_at(
+    mesh: CompoundMesh, mesh_in_tcp: Pose, gripper: GripperDescription, opening: float
+) -> PadContacts | None:
+    """Return where the gripper's pads that close from an opening, m, meet a body; None: nothing is between
+    them."""
+    width, _, height = gripper.pads[0][0].size
+    return pad_contacts(mesh, mesh_in_tcp, opening, width / 2, (gripper.tip - height, gripper.tip))

@@ -6,7 +6,6 @@ computed from the believed shape and pose. Rays along the pads' motion tell what
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -14,11 +13,11 @@ import numpy as np
 from ...robots.description import GripperDescription
 from ...world.belief.height_map import Heap, HeightMap
 from ...world.belief.planning_scene import BeliefObject
-from ...world.pad_contacts import PadContacts, pad_contacts, top_heights
+from ...world.pad_contacts import top_heights
 from ...world.shapes import CompoundMesh, extents
 from ...world.values import Array, Pose
 from .grasp_candidates import GRASP_YAWS, GraspCandidate, grasp_candidates, heading_of, leaning_grasps
-from .heap_grasps import LOOSE, MORE_TILTED, STRICT, TILTED, VERTICAL, Approach, Tier, grasps
+from .hand_shape import contacts_at
 
 CELL = 0.002
 """Edge length of a cell of the map, m: that of a heap's."""
@@ -44,7 +43,7 @@ def object_grasps(
     if not isinstance(mesh, CompoundMesh):
         return found
     across = [met for one in found if (met := _met(belief, mesh, gripper, one)) is not None]
-    by_walls = _by_height(belief, mesh, gripper, ((STRICT, (VERTICAL,)), (LOOSE, (VERTICAL,))))
+    by_walls = _by_height(belief, mesh, gripper, leaning=False)
     return sorted([*across, *by_walls], key=lambda c: (c.score, c.name))
 
 
@@ -53,20 +52,21 @@ def leaning_object_grasps(belief: BeliefObject, gripper: GripperDescription) -> 
     mesh = belief.shape
     if not isinstance(mesh, CompoundMesh):
         return leaning_grasps(belief, gripper)
-    return _by_height(belief, mesh, gripper, ((LOOSE, (TILTED, MORE_TILTED)),))
+    return _by_height(belief, mesh, gripper, leaning=True)
 
 
 def _by_height(
-    belief: BeliefObject,
-    mesh: CompoundMesh,
-    gripper: GripperDescription,
-    stages: Iterable[tuple[Tier, tuple[Approach, ...]]],
+    belief: BeliefObject, mesh: CompoundMesh, gripper: GripperDescription, *, leaning: bool
 ) -> list[GraspCandidate]:
     """Return the grasps on the body's height map, each once, with what the pads meet."""
+    from . import heap_grasps as heaps  # loads OpenCV
+
+    upright = ((heaps.STRICT, (heaps.VERTICAL,)), (heaps.LOOSE, (heaps.VERTICAL,)))
+    stages = ((heaps.LOOSE, (heaps.TILTED, heaps.MORE_TILTED)),) if leaning else upright
     found: dict[str, GraspCandidate] = {}
     heap = Heap(_height_map(belief, mesh))
     to_object = belief.pose.inverse()
-    for stage in grasps(heap, gripper, tuple(stages)):
+    for stage in heaps.grasps(heap, gripper, stages):
         for one in stage:
             met = _met(belief, mesh, gripper, one)
             if met is None:
@@ -90,15 +90,6 @@ def _met(
         return None
     centred = grasp.tcp_in_world @ Pose((0.0, off, 0.0))
     return replace(grasp, tcp_in_world=centred, expected_width=contacts.width)
-
-
-def contacts_at(
-    mesh: CompoundMesh, mesh_in_tcp: Pose, gripper: GripperDescription, opening: float
-) -> PadContacts | None:
-    """Return where the gripper's pads that close from an opening, m, meet a body; None: nothing is between
-    them."""
-    width, _, height = gripper.pads[0][0].size
-    return pad_contacts(mesh, mesh_in_tcp, opening, width / 2, (gripper.tip - height, gripper.tip))
 
 
 def _height_map(belief: BeliefObject, mesh: CompoundMesh) -> HeightMap:

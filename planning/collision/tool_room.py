@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...robots.joint_limits import JointExcess, joint_excesses
-from ...world.values import Array, Bounds, Vector3
-from ...world.workspace_excess import WorkspaceExcess, workspace_excess
+from ...world.values import Array, Bounds, Vector3, WorkspaceExcess, workspace_excess
 
 if TYPE_CHECKING:
     from ...robots.model import RobotModel

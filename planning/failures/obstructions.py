@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...robots.model import RobotModel
-from ...world.values import Array, Bounds, Vector3
-from ...world.workspace_excess import WorkspaceExcess, workspace_excess
+from ...world.values import Array, Bounds, Vector3, WorkspaceExcess, workspace_excess
 from ..collision.collision_checker import CollisionChecker
 from ..collision.tool_room import WORKSPACE_MARGIN
 from ..collision.trajectory_check import EDGE_RESOLUTION, StartTolerance

@@ -11,8 +11,7 @@ import numpy as np
 from ...robots.joint_limits import DEGREES_HINT, format_joint_value, joint_excesses
 from ...robots.model import LIMIT_RESERVE, RobotModel
 from ...world.causes import Failure, planning
-from ...world.values import Array, Pose, Vector3
-from ...world.workspace_excess import WorkspaceExcess
+from ...world.values import Array, Pose, Vector3, WorkspaceExcess
 from ..kinematics.cartesian_lines import LineResult, interpolate_pose
 from ..kinematics.inverse_kinematics import InverseKinematics
 from ..kinematics.unreachable_poses import NearestReach

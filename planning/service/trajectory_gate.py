@@ -11,8 +11,7 @@ from ...robots.joint_limits import format_joint_value
 from ...robots.model import RobotModel
 from ...world.causes import Cause, Failure, planning, safety
 from ...world.trajectory import Trajectory
-from ...world.values import Array, Bounds
-from ...world.workspace_excess import workspace_excess
+from ...world.values import Array, Bounds, workspace_excess
 from ..collision.trajectory_check import StartTolerance, first_collision, sampled_configurations
 from ..failures import planning_failures
 from ..requests import ContactPair, JointGoal, Request

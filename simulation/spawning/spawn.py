@@ -134,9 +134,8 @@ def draw_heap(
     for k, (entry, stickers) in enumerate(drawn):
         tag, rolls = (None, False) if stickers is None else (tags[k], in_tote)
         name = item_id(k)
-        items.append(
-            SpawnedItem(name, entry, colours[k], poses[k], dropped, None, stickers, tag=tag, rolls=rolls)
-        )
+        spawned = SpawnedItem(name, entry, colours[k], poses[k], dropped, None, stickers)
+        items.append(replace(spawned, tag=tag, rolls=rolls))
     return items
 
 

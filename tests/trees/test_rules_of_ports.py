@@ -71,7 +71,7 @@ def doc_of(node: str, key: str) -> str:
         ("Repeat: {do: AlwaysSuccess}",
          "P234 4:10: Main/Repeat: one of 'num_cycles' and 'while' must be given, or it would never end"),
         ("Recover: {do: AlwaysSuccess}",
-         "P234 4:10: Main/Recover: without `when` or `otherwise` nothing is recovered; use "
+         "P234 4:10: Main/Recover: without `when`, `otherwise` or `instead` nothing is recovered; use "
          "RetryUntilSuccessful to retry"),
     ],
 )  # fmt: skip
