@@ -112,8 +112,11 @@ def _stamped_times(reading: McapReader, times: Times, spread: int) -> Times:
 def _nearest_change(
     time: int, data: bytes, ticks: Times, changes: Mapping[int, list[bytes]], spread: int
 ) -> int:
-    """Return the time of the tick of a message: of the ticks around, one with a change that the message
-    names, else one with any change, else the nearest."""
+    """Return the time of the tick to which a message belongs.
+
+    Of the ticks around it is one with a change that the message names, else one with any change, else the
+    nearest.
+    """
 
     def distance(tick: int) -> tuple[bool, bool, int]:
         return not any(name in data for name in changes.get(tick, ())), tick not in changes, abs(tick - time)

@@ -38,8 +38,8 @@ CIRCLE_CORNERS = 16
 
 
 TOP_CELLS, LEAST_TOP_QUANTILE = 24, 0.5
-"""Cells along each side of a body's height map, and the quantile of its heights that its top may seem to be:
-sides that are seen from aslant add to the lower ones."""
+"""Cells along each side of a body's height map, and the quantile of its heights that its top may seem to be.
+Sides that are seen from aslant add to the lower ones."""
 
 
 @dataclass(frozen=True, eq=False)
