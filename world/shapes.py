@@ -63,7 +63,7 @@ class CompoundMesh(ConvexMesh):
 
 OBSTACLE_VOLUME = "volume"
 """Source of a convex mesh that stands for cells of an unknown obstacle, which changes with each view."""
-Shape: TypeAlias = Box | Cylinder | Sphere | ConvexMesh
+Shape: TypeAlias = Box | Cylinder | Sphere | ConvexMesh | CompoundMesh
 
 
 def scaled(shape: Shape, factor: float) -> Shape:

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from pydantic import TypeAdapter
 
+from picktree.logs.meshes.triangle_meshes import shape_mesh
 from picktree.world import convex_parts
 from picktree.world.convex_parts import MAX_PARTS, moments, parts_name, parts_text
 from picktree.world.mesh_reader import MeshError
 from picktree.world.pad_contacts import pad_contacts, top_heights
 from picktree.world.scene.loading.scene_entries import load_body
-from picktree.world.shapes import CompoundMesh, ConvexMesh, inside, ray_hits
+from picktree.world.shapes import CompoundMesh, ConvexMesh, Shape, inside, ray_hits
 from picktree.world.values import Pose
 
 ANGLE = [(0.0, 0.0), (0.06, 0.0), (0.06, 0.006), (0.006, 0.006), (0.006, 0.04), (0.0, 0.04)]
@@ -117,3 +120,18 @@ def test_a_hull_with_many_corners_loses_those_that_matter_least(tmp_path: Path) 
     assert len(body.vertices) == 256
     reach = np.hypot(*np.array(body.vertices)[:, :2].T)
     assert reach == pytest.approx(np.full(256, 0.02), abs=1e-6)
+
+
+def test_a_log_keeps_what_is_not_convex(tmp_path: Path) -> None:
+    body = compound(angle(tmp_path))
+    read = TypeAdapter[Shape](Shape).validate_python(asdict(body))
+    assert isinstance(read, CompoundMesh) and read == body
+    assert isinstance(
+        TypeAdapter[Shape](Shape).validate_python(asdict(ConvexMesh(body.vertices, ""))), ConvexMesh
+    )
+    drawn = shape_mesh(read)
+    # As its parts, and not as its hull, which is more than twice as large.
+    volume = sum(moments(np.array(part))[0] for part in body.parts)
+    corners = drawn.vertices[drawn.faces]
+    enclosed = np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+    assert enclosed == pytest.approx(volume, rel=1e-3)
