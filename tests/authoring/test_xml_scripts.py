@@ -134,7 +134,7 @@ REFUSED = {
     "a; b": "one expression without an assignment is wanted",
     "a ==": "a value is missing",
     "(a": "')' is missing",
-    "a b": "';' is missing",
+    "a b": "one expression without an assignment is wanted",
     "a.b": "'.' has no meaning in a script",
     "(" * 60 + "a" + ")" * 60: "the script is nested more than 40 deep",
     "a" * 5000: "the script is longer than 4000 characters",

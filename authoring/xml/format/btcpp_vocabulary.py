@@ -114,8 +114,12 @@ SETS: Final = "_sets"
 """Attribute that marks a Script that is a SetBlackboard of the mission."""
 NO_CASE: Final = "_no_case"
 """Attribute that marks the default of a Switch that has none."""
-IGNORED: Final = ("_uid", "_fullpath", "_description")
-"""Attributes that Groot2 adds for itself."""
+DESCRIPTION: Final = "_description"
+"""Attribute in which Groot2 keeps what a tree or a node does."""
+IGNORED: Final = (
+    "_uid", "_fullpath", DESCRIPTION, "_favorite", "_hardcoded", "_collapsed", "_hidden", "_subtreeOnly",
+)  # fmt: skip
+"""Attributes of the editors Groot2 and MoveIt Pro."""
 
 
 def taken(identity: str) -> bool:

@@ -67,6 +67,10 @@ class Element:
     mark: Mark = field(default=NOWHERE, compare=False)
     places: Mapping[str, Mark] = field(default_factory=dict[str, Mark], compare=False)
     """Places of the attributes' values."""
+    end_comments: tuple[str, ...] = field(default=(), compare=False)
+    """Comments behind the last child."""
+    comments_below: tuple[str, ...] = field(default=(), compare=False)
+    """Comments below the element; only the root has them."""
 
     def get(self, attribute: str, default: str = "") -> str:
         return self.attributes.get(attribute, default)
