@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -16,6 +17,7 @@ from picktree.errors import PicktreeError
 from picktree.files.marks import FileError
 from picktree.trees.loading.loader import load_mission
 from picktree.trees.loading.registry import NodeRegistry
+from picktree.trees.node import Node
 from picktree.trees.plugins.plugin import load_plugin
 
 XML = """<root BTCPP_format="4" main_tree_to_execute="Main">
@@ -49,8 +51,7 @@ OwnOpenGripper action in torque: float
 None action"""
 
 
-def described(nodes: object) -> str:
-    assert isinstance(nodes, list | tuple)
+def described(nodes: Sequence[type[Node]]) -> str:
     lines: list[str] = []
     for node in nodes:
         ports = [

@@ -197,7 +197,7 @@ class _Importer:
         """Report the unknown nodes: those with a near name each, the others together."""
         made = {stub.id for stub in stubs}
         known = [*(each for each in self._registry.ids() if each not in made), *btcpp_vocabulary.TRANSLATED]
-        lost = []
+        lost: list[StubNode] = []
         for stub in stubs:
             near = get_close_matches(stub.source, known, 1, _NEAR)
             hint = foreign_word(stub.source) or (f"did you mean {near[0]!r}?" if near else "")

@@ -80,16 +80,16 @@ def rename_keys(source: XmlSource, faults: ImportFaults) -> None:
             for key, mark in _keys(element):
                 used.setdefault(key, mark)
             for attribute in _scripts(element):
-                names = names_in(element.get(attribute))
-                scripted.update(names)
-                for name in _assigned(element.get(attribute), names):
+                found = names_in(element.get(attribute))
+                scripted.update(found)
+                for name in _assigned(element.get(attribute), found):
                     used.setdefault(name, element.place(attribute))
-    scripted = {name.lstrip("@") for name in scripted}
-    wrong = [key for key in used if _is_wrong(key, scripted)]
-    wrong += [name for name in OUR_WORDS if name in scripted and name not in used]
+    words = {name.lstrip("@") for name in scripted}
+    wrong = [key for key in used if _is_wrong(key, words)]
+    wrong += [name for name in OUR_WORDS if name in words and name not in used]
     if not wrong:
         return
-    taken = {*used, *scripted, *FACTS, *OUR_WORDS}
+    taken = {*used, *words, *FACTS, *OUR_WORDS}
     names: dict[str, str] = {}
     for key in wrong:
         stem = f"{key}_key" if IDENTIFIER.fullmatch(key) else key
@@ -139,7 +139,11 @@ def _scripts(element: Element) -> tuple[str, ...]:
     """Return the attributes that hold scripts."""
     if element.identity in btcpp_vocabulary.OURS:
         return ()
-    ports = {"Script": ("code",), "ScriptCondition": ("code",), "Precondition": ("if",)}
+    ports: dict[str, tuple[str, ...]] = {
+        "Script": ("code",),
+        "ScriptCondition": ("code",),
+        "Precondition": ("if",),
+    }
     known = (*PRECONDITIONS, *POSTCONDITIONS, *ports.get(element.identity, ()))
     return tuple(key for key in known if key in element.attributes)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, NoReturn, TypeAlias, cast
 
@@ -35,7 +35,6 @@ _TOKEN = re.compile(
 )
 _NO_COUNTERPART = {
     "&": "bitwise operators", "|": "bitwise operators", "^": "bitwise operators", "~": "bitwise operators",
-    "..": "joining of texts",
 }  # fmt: skip
 OUR_WORDS = ("and", "or", "not", "in", "if", "else", "null", "is", "for", "lambda", "True", "False", "None")
 _ASSIGNMENTS = (":=", "=", "+=", "-=", "*=", "/=")
@@ -236,17 +235,16 @@ class _Parser:
             raise ScriptError(f"the script is nested more than {MAX_SCRIPT_DEPTH} deep", self._token.at)
 
     def _logic(self) -> Part:
-        """Parse `&&` and `||`, which bind equally tightly, from left to right."""
-        left, joined = self._comparison(), ""
-        while self._is("&&", "||"):
-            token = self._take()
-            symbol, right = _LOGIC[token.text], self._comparison()
-            if isinstance(left, Logic) and joined == symbol:
-                left = Logic(left.at, symbol, (*left.parts, right))
-            else:
-                left = Logic(token.at, symbol, (left, right))
-            joined = symbol
-        return left
+        """Parse `||`, and `&&`, which binds more tightly since BehaviorTree.CPP 4.9."""
+        return self._joined("||", lambda: self._joined("&&", self._comparison))
+
+    def _joined(self, symbol: str, operand: Callable[[], Part]) -> Part:
+        first, rest = operand(), list[Part]()
+        at = self._token.at
+        while self._is(symbol):
+            self._take()
+            rest.append(operand())
+        return Logic(at, _LOGIC[symbol], (first, *rest)) if rest else first
 
     def _comparison(self) -> Part:
         first, rest = self._sum(), list[ComparisonLink]()
@@ -260,9 +258,9 @@ class _Parser:
 
     def _sum(self) -> Part:
         left = self._product()
-        while self._is("+", "-"):
+        while self._is("+", "-", ".."):
             token = self._take()
-            left = Arithmetic(token.at, "+" if token.text == "+" else "-", left, self._product())
+            left = Arithmetic(token.at, "-" if token.text == "-" else "+", left, self._product())
         return left
 
     def _product(self) -> Part:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import keyword
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias, cast
+from typing import Any, Literal, TypeAlias, cast
 
 from ....errors import PicktreeError
 from ....files.marks import Mark
@@ -199,7 +199,7 @@ class StubFinder:
         most, least = max(len(use.children) for use in uses), min(len(use.children) for use in uses)
         for said in (model, *uses):
             if said is not None and said.name in ("Action", "Condition", "Decorator", "Control"):
-                kind = cast("StubKind", said.name)
+                kind: StubKind = said.name
                 leaf = kind in ("Action", "Condition")
                 if leaf == (most == 0) and (kind != "Decorator" or most == 1):
                     return kind
@@ -274,20 +274,20 @@ def stub_class(stub: StubNode) -> type[Node]:
     annotations: dict[str, object] = {}
     for each in stub.ports:
         way = In if each.direction == "in" else Out
-        annotations[each.attribute] = way[_annotation(each.type)]  # type: ignore[misc]
+        annotations[each.attribute] = cast("Any", way)[_annotation(each.type)]
         default = each.default if each.direction == "in" else REQUIRED
         body[each.attribute] = port(each.doc, default=default, key=each.key)
     body["__annotations__"] = annotations
     try:
-        return type(base)(stub.id, (base,), body)
+        return cast("type[Node]", cast("Any", type(base))(stub.id, (base,), body))
     except PicktreeError as error:  # a port that the text of no model can have
         raise PicktreeError(f"the stub of {stub.source!r}: {error}") from None
 
 
 def _annotation(kind: PortType) -> object:
-    one: object = PYTHON_TYPES[kind.name]
-    whole = list[one] if kind.many else one  # type: ignore[valid-type]
-    return whole | None if kind.optional else whole  # type: ignore[operator]
+    one: Any = PYTHON_TYPES[kind.name]
+    whole: Any = list[one] if kind.many else one
+    return whole | None if kind.optional else whole
 
 
 def _run(self: Skill, world: object) -> Steps:
