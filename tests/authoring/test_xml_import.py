@@ -94,6 +94,21 @@ BECOMES = {
         '<LoopInt queue="1;2" value="{n}"><AlwaysSuccess/></LoopInt>',
         '  Main: {ForEach: {in: [1, 2], out: "{n}", do: AlwaysSuccess}}\n',
     ),
+    "a loop that is skipped at its end": (
+        '<LoopInt queue="1;2" value="{n}" if_empty="SKIPPED"><AlwaysSuccess/></LoopInt>',
+        '  Main:\n    IfThenElse:\n      - ForEach: {in: [1, 2], out: "{n}", do: AlwaysSuccess}\n'
+        "      - AlwaysSuccess: {_skipIf: true}\n",
+    ),
+    "a loop that fails at its end": (
+        '<LoopInt queue="1;2" value="{n}" if_empty="FAILURE"><AlwaysSuccess/></LoopInt>',
+        '  Main: {ForceFailure: {ForEach: {in: [1, 2], out: "{n}", do: AlwaysSuccess}}}\n',
+    ),
+    "a TryCatch and an AsyncSequence": (
+        '<TryCatch catch_on_halt="true"><AsyncSequence><AlwaysSuccess/></AsyncSequence>'
+        "<AlwaysFailure/></TryCatch>",
+        "  Main:\n    TryCatch:\n      catch_on_halt: true\n      do:\n"
+        "        - AsyncSequence: [AlwaysSuccess]\n        - AlwaysFailure\n",
+    ),
     "a Switch": (
         '<Switch2 variable="red" case_1="red" case_2="2">\n  <AlwaysSuccess/>\n  <AlwaysFailure/>\n'
         '  <Sequence name="default">\n    <AlwaysSuccess/>\n  </Sequence>\n</Switch2>',
@@ -249,17 +264,11 @@ REFUSED = {
         ["P904 1:1: the first element is <root>, not <html> (as <root BTCPP_format=\"4\">)"],
     ),
     "nodes of BT.CPP that have no counterpart": (
-        one('<AsyncSequence><UnsetBlackboard key="a"/></AsyncSequence>'),
+        one('<Sequence><UnsetBlackboard key="a"/></Sequence>'),
         [
-            "P907 3:5: Main/AsyncSequence: 'AsyncSequence' has no counterpart (Sequence comes near; here no "
-            "Sequence is interrupted between two children)",
-            "P907 3:20: Main/AsyncSequence/UnsetBlackboard: 'UnsetBlackboard' has no counterpart (a key "
-            "cannot be taken away; write null with SetBlackboard)",
+            "P907 3:15: Main/Sequence/UnsetBlackboard: 'UnsetBlackboard' has no counterpart (a key cannot be "
+            "taken away; write null with SetBlackboard)",
         ],
-    ),
-    "a loop that is skipped when it is empty": (
-        one('<LoopInt queue="1" value="{n}" if_empty="SKIPPED"><AlwaysSuccess/></LoopInt>'),
-        ["P907 3:46: Main/LoopInt: 'if_empty': 'SKIPPED' has no counterpart (an empty list is SUCCESS)"],
     ),
     "a Switch with too few children": (
         one('<Switch2 variable="a" case_1="1" case_2="1"><AlwaysSuccess/><AlwaysSuccess/></Switch2>'),

@@ -61,14 +61,15 @@ SHARED_NODES: Final = frozenset(
         "WhileDoElse", "Inverter", "ForceSuccess", "ForceFailure", "Repeat", "KeepRunningUntilFailure",
         "RetryUntilSuccessful", "Timeout", "Delay", "RunOnce", "AlwaysSuccess", "AlwaysFailure",
         "SequenceWithMemory", "ParallelAll", "Sleep", "SkipUnlessUpdated", "WaitValueUpdate",
-        "WasEntryUpdated",
+        "WasEntryUpdated", "AsyncSequence", "AsyncFallback", "TryCatch",
     )
 )  # fmt: skip
 """Nodes that both have, with the same ports."""
 PORT_TYPES: Final[dict[str, str]] = {
     "success_count": "int", "failure_count": "int", "num_cycles": "int", "num_attempts": "int",
     "max_failures": "int",
-    "msec": "unsigned", "delay_msec": "unsigned", "then_skip": "bool", "variable": "std::string",
+    "msec": "unsigned", "delay_msec": "unsigned", "then_skip": "bool", "catch_on_halt": "bool",
+    "variable": "std::string",
 }  # fmt: skip
 """C++ types of the ports of those nodes, and of Switch."""
 TRANSLATED: Final = frozenset(
@@ -81,8 +82,7 @@ TRANSLATED: Final = frozenset(
 FOREIGN: Final[dict[str, str]] = {
     name: FOREIGN_WORDS[name]
     for name in (
-        "AsyncSequence", "AsyncFallback", "UnsetBlackboard", "TryCatch", "ManualSelector", "SubTreePlus",
-        "SequenceStar",
+        "UnsetBlackboard", "ManualSelector", "SubTreePlus", "SequenceStar",
     )
 }  # fmt: skip
 """Nodes of BehaviorTree.CPP without a counterpart, and the nearest alternative."""

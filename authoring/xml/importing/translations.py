@@ -183,11 +183,6 @@ class Translations:
 
     def _loop(self, element: Element, trail: str) -> NodeDraft:
         self._reader.only(element, ("queue", "if_empty", "value"), trail)
-        if element.get("if_empty", "SUCCESS") != "SUCCESS":
-            message = f"'if_empty': {element.get('if_empty')!r} has no counterpart"
-            self._reader.fault(
-                element.place("if_empty"), trail, message, "an empty list is SUCCESS", code="P907"
-            )
         draft = NodeDraft.of("ForEach", element.mark)
         self._reader.needed(element, "queue", trail)
         self._reader.needed(element, "value", trail)
@@ -196,7 +191,26 @@ class Translations:
         child = self._child(element, trail)
         if child is not None:
             draft.put("do", child.written())
-        return draft
+        return self._ended(element, draft, trail)
+
+    def _ended(self, element: Element, loop: NodeDraft, trail: str) -> NodeDraft:
+        """Return the loop so that it ends as `if_empty` says, which it does behind the last element, too."""
+        match element.get("if_empty", "SUCCESS"):
+            case "SUCCESS":
+                return loop
+            case "FAILURE":
+                outer = NodeDraft.of("ForceFailure", element.mark)
+                outer.put("do", loop.written())
+            case "SKIPPED":
+                skipped = NodeDraft.of("AlwaysSuccess", element.mark)
+                skipped.put("_skipIf", True)
+                outer = NodeDraft.of("IfThenElse", element.mark)
+                outer.put("do", MarkedValue(element.mark, items=[loop.written(), skipped.written()]))
+            case other:
+                message = f"'if_empty' is SUCCESS, FAILURE or SKIPPED, not {other!r}"
+                self._reader.fault(element.place("if_empty"), trail, message, code="P911")
+                return loop
+        return outer
 
     def _switch(self, element: Element, trail: str) -> NodeDraft:
         count = int(element.identity.removeprefix("Switch")[:4])
