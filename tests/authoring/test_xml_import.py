@@ -242,7 +242,7 @@ REFUSED = {
             "P910 8:31: Main/Sequence/AlwaysSuccess: _skipIf: bitwise operators have no counterpart, "
             "at character 3 of 'a & b'",
             "P913 9:20: Main/Sequence/Sbu: there is no tree 'Sbu' "
-            "(known: Main; give its file or folder, too)",
+            "(known: Main; give its file or folder, too, or take it for a node with --stubs)",
         ],
     ),
     "what the language finds has its place in the XML, too": (

@@ -123,3 +123,14 @@ def test_a_folder_is_read_whole_and_what_the_first_tree_does_not_use_is_left_out
     (tmp_path / "none").mkdir()
     with pytest.raises(PicktreeError, match="there is no XML file with trees"):
         read_files([tmp_path / "none"])
+
+
+def test_a_tree_that_no_file_has_is_a_node() -> None:
+    xml = (
+        '<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence><SubTree ID="Look around" to="{pose}" '
+        '_autoremap="true"/><Log message="at" value="{pose}"/></Sequence></BehaviorTree></root>'
+    )
+    found = convert_all([XmlText(xml, Path("tree.xml"))], ImportOptions(stubs="nodes.py"))
+    assert '- Look_around: {to: "{pose}"}' in found.text
+    assert "to: Out[object]" in found.stubs
+    assert found.notes[0].message == "there is no tree 'Look around'; it is a node here"

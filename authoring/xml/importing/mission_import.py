@@ -29,7 +29,7 @@ from .port_import import PortsOfTrees, TreePort
 from .renaming import rename_keys, rename_trees
 from .source import XmlText, read_source
 from .stub_text import stub_text
-from .stubs import StubFinder, StubNode
+from .stubs import StubFinder, StubNode, stub_missing_trees
 from .switch_labels import label_switches
 
 _ONE = ("name", "scene", "goal")
@@ -123,6 +123,8 @@ class _Importer:
     def _read(self) -> tuple[MarkedValue, MissionReadResult, tuple[StubNode, ...]]:
         """Return the mission's content, what the loader makes of it, and the stubs. Raises FileError."""
         self._load_plugins()
+        if self._options.stubs or self._options.plugins:
+            stub_missing_trees(self._source, self._faults)
         rename_trees(self._source, self._registry, self._faults)
         rename_keys(self._source, self._faults)
         finder = StubFinder(self._source, self._registry, self._faults, self._options.enums)

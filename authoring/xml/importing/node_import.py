@@ -257,7 +257,9 @@ class XmlNodeReader(ElementReader):
         if identity not in self._trees:
             hint = suggest_name(identity, self._trees) if self._trees else ""
             if not hint.startswith("did"):
-                hint = f"{hint}; give its file or folder, too".lstrip("; ")
+                hint = f"{hint}; give its file or folder, too, or take it for a node with --stubs".lstrip(
+                    "; "
+                )
             self.fault(element.place("ID"), trail, f"there is no tree {identity!r}", hint, code="P913")
             return NodeDraft.of("AlwaysSuccess", element.mark)
         ports = {port.key: port for port in self._trees[identity]}

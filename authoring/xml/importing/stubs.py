@@ -11,7 +11,7 @@ from ....errors import PicktreeError
 from ....files.marks import Mark
 from ....trees.controls.decorator import Decorator
 from ....trees.controls.leaves import ConditionNode
-from ....trees.declaration import COMMON_KEYS, IDENTIFIER, NodeDeclaration, reserved_names
+from ....trees.declaration import AUTOREMAP, COMMON_KEYS, IDENTIFIER, NodeDeclaration, reserved_names
 from ....trees.loading.registry import NodeRegistry
 from ....trees.node import ControlNode, Node
 from ....trees.ports import REQUIRED, In, Out, children, port
@@ -234,6 +234,25 @@ class StubFinder:
         elif len(texts) < len(uses):
             value, kind = None, replace(kind, optional=True)
         return StubPort(name, key, "in", kind, doc, value, remapped)
+
+
+def stub_missing_trees(source: XmlSource, faults: ImportFaults) -> None:
+    """Take calls of trees that no file has for nodes, which stubs or a plug-in stand for."""
+    missing: set[str] = set()
+
+    def replaced(element: Element) -> Element:
+        inside = tuple(map(replaced, element.children))
+        identity = element.get("ID")
+        if element.name != "SubTree" or identity in source.trees or not identity:
+            return replace(element, children=inside)
+        missing.add(identity)
+        faults.note(element.place("ID"), "", f"there is no tree {identity!r}; it is a node here", code="P913")
+        kept = {key: text for key, text in element.attributes.items() if key != AUTOREMAP}
+        return replace(element, name="Action", attributes=kept)
+
+    source.trees = {name: replaced(tree) for name, tree in source.trees.items()}
+    for name in missing & source.models.keys():
+        source.node_models.setdefault(name, replace(source.models[name], name="Action"))
 
 
 def own_identity(name: str, *, known: bool) -> str:
