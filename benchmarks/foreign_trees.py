@@ -1,8 +1,8 @@
 """Import of other people's behaviour trees: how many files of a folder come in, and why the others do not.
 
 `python -m picktree.benchmarks.foreign_trees FOLDER` imports each distinct XML file with trees below the
-folder: by itself, with stubs, and with the other files of its folder, which may hold its sub-trees. The mission
-must load with the stubs, and what goes out again must come in as the same. Nothing of the files is kept.
+folder: by itself, with stubs, and with the other files of its folder, which may hold its sub-trees. The
+mission must load with the stubs, and what goes out again must come in as the same. Nothing is kept.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Tally:
             f"{self.files} distinct files with trees",
             f"{self.strict} come in as they are, without a note (--strict)",
             f"{self.alone} come in as they are",
-            f"{self.stubbed} come in with stubs: {self.loaded} missions load, {self.again} survive a round trip",
+            f"{self.stubbed} come in with stubs; {self.loaded} missions load, {self.again} go out and in",
             f"{self.together} come in with stubs, and with the files beside them",
             f"{self.files - self.together} are refused, for these reasons (a file may have several):",
         ]

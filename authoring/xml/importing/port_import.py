@@ -95,6 +95,10 @@ class PortsOfTrees:
             direction, key = _PORTS.get(element.name), element.get("name")
             if element.name in ("MetadataFields", "description"):
                 continue
+            if key.startswith("_") and direction is not None:
+                message = f"the port {key!r} has no meaning for a run"
+                self._faults.note(element.place("name"), tree, message, code="P908")
+                continue
             if direction is None or not key:
                 message = f"<{element.name}> is no port with a name"
                 hint = '<input_port name="…"/>, <output_port/> or <inout_port/>'
