@@ -117,6 +117,44 @@ class RoundRobin(Node):
         **conditions: Unpack[Conditions],
     ) -> None: ...
 
+class AsyncSequence(Node):
+    """A Sequence that can be halted between two children: the tick ends behind each that succeeds at once."""
+
+    def __init__(
+        self,
+        *children: Child,
+        name: str = ...,
+        **conditions: Unpack[Conditions],
+    ) -> None: ...
+
+class AsyncFallback(Node):
+    """A Fallback that can be halted between two children: the tick ends behind each that fails at once."""
+
+    def __init__(
+        self,
+        *children: Child,
+        name: str = ...,
+        **conditions: Unpack[Conditions],
+    ) -> None: ...
+
+class TryCatch(Node):
+    """A Sequence of all children but the last, which runs when one of them fails: the node then fails, too.
+
+    It fails with the failure of the child that failed, however the last child ends. With `catch_on_halt` a
+    halt also ticks the last child, once; nothing that takes longer may stand there, and nothing that moves.
+
+    Ports:
+        catch_on_halt: whether a halt ticks the last child, too; default False.
+    """
+
+    def __init__(
+        self,
+        *children: Child,
+        catch_on_halt: bool | str = ...,
+        name: str = ...,
+        **conditions: Unpack[Conditions],
+    ) -> None: ...
+
 class Parallel(Node):
     """Ticks all children that have not ended, in order, in each tick.
 

@@ -141,7 +141,14 @@ def _check_cases(document: Document) -> Iterable[Diagnostic]:
     return check_cases(document)
 
 
+def _check_xml(document: Document) -> Iterable[Diagnostic]:
+    from .xml.importing.mission_import import check_xml
+
+    return check_xml(document.text, document.path)
+
+
 CHECKS: Mapping[str, Check] = {
+    "xml": _check_xml,
     "mission": mission_faults,
     "scene": check_cell,
     "robot": _robot,

@@ -22,7 +22,8 @@ from ..files.file_names import require_utf8
 from ..files.marks import FileError
 from .analyse.commands import diff, explain, export, layout, replay, report, runs, snapshot, video
 from .analyse.resim import resim, whatif
-from .author.commands import check, convert, explain_code, lsp, nodes, rehearse, render, schema
+from .author.commands import check, explain_code, lsp, nodes, rehearse, render, schema
+from .author.convert import convert
 from .author.new import new
 from .batch.commands import batch
 from .cache import cache

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from ...files.marks import Diagnostic
 from ...trees.loading.loader import SceneNames
 from ...trees.mission import Mission
-from .arm_use import at_the_same_time, left_in_hand, nothing_held, started_anew
+from .arm_use import at_the_same_time, cleaning_arm, left_in_hand, nothing_held, started_anew
 from .endless_loops import endless, only_failing, unbounded_recovery, vain_attempts
 from .mission_survey import LintModel
 from .needless_nodes import (
@@ -39,6 +39,7 @@ RULES: tuple[Callable[[LintModel], Iterable[Diagnostic]], ...] = (
     nothing_held,
     at_the_same_time,
     started_anew,
+    cleaning_arm,
     unused_trees,
     unused_ports,
     unused_files,

@@ -14,6 +14,7 @@ from ...trees.controls import (
     ReactiveSequence,
     Sequence,
 )
+from ...trees.controls.interruptible import TryCatch
 from ...trees.controls.parallel import ParallelNode
 from ...trees.declaration import Resource
 from ...trees.flow import IDLE, AtOnce, ChildFlow, Choice, Flow, Loop, Once, Resumed, Turns
@@ -116,6 +117,19 @@ def started_anew(survey: LintModel) -> Iterator[Diagnostic]:
                 plain = spec.id.removeprefix("Reactive").removeprefix("Pipeline")
                 hint = f"a condition before it, or {plain} in place of {spec.id}"
                 yield survey.fault(part, message, hint, code="P332")
+
+
+def cleaning_arm(survey: LintModel) -> Iterator[Diagnostic]:
+    """P334: the last child of a TryCatch uses the robot, though a halt has taken it away by then."""
+    for spec in survey.nodes(TryCatch):
+        if survey.walk.literal(spec, "catch_on_halt") is False or not spec.children:
+            continue
+        found = users(survey, spec.children[-1])
+        if found:
+            resource, user = next(iter(found.items()))
+            message = f"a halt ticks {user.name} once, when others have the {resource} that it uses"
+            hint = "move in what comes after the TryCatch, as in a Recover around it"
+            yield survey.fault(spec.children[-1], message, hint, code="P334", error=True)
 
 
 def _both(resource: Resource, mine: Users, others: Users) -> bool:

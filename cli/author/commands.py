@@ -1,4 +1,4 @@
-"""Commands of an author: check, explain-code, convert, lsp, nodes, rehearse, render, schema."""
+"""Commands of an author: check, explain-code, lsp, nodes, rehearse, render, schema."""
 
 from __future__ import annotations
 
@@ -97,30 +97,6 @@ def check(
     raise typer.Exit(report.exit_code(strict=strict))
 
 
-def convert(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="A mission, or an XML file.", parser=mission_file)
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", metavar="OUT", help="Where the other form goes.", show_default="stdout"),
-    ] = None,
-) -> None:
-    """Turn a mission into XML of BehaviorTree.CPP 4 and Groot2, and such XML into a mission."""
-    from ...authoring.xml.conversion import convert as converted
-
-    text = converted(file)
-    if out is None:
-        print(text, end="")
-        return
-    if out.exists() and out.samefile(file):
-        raise PicktreeError(f"{out} is the file that is read; give another one with -o")
-    try:
-        out.write_text(text, encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise PicktreeError(f"{out} cannot be written: {error.strerror or error}") from None
-
-
 def nodes(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="A node: all about it.")] = None,
     mission: Annotated[
@@ -175,7 +151,6 @@ def nodes(
 
 
 def _named(name: str, declared: tuple[NodeDeclaration, ...]) -> NodeDeclaration:
-    from ...errors import PicktreeError
     from ...files.value_wording import suggest_name
 
     for node in declared:
@@ -338,7 +313,6 @@ def schema(
 ) -> None:
     """Print the JSON Schema of a kind of file, by which editors complete, explain and underline."""
     from ...authoring.schema.schema_parts import to_text
-    from ...errors import PicktreeError
     from ..terminal.node_registries import registry
     from .file_schemas import file_schema
 

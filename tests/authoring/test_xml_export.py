@@ -194,8 +194,8 @@ def test_a_declared_port_gives_way_where_its_type_would_clash() -> None:
 
 
 REFUSED = {
-    " Main: TryCatch\n TryCatch: AlwaysSuccess": [
-        "P920 mission.yaml:5:2: trees.TryCatch: 'TryCatch' is a name of BehaviorTree.CPP's own "
+    " Main: ManualSelector\n ManualSelector: AlwaysSuccess": [
+        "P920 mission.yaml:5:2: trees.ManualSelector: 'ManualSelector' is a name of BehaviorTree.CPP's own "
         "(give the tree another name)"
     ],
     # BehaviorTree.CPP types a key where it is used first: here by the first call, as a number.

@@ -61,8 +61,9 @@ def test_examples_and_library_load(path: Path, driver: Driver, tmp_path: Path) -
 # Random missions of everything that reads and writes keys through the ports of sub-trees.
 
 _LITERALS: dict[str, tuple[object, ...]] = {
-    "int": (0, 2, -1, 7, 3_000_000_000, 10**12), "float": (0, 3, 0.5, -2.5, 1e-7, 1e300),
-    "ms": (0, 600, "1.5 s", "600 ms", 20.0), "string": ("", "red", "3", "1e5", "a;b", "true", "3 ms"),
+    "int": (0, 2, -1, 7, 3_000_000_000, 10**12, 2**53 + 1), "float": (0, 3, 0.5, -2.5, 1e-7, 1e300),
+    "ms": (0, 600, "1.5 s", "600 ms", 20.0),
+    "string": ("", "red", "operator's bin", "3", "1e5", "a;b", "true", "3 ms"),
     "bool": (True, False), "list of int": ([], [1], [1, 2]), "list of float": ([], [0.5], [1, 2.5]),
     "list of string": ([], ["3"], ["a", "b;c"]), "object": ("red_1", "7"), "any": (1, 2.5, "x", None, True),
 }  # fmt: skip

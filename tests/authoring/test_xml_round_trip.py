@@ -76,3 +76,50 @@ def test_any_mission_survives(text: str) -> None:
 )  # fmt: skip
 def test_the_rules_of_btcpp_can_be_broken(wrong: str, complaint: str) -> None:
     assert complaint in complaints(wrong)
+
+
+COMMENTED = """# head
+picktree: 1
+# about the kind
+kind: mission
+trees:
+  # above Main
+  Main:
+    Sequence:
+      - Fallback:
+          - AlwaysSuccess
+          # last of Fallback
+      # between
+      - AlwaysFailure
+      # last of Sequence
+    # last of Main
+
+  # above Sub
+  Sub:
+    doc: what it does
+    Sequence:
+      - AlwaysSuccess
+      # last of Sub
+  # below Sub
+# end
+"""
+
+
+def test_a_truth_value_decides_between_numbers() -> None:
+    mission = parsed(
+        "picktree: 1\nkind: mission\ntrees:\n  Main:\n    Sequence:\n"
+        '      - Script: {code: "n := 3; full := n > 2"}\n'
+        '      - Switch: {variable: "{full}", cases: {"true": AlwaysSuccess, "false": AlwaysFailure}}\n'
+    )
+    xml = mission_to_xml(mission)
+    assert '<Switch2 variable="{full}" case_1="1" case_2="0">' in xml
+    assert essence(parsed(xml_to_mission(xml, FILE.with_suffix(".xml"), registry()))) == essence(mission)
+
+
+def test_comments_and_descriptions_go_out_and_come_in() -> None:
+    mission = parsed(COMMENTED)
+    text = xml_to_mission(mission_to_xml(mission), FILE.with_suffix(".xml"), registry())
+    above = COMMENTED.replace("# about the kind\n", "").replace("# head\n", "# head\n# about the kind\n")
+    assert text == above.replace("  # below Sub", "# below Sub")
+    again = parsed(text)
+    assert xml_to_mission(mission_to_xml(again), FILE.with_suffix(".xml"), registry()) == text

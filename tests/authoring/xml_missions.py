@@ -25,7 +25,7 @@ Ports: TypeAlias = "st.SearchStrategy[dict[str, object]]"
 CHARACTERS = st.characters(max_codepoint=0x17F, exclude_categories=["Cc"])
 STRANGE = [
     "true", "null", "3", "1e-3", "json:[1]", "a;b", " padded ", "two\nlines", "tab\there", "it's \"so\"",
-    "\\", "=", "a: b", "# no comment", "- dash", "{", "<&>", "\U0001f916",
+    "operator's bin", "\\", "=", "a: b", "# no comment", "- dash", "{", "<&>", "\U0001f916",
 ]  # fmt: skip
 
 

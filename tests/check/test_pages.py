@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.xml.conversion import convert_text
+from picktree.authoring.xml.conversion import convert_all
+from picktree.authoring.xml.importing.mission_import import ImportOptions
+from picktree.authoring.xml.importing.source import XmlText
 from picktree.cli.author.file_schemas import CHECKS
 from picktree.errors import PicktreeError
 from picktree.files.diagnostics.fault_codes import CodeExample, index, page, pages
@@ -41,13 +43,13 @@ def codes_of(example: CodeExample, folder: Path) -> set[str]:
 
 
 def codes_of_conversion(example: CodeExample, folder: Path) -> set[str]:
-    """The codes of what keeps an example from being converted."""
+    """The codes of what keeps an example from being converted, and of the notes."""
     text = f"{MISSION}{example.text}\n" if example.language == "yaml" else example.text
+    file = XmlText(text, folder / f"example.{example.language}")
     try:
-        convert_text(text, folder / f"example.{example.language}")
+        return {note.code for note in convert_all([file], ImportOptions()).notes}
     except FileError as error:
         return {fault.code for fault in error.faults}
-    return set()
 
 
 def write_files(explanation: str, folder: Path) -> None:

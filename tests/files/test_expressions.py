@@ -22,6 +22,8 @@ NAMES = {"x": 4, "colour": "red", "items": ["a", "b"], "flag": True, "none": Non
         ("1 < x <= 4", True),
         ("'a' in items and 'z' not in items", True),
         ("colour in ['red', \"green\"]", True),
+        ("'box_' + 2 + '/' + 0.5 + 'm'", "box_2/0.5m"),
+        ("'n' + 4 / 2", "n2"),
         ("(x + 2) * 3 - 7 // 2 % 2", 17),
         ("-x / 8", -0.5),
         ("len(items) + max(1, 2) - min(items_left)", None),

@@ -56,6 +56,7 @@ _AROUND = (
     "WhileDoElse", "Switch", "ForEach", "Inverter", "ForceSuccess", "ForceFailure", "KeepRunningUntilFailure",
     "Repeat", "RetryUntilSuccessful", "RunOnce", "Timeout", "Delay", "Recover", "RecoveryNode", "ParallelAll",
     "SequenceWithMemory", "PipelineSequence", "RateController", "SkipUnlessUpdated", "WaitValueUpdate",
+    "AsyncSequence", "AsyncFallback", "TryCatch",
 )  # fmt: skip
 _VALUES: Sequence[Data] = (
     {"value": 3, "output_key": "{number}"},
@@ -179,6 +180,8 @@ class Author:
                 return {name: {"entry": self._random.choice(["{number}", "{any}"]), "do": child()}}
             case "IfThenElse" | "WhileDoElse":
                 return {name: {"do": children(2)}}
+            case "TryCatch":
+                return {name: {"catch_on_halt": self._one_in(2), "do": children(2)}}
             case "Switch":
                 variable, names = self._random.choice([("{number}", ["1", "2"]), ("{text}", ["x", "light"])])
                 return {name: {"variable": variable, "cases": table(names), **self._some(default=child())}}

@@ -42,6 +42,17 @@ CASES = [
     ("Fallback", ("K", "F"), "F", "A:K B:F"),
     ("Fallback", ("F", "K"), "F", "A:F B:K"),
     ("Fallback", ("K", "K"), "K", "A:K B:K"),
+    # the tick ends behind a child that has ended at once
+    ("AsyncSequence", ("S", "S", "S"), "RRS", "A:S B:S C:S"),
+    ("AsyncSequence", ("RS", "S"), "RS", "A:R A:S B:S"),
+    ("AsyncSequence", ("K", "S", "F"), "RF", "A:K B:S C:F"),
+    ("AsyncFallback", ("F", "F", "S"), "RRS", "A:F B:F C:S"),
+    ("AsyncFallback", ("RF", "S"), "RS", "A:R A:F B:S"),
+    # the last child cleans up after a failure
+    ("TryCatch", ("S", "RS", "S"), "RS", "A:S B:R B:S"),
+    ("TryCatch", ("S", "F", "S"), "F", "A:S B:F C:S"),
+    ("TryCatch", ("F", "RF"), "RF", "A:F B:R B:F"),
+    ("TryCatch", ("K", "S"), "K", "A:K"),
     # reactive: every child is asked anew; the new branch is ticked before the old one is halted
     ("ReactiveSequence", ("S", "RRS"), "RRS", "A:S B:R A:S B:R A:S B:S"),
     ("ReactiveSequence", ("SSF", "R"), "RRF", "A:S B:R A:S B:R A:F halt B"),
@@ -295,3 +306,19 @@ def test_for_each_over_nothing_and_over_what_is_skipped() -> None:
     assert letters(for_each("fail", "S", "[]").to_end()) == "S"
     skipped = start("Main: {ForEach: {in: [1, 2], out: '{n}', do: {Answer: {name: A, script: K}}}}")
     assert letters(skipped.to_end()) == "RK"
+
+
+@pytest.mark.parametrize(
+    ("caught", "cleaning", "trace"),
+    [
+        ("true", "S", "guard:S A:R guard:F halt A B:S"),
+        ("true", "R", "guard:S A:R guard:F halt A B:R halt B"),
+        ("false", "S", "guard:S A:R guard:F halt A"),
+    ],
+)
+def test_a_halt_of_a_try_catch_ticks_its_last_child_once(caught: str, cleaning: str, trace: str) -> None:
+    inside = f"{{catch_on_halt: {caught}, do: [{leaf('A', 'R')}, {leaf('B', cleaning)}]}}"
+    started = start(f"Main: {{ReactiveSequence: [{leaf('guard', 'SF')}, {{TryCatch: {inside}}}]}}")
+    assert letters([started.tick(), started.tick()]) == "RF"
+    assert " ".join(started.trace) == trace
+    assert started.status("Main/ReactiveSequence/TryCatch/B") is NodeStatus.IDLE

@@ -136,7 +136,7 @@ def test_what_fits_is_quiet(wired: str) -> None:
          "items_done, time"),
         ("_while: 'item_left'", "P227 7:24: Main/Sequence/Use: _while: unknown name 'item_left'; did you "
          "mean 'items_left'?"),
-        ("_post: 'a := 1; b := a + s'", "P226 7:38: Main/Sequence/Use: _post: 'b': '+' does not work on a "
+        ("_post: 'a := 1; b := a - s'", "P226 7:38: Main/Sequence/Use: _post: 'b': '-' does not work on a "
          "whole number and a text"),
         ("count: '{= n / 2}'", "P237 7:22: Main/Sequence/Use: port 'count': {= n / 2} is a number, not a "
          "whole number (round it, as \"{= round(n / 2)}\")"),
@@ -144,7 +144,7 @@ def test_what_fits_is_quiet(wired: str) -> None:
          "not an object's id"),
         ("side: \"{= 'up' if f else 'down'}\"", "P237 7:21: Main/Sequence/Use: port 'side': {= 'up' if f "
          "else 'down'}: 'up' is none of the choices; known: left, right"),
-        ("count: '{= n + t}'", "P226 7:28: Main/Sequence/Use: port 'count': '+' does not work on a whole "
+        ("count: '{= n - t}'", "P226 7:28: Main/Sequence/Use: port 'count': '-' does not work on a whole "
          "number and a text"),
         ("count: '{= m}'", "P227 7:26: Main/Sequence/Use: port 'count': unknown name 'm'; known: n, w, f, s, "
          "t, o, os, xs, what, items_left, items_to_do, holding, held_object, stopped, feed_exhausted, "

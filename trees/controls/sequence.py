@@ -34,6 +34,10 @@ class OrderedNode(ControlNode, abstract=True):
                 return self.fail_with(part.failure) if state is NodeStatus.FAILURE else state
             self._skipped += state is NodeStatus.SKIPPED
             self._index += 1
+        return self.past_the_last(flow)
+
+    def past_the_last(self, flow: ChildFlow) -> NodeStatus:
+        """Return the status of the node when all children have led on."""
         if self._skipped == len(self.parts):
             return NodeStatus.SKIPPED
         if flow.success is NEXT:

@@ -7,8 +7,6 @@ from typing import Final
 
 FOREIGN_WORDS: Final[Mapping[str, str]] = {
     # BehaviorTree.CPP
-    "AsyncFallback": "Fallback comes near; here no Fallback is interrupted between two children",
-    "AsyncSequence": "Sequence comes near; here no Sequence is interrupted between two children",
     "LoopBool": "a loop over a list is 'ForEach: {in: …, out: \"{key}\", do: …}'",
     "LoopDouble": "a loop over a list is 'ForEach: {in: …, out: \"{key}\", do: …}'",
     "LoopInt": "a loop over a list is 'ForEach: {in: …, out: \"{key}\", do: …}'",
@@ -24,7 +22,6 @@ FOREIGN_WORDS: Final[Mapping[str, str]] = {
     "Switch4": "Switch, with any number of cases",
     "Switch5": "Switch, with any number of cases",
     "Switch6": "Switch, with any number of cases",
-    "TryCatch": "a Recover comes near; its give_up runs before it fails",
     "UnsetBlackboard": "a key cannot be taken away; write null with SetBlackboard",
     # Nav2
     "BackUp": "Jog moves the tool, SafeRetreat gets the arm clear",

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from typing import cast
@@ -20,53 +19,13 @@ from ..format import btcpp_vocabulary, tree_nodes_model
 from ..format.btcpp_vocabulary import SlotRow, indexes_text, table_text
 from ..format.element import Comments, Element
 from ..format.literal_text import is_pointer, value_text
+from ..format.loose_comments import with_loose_comments
 from .key_types import KeyTypes, fits
 from .script_export import NotExpressible, assignments_script, constant_script, expression_text, script
+from .switch_export import TRUTH_LABELS, TruthSwitches
+from .xml_text import to_text, unfit
 
-MAX_LINE_LENGTH = 110
-"""Maximum length of a line; longer elements have each attribute on a separate line."""
-_UNFIT = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _DELETE = "\x7f"
-_ESCAPES = {"&": "&amp;", "<": "&lt;", ">": "&gt;"}
-_IN_ATTRIBUTES = {**_ESCAPES, '"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
-
-
-def unfit(text: str) -> str:
-    """Return the first character that no XML file can hold; empty when there is none."""
-    found = _UNFIT.search(text)
-    return found[0] if found else ""
-
-
-def to_text(root: Element) -> str:
-    """Return the text of the whole file. The element must be free of characters that are `unfit`."""
-    return "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', *_lines(root, ""), ""])
-
-
-def _lines(element: Element, indent: str) -> Iterator[str]:
-    for comment in element.comments:
-        yield f"{indent}<!-- {_in_comment(comment)} -->"
-    words = [f'{key}="{_escaped(value, _IN_ATTRIBUTES)}"' for key, value in element.attributes.items()]
-    start = " ".join([f"{indent}<{element.name}", *words])
-    if len(start) > MAX_LINE_LENGTH and len(words) > 1:
-        start = f"\n{indent}    ".join([f"{indent}<{element.name}", *words])
-    if element.text:
-        yield f"{start}>{_escaped(element.text, _ESCAPES)}</{element.name}>"
-    elif not element.children:
-        yield f"{start}/>"
-    else:
-        yield f"{start}>"
-        for child in element.children:
-            yield from _lines(child, indent + "  ")
-        yield f"{indent}</{element.name}>"
-
-
-def _in_comment(text: str) -> str:
-    """Return the text with double hyphens split, which would end the comment."""
-    return re.sub(r"-(?=-|$)", "- ", text).rstrip()
-
-
-def _escaped(text: str, escapes: dict[str, str]) -> str:
-    return "".join(escapes.get(character, character) for character in text)
 
 
 def mission_to_xml(mission: Mission) -> str:
@@ -89,16 +48,21 @@ class XmlExporter:
         self._called: set[str] = set()
         """Names of the sub-tree instances of the present tree: each may be used once."""
         self._types = KeyTypes(mission)
+        self._switches = TruthSwitches(mission)
 
     def root(self) -> Element:
         """Return the root element of the file."""
         comments = self._comments.at_the_top()
+        for key in ("kind", "name", "scene", "goal", "include", "plugins", "library", "trees"):
+            if key in self._mission.document.data:
+                comments += self._comments.above(self._mission.document.key_mark((key,)).line)
         trees = tuple(self.tree(tree) for tree in self._mission.trees.values())
+        trees, below = with_loose_comments(trees, self._comments.rest())
         parts = (*trees, Element("TreeNodesModel", {}, (*self._tree_models(), *self._node_models())))
         attributes = {"BTCPP_format": btcpp_vocabulary.XML_FORMAT}
         if MAIN in self._mission.trees:
             attributes["main_tree_to_execute"] = MAIN
-        root = Element("root", attributes, parts, comments=comments)
+        root = Element("root", attributes, parts, comments=comments, comments_below=below)
         self.faults += self._types.faults
         self._check_characters(root)
         return root
@@ -112,7 +76,8 @@ class XmlExporter:
         self._called = set()
         comments = self._above(tree.mark)
         root = self.node(tree.root, tree.name)
-        return Element("BehaviorTree", {"ID": tree.name}, (root,), comments=comments)
+        said = {btcpp_vocabulary.DESCRIPTION: tree.doc} if tree.doc else {}
+        return Element("BehaviorTree", {"ID": tree.name, **said}, (root,), comments=comments, mark=tree.mark)
 
     # Models.
 
@@ -142,7 +107,7 @@ class XmlExporter:
         element = self._of_class(spec, spec.node, trail) if spec.node else self._call(spec, trail)
         if spec.breakpoint is not None:
             element = _with(element, {btcpp_vocabulary.BREAKPOINT: spec.breakpoint})
-        return replace(self._conditioned(spec, element), comments=comments)
+        return replace(self._conditioned(spec, element), comments=comments, mark=spec.mark)
 
     def _of_class(self, spec: NodeSpec, node: type[Node], trail: str) -> Element:
         match spec.id:
@@ -292,9 +257,14 @@ class XmlExporter:
         port = cast("type[Node]", spec.node).declaration.port("variable")
         assert port is not None
         attributes["variable"] = self._bound(spec.ports["variable"], port, spec, trail)
+        truth = self._switches.decides(spec)
         for index, (label, _) in enumerate(cases, 1):
             self._check_text(label, f"the case {label!r}", spec.mark, trail)
-            attributes[f"case_{index}"] = label
+            if truth is None and label in TRUTH_LABELS:
+                message = f"{spec.ports['variable']} may be a truth value, which is a number there: {label!r}"
+                hint = "compare it in Conditions, or switch over a text"
+                self._fault(spec.mark_at(f"cases/{label}"), trail, message, hint, code="P927")
+            attributes[f"case_{index}"] = TRUTH_LABELS.get(label, label) if truth else label
         default = spec.slots.get("default")
         if default:
             last = self.node(default[0][1], trail)

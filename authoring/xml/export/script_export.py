@@ -104,7 +104,8 @@ def _binding(part: Part) -> int:
             return _VALUE
 
 
-LARGEST_INTEGER = 2**63 - 1
+LARGEST_INTEGER = 2**53
+"""Largest whole number that scripts compute with: BehaviorTree.CPP throws where a double is not exact."""
 _LOGIC = {"and": "&&", "or": "||"}
 
 
@@ -141,10 +142,10 @@ def _literal(value: str | int | float | bool | None) -> str:
         case float():
             return repr(value)
         case str():
-            quote = '"' if "'" in value else "'"
-            if quote in value or not value.isascii() or not value.isprintable():
+            # From 4.9 on double quotes are none.
+            if "'" in value or not value.isascii() or not value.isprintable():
                 raise NotExpressible("a text with such characters")
-            return quote + value + quote
+            return f"'{value}'"
         case None:
             raise NotExpressible("there is no null")
 
@@ -165,6 +166,8 @@ def _text(part: Part) -> str:
             return f"!{_atom(operand)}"
         case Sign(symbol="-", operand=operand):
             return f"-{_atom(operand)}"
+        case Arithmetic(symbol="+", left=left, right=right) if _is_text(part):
+            return f"{_atom(left)} .. {_atom(right)}"
         case Arithmetic(symbol="+" | "-" | "*" | "/" as symbol, left=left, right=right):
             return f"{_left_operand(symbol, left)} {symbol} {_operand(symbol, right)}"
         case ComparisonChain(first=first, rest=rest):
@@ -180,6 +183,17 @@ def _text(part: Part) -> str:
             return f"{_in_logic(test)} ? {_in_logic(yes)} : {_in_logic(no)}"
         case _:
             raise NotExpressible("there are no attributes, lists, functions and other operators")
+
+
+def _is_text(part: Part) -> bool:
+    """Whether a sum certainly is a text: then it is joined, which `+` does not do with a number."""
+    match part:
+        case LiteralValue(value=value):
+            return isinstance(value, str)
+        case Arithmetic(symbol="+", left=left, right=right):
+            return _is_text(left) or _is_text(right)
+        case _:
+            return False
 
 
 def _check_name(name: str) -> None:

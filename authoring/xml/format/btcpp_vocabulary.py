@@ -61,14 +61,15 @@ SHARED_NODES: Final = frozenset(
         "WhileDoElse", "Inverter", "ForceSuccess", "ForceFailure", "Repeat", "KeepRunningUntilFailure",
         "RetryUntilSuccessful", "Timeout", "Delay", "RunOnce", "AlwaysSuccess", "AlwaysFailure",
         "SequenceWithMemory", "ParallelAll", "Sleep", "SkipUnlessUpdated", "WaitValueUpdate",
-        "WasEntryUpdated",
+        "WasEntryUpdated", "AsyncSequence", "AsyncFallback", "TryCatch",
     )
 )  # fmt: skip
 """Nodes that both have, with the same ports."""
 PORT_TYPES: Final[dict[str, str]] = {
     "success_count": "int", "failure_count": "int", "num_cycles": "int", "num_attempts": "int",
     "max_failures": "int",
-    "msec": "unsigned", "delay_msec": "unsigned", "then_skip": "bool", "variable": "std::string",
+    "msec": "unsigned", "delay_msec": "unsigned", "then_skip": "bool", "catch_on_halt": "bool",
+    "variable": "std::string",
 }  # fmt: skip
 """C++ types of the ports of those nodes, and of Switch."""
 TRANSLATED: Final = frozenset(
@@ -81,8 +82,7 @@ TRANSLATED: Final = frozenset(
 FOREIGN: Final[dict[str, str]] = {
     name: FOREIGN_WORDS[name]
     for name in (
-        "AsyncSequence", "AsyncFallback", "UnsetBlackboard", "TryCatch", "ManualSelector", "SubTreePlus",
-        "SequenceStar",
+        "UnsetBlackboard", "ManualSelector", "SubTreePlus", "SequenceStar",
     )
 }  # fmt: skip
 """Nodes of BehaviorTree.CPP without a counterpart, and the nearest alternative."""
@@ -114,8 +114,12 @@ SETS: Final = "_sets"
 """Attribute that marks a Script that is a SetBlackboard of the mission."""
 NO_CASE: Final = "_no_case"
 """Attribute that marks the default of a Switch that has none."""
-IGNORED: Final = ("_uid", "_fullpath", "_description")
-"""Attributes that Groot2 adds for itself."""
+DESCRIPTION: Final = "_description"
+"""Attribute in which Groot2 keeps what a tree or a node does."""
+IGNORED: Final = (
+    "_uid", "_fullpath", DESCRIPTION, "_favorite", "_hardcoded", "_collapsed", "_hidden", "_subtreeOnly",
+)  # fmt: skip
+"""Attributes of the editors Groot2 and MoveIt Pro."""
 
 
 def taken(identity: str) -> bool:

@@ -33,15 +33,41 @@ class Comments:
         return tuple(filter(None, found))
 
     def above(self, line: int) -> tuple[str, ...]:
-        """Return the comments directly above a line, which counts from 1."""
+        """Return the comments directly above a line, which counts from 1.
+
+        One that is indented further belongs to what ends there.
+        """
         found: list[str] = []
+        indent = _indent(self._lines[line - 1]) if 0 < line <= len(self._lines) else 0
         for index in range(line - 2, -1, -1):
             match = _COMMENT.fullmatch(self._lines[index]) if index < len(self._lines) else None
-            if match is None or index in self._given:
+            if match is None or index in self._given or _indent(self._lines[index]) > indent:
                 break
             self._given.add(index)
             found.append(match[1])
         return tuple(filter(None, reversed(found)))
+
+    def rest(self) -> Iterator[LooseComment]:
+        """Yield the comments that have not been returned, in the order of the file."""
+        for index, text in enumerate(self._lines):
+            match = _COMMENT.fullmatch(text)
+            if match is not None and index not in self._given:
+                self._given.add(index)
+                if match[1]:
+                    yield LooseComment(index + 1, _indent(text), match[1])
+
+
+@dataclass(frozen=True, slots=True)
+class LooseComment:
+    """Comment behind the last part of something: its line, which counts from 1, its indent and its text."""
+
+    line: int
+    indent: int
+    text: str
+
+
+def _indent(line: str) -> int:
+    return len(line) - len(line.lstrip(" "))
 
 
 def one_line(comment: str) -> str:
@@ -67,6 +93,10 @@ class Element:
     mark: Mark = field(default=NOWHERE, compare=False)
     places: Mapping[str, Mark] = field(default_factory=dict[str, Mark], compare=False)
     """Places of the attributes' values."""
+    end_comments: tuple[str, ...] = field(default=(), compare=False)
+    """Comments behind the last child."""
+    comments_below: tuple[str, ...] = field(default=(), compare=False)
+    """Comments below the element; only the root has them."""
 
     def get(self, attribute: str, default: str = "") -> str:
         return self.attributes.get(attribute, default)

@@ -7,11 +7,12 @@ values follow `json:`, as there.
 from __future__ import annotations
 
 import json
+import math
 import re
 from typing import Final, cast
 
 from ....files.expressions.expression import Expression
-from ....files.yaml.reader import Value, resolve
+from ....files.yaml.reader import Value
 from ....trees.ports import PortDeclaration
 from ....trees.values.port_types import PortType
 from ....world.journal import Plain
@@ -25,12 +26,27 @@ _TYPES: Final = {
 _NAMES: Final = {
     "std::string": "string", "int": "int", "double": "float", "bool": "bool", "ObjectId": "object",
     "BT::AnyTypeAllowed": "any", "AnyTypeAllowed": "any", "unsigned int": "int", "float": "float",
-    "BT::SimpleString": "string", "long": "int", "unsigned": "int",
+    "BT::SimpleString": "string", "long": "int", "unsigned": "int", "string": "string",
+    "size_t": "int", "std::size_t": "int", "uint64_t": "int", "int64_t": "int", "uint32_t": "int",
+    "int32_t": "int", "uint16_t": "int", "int16_t": "int", "uint8_t": "int", "int8_t": "int",
+    "std::int64_t": "int", "std::uint64_t": "int", "std::int32_t": "int", "std::uint32_t": "int",
+    "char const*": "string", "const char*": "string",
+    "std::__cxx11::basic_string<char, std::char_traits<char>, std::allocator<char> >": "string",
 }  # fmt: skip
 _MIN_EXPONENT_NUMBER: Final = 1e15
 """Limit from which numbers are written with an exponent."""
-_VECTOR = re.compile(r"std::vector<\s*(?P<of>[\w: ]+?)\s*(?:,.*)?>")
+_MAX_NUMBER_LENGTH: Final = 40
+"""Limit of the length of a number, characters."""
+_VECTOR = re.compile(
+    r"(?:(?:std::shared_ptr<\s*)?(?:std::)?(?:vector|deque|list)|(?:BT::)?(?:SharedQueue|ProtectedQueue))"
+    r"<\s*(?P<of>[\w: ]+?)\s*(?:,.*)?>+"
+)
 _BEHIND = re.compile(r"(?<=[\d.]) (ms)?$", re.ASCII)
+_INTEGER = re.compile(r"-?(?:0|[1-9]\d{0,18})", re.ASCII)
+_FLOAT = re.compile(r"-?(?:0|[1-9]\d*)(?:\.\d+)?(?:[eE][-+]?\d+)?", re.ASCII)
+"""Numbers in the one form that BehaviorTree.CPP and people write; `007` and `0x10` are texts."""
+_DECIMAL = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+_LARGEST_INTEGER: Final = 2**63 - 1
 _TRUTH = {"true": True, "True": True, "TRUE": True, "1": True,
           "false": False, "False": False, "FALSE": False, "0": False}  # fmt: skip
 
@@ -73,14 +89,11 @@ def read_value(text: str, kind: PortType) -> Value:
     match kind.name:
         case "int" | "float":
             # As a sub-tree's port has it, where BehaviorTree.CPP must not take it for a number.
-            number = _resolved(_BEHIND.sub("", text))
-            if isinstance(number, float) and number.is_integer() and abs(number) < _MIN_EXPONENT_NUMBER:
-                return int(number)
-            return number if type(number) in (int, float) else text
+            return _number(_BEHIND.sub("", text).strip(), text)
         case "bool":
             return _TRUTH.get(text, text)
         case "any":
-            return _json(text) if text.startswith(JSON) else _resolved(_BEHIND.sub("", text))
+            return _json(text) if text.startswith(JSON) else _any_value(text)
         case _:
             return text
 
@@ -98,11 +111,25 @@ def is_pointer(text: str) -> bool:
     return len(bare) >= 3 and bare.startswith("{") and bare.endswith("}")
 
 
-def _resolved(text: str) -> str | int | float | bool | None:
-    try:
-        return resolve(text)
-    except ValueError:  # a number of more digits than anybody reads
-        return text
+def _any_value(text: str) -> str | int | float | bool:
+    """Return the value of a text for a port of any type. A text that is not clearly another value is one."""
+    bare = _BEHIND.sub("", text)
+    if _INTEGER.fullmatch(bare):
+        return int(bare) if abs(int(bare)) <= _LARGEST_INTEGER else text
+    if _FLOAT.fullmatch(bare) and not bare.lstrip("-").isdigit() and math.isfinite(float(bare)):
+        return float(bare)
+    return {"true": True, "false": False}.get(text, text)
+
+
+def _number(text: str, otherwise: str) -> str | int | float:
+    """Return a decimal number, as BehaviorTree.CPP reads it for a typed port."""
+    if not _DECIMAL.fullmatch(text) or len(text) > _MAX_NUMBER_LENGTH:
+        return otherwise
+    number = float(text)
+    if re.fullmatch(r"[-+]?\d+", text, re.ASCII):
+        return int(text)
+    whole = number.is_integer() and abs(number) < _MIN_EXPONENT_NUMBER
+    return int(number) if whole else number
 
 
 def _scalar_text(value: str | int | float | bool) -> str:
@@ -119,9 +146,7 @@ def _scalar_text(value: str | int | float | bool) -> str:
 
 def _any_text(value: Plain) -> str:
     # Texts that would be read as another value, and values that are no scalars.
-    plain = (
-        isinstance(value, str) and not value.startswith(JSON) and _resolved(_BEHIND.sub("", value)) == value
-    )
+    plain = isinstance(value, str) and not value.startswith(JSON) and isinstance(_any_value(value), str)
     if plain or (isinstance(value, bool | int) and not isinstance(value, str)):
         return _scalar_text(cast("str | int | bool", value))
     return repr(value) if isinstance(value, float) else JSON + json.dumps(value, ensure_ascii=False)

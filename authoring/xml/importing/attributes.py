@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from ....files.expressions.syntax_tree import LiteralValue
-from ....files.marks import Diagnostic, Mark
+from ....files.marks import Mark
 from ....files.value_wording import suggest_name
 from ....files.yaml.writer import MarkedValue, Scalar, from_value
 from ....trees.declaration import POSTCONDITIONS, PRECONDITIONS
 from ....trees.values.port_types import PortType
 from ..export.script_export import expression_text
 from ..format import btcpp_vocabulary
-from ..format.element import Element
+from ..format.element import Element, one_line
 from ..format.literal_text import is_pointer, read_value
+from .import_faults import ImportFaults
+from .renaming import MAX_NAME_LENGTH, node_name
 from .script_import import ScriptError, read_expression, read_statements
 
 CONDITIONS = (*PRECONDITIONS, *POSTCONDITIONS)
@@ -31,6 +34,7 @@ class NodeDraft:
     body: MarkedValue
     keys: Collection[str] = ()
     comments: tuple[str, ...] = field(default=())
+    end_comments: tuple[str, ...] = field(default=())
 
     @classmethod
     def of(cls, identity: str, mark: Mark, keys: Collection[str] = ()) -> NodeDraft:
@@ -56,13 +60,15 @@ class NodeDraft:
         """Return the node in the shortest form that a mission allows."""
         entries = self.body.entries or []
         if not entries:
-            return MarkedValue(self.mark, self.id, comments=self.comments)
+            return MarkedValue(self.mark, self.id, comments=(*self.comments, *self.end_comments))
         body = self.body
+        body.end_comments = self.end_comments
         if len(entries) == 1 and entries[0].key == "do":
             child = entries[0].value
             named = child.entries[0].key if child.entries is not None and len(child.entries) == 1 else ""
             if named not in (*self.keys, "do"):
                 body = child
+                body.end_comments = (*body.end_comments, *self.end_comments)
         whole = MarkedValue.mapping(self.mark)
         whole.comments = self.comments
         whole.put(self.id, body, self.mark)
@@ -81,14 +87,28 @@ COMMON = (
 
 
 class ElementReader(ABC):
-    """Reader of elements and their attributes that collects errors."""
+    """Reader of elements and their attributes; errors and notes go to `faults`."""
 
-    def __init__(self) -> None:
-        self.faults: list[Diagnostic] = []
+    def __init__(self, faults: ImportFaults) -> None:
+        self.faults = faults
+        self.enums: Mapping[str, int] = {}
+        """Numbers by their names in scripts."""
+        self.tree = ""
+        """ID of the tree that is being read."""
+
+    @abstractmethod
+    def literal_type(self, tree: str, key: str, declared: PortType) -> PortType:
+        """Return the type with which a literal for a key of a tree is read."""
+        ...
 
     @abstractmethod
     def node(self, element: Element, above: str) -> NodeDraft:
         """Read one element and its descendants."""
+        ...
+
+    @abstractmethod
+    def is_read(self, key: str) -> bool:
+        """Whether anything reads a key of the present tree."""
         ...
 
     def slot_value(self, child: Element, label: str, trail: str) -> MarkedValue:
@@ -96,11 +116,13 @@ class ElementReader(ABC):
         if child.name == "Sequence" and dict(child.attributes) == {"name": label} and child.children:
             below = f"{trail}/{label}"
             items = [self.node(grandchild, below).written() for grandchild in child.children]
-            return MarkedValue(child.mark, items=items, comments=child.comments)
+            return MarkedValue(
+                child.mark, items=items, comments=child.comments, end_comments=child.end_comments
+            )
         return self.node(child, trail).written()
 
     def fault(self, mark: Mark, trail: str, message: str, hint: str = "", *, code: str) -> None:
-        self.faults.append(Diagnostic(mark, trail, message, hint, code))
+        self.faults.fault(mark, trail, message, hint, code=code)
 
     def port(
         self, draft: NodeDraft, key: str, kind: PortType, element: Element, attribute: str, trail: str
@@ -109,6 +131,7 @@ class ElementReader(ABC):
         draft.put(key, self.value(element, attribute, kind, trail), element.place(attribute))
 
     def value(self, element: Element, attribute: str, kind: PortType, trail: str) -> MarkedValue:
+        """Return a literal or a reference as a mission has it."""
         text, mark = element.get(attribute), element.place(attribute)
         if is_pointer(text) and kind.name != "expression":
             bare = text.strip(" ")
@@ -120,6 +143,13 @@ class ElementReader(ABC):
             return MarkedValue(mark, text)
 
     def no_port(self, element: Element, key: str, identity: str, known: Iterable[str], trail: str) -> None:
+        """Report an attribute that is no port. BehaviorTree.CPP passes over those that begin with `_`."""
+        if key.startswith("_"):
+            near = suggest_name(key, CONDITIONS)
+            hint = near if near.startswith("did") else ""
+            message = f"the attribute {key!r} has no meaning for a run"
+            self.faults.note(element.place(key), trail, message, hint, code="P908")
+            return
         message = f"{identity} has no port {key!r}"
         self.fault(element.place(key), trail, message, suggest_name(key, known), code="P908")
 
@@ -146,8 +176,10 @@ class ElementReader(ABC):
             self.fault(element.mark, trail, message, hint, code="P909")
 
     def common(self, element: Element, draft: NodeDraft, trail: str) -> None:
-        draft.comments = (*element.comments, *draft.comments)
-        name = element.get(btcpp_vocabulary.OWN_NAME) or element.get("name")
+        said = one_line(element.get(btcpp_vocabulary.DESCRIPTION))
+        draft.comments = (*element.comments, *((said,) if said else ()), *draft.comments)
+        draft.end_comments = (*draft.end_comments, *element.end_comments)
+        name = self._name(element, trail)
         entries = draft.body.entries
         assert entries is not None
         own, draft.body.entries = entries, []
@@ -168,10 +200,20 @@ class ElementReader(ABC):
             )
         draft.body.entries += own
 
+    def _name(self, element: Element, trail: str) -> str:
+        """Return the node's name, or one near it that a mission can have."""
+        name = element.get(btcpp_vocabulary.OWN_NAME) or element.get("name")
+        fit = node_name(name) if name else ""
+        if len(name) > MAX_NAME_LENGTH or re.search(r"[/#\n\r]", name):
+            message = f"the node {name[:80]!r} is called {fit!r} in the mission"
+            self.faults.note(element.place("name"), trail, message, code="P917")
+            return fit
+        return name
+
     def condition(self, element: Element, attribute: str, trail: str) -> str | bool:
         """Return a script as an expression."""
         try:
-            part = read_expression(element.get(attribute))
+            part = read_expression(element.get(attribute), self.enums)
         except ScriptError as error:
             self.script_fault(element, attribute, error, trail)
             return True
@@ -181,7 +223,8 @@ class ElementReader(ABC):
 
     def assignments(self, element: Element, attribute: str, trail: str) -> str:
         try:
-            return "; ".join(statement.text() for statement in read_statements(element.get(attribute)))
+            statements = read_statements(element.get(attribute), self.enums)
+            return "; ".join(statement.text() for statement in statements)
         except ScriptError as error:
             self.script_fault(element, attribute, error, trail)
             return "nothing := 0"

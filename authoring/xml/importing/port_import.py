@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Literal
 
-from ....files.expressions.syntax_tree import Name, walk
-from ....files.marks import Diagnostic, Mark
+from ....files.marks import Mark
 from ....files.yaml.writer import MarkedValue, from_value
-from ....trees.loading.registry import NodeRegistry
+from ....trees.declaration import AUTOREMAP
+from ....trees.mission import MAIN
 from ....trees.values.port_types import PortType
-from ....trees.values.references import Reference
-from ..format import btcpp_vocabulary, tree_nodes_model
+from ....world.belief.facts import FACTS
+from ..format import tree_nodes_model
 from ..format.element import Element
 from ..format.literal_text import is_pointer, read_value, type_name
-from .script_import import ScriptError, read_expression, read_statements
+from .import_faults import ImportFaults
+from .key_flow import TRUE_WORDS, KeyFlow
 from .source import XmlSource
 
 _PORTS: Mapping[str, Literal["in", "out"]] = {"input_port": "in", "output_port": "out", "inout_port": "in"}
-_CONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
-_ASSIGNMENTS = ("_onHalted", "_onFailure", "_onSuccess", "_post")
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +61,11 @@ class TreePort:
 class PortsOfTrees:
     """Finder of the ports of all trees of a source."""
 
-    def __init__(self, source: XmlSource, registry: NodeRegistry) -> None:
+    def __init__(self, source: XmlSource, flow: KeyFlow, faults: ImportFaults) -> None:
         self._source = source
-        self._registry = registry
-        self.faults: list[Diagnostic] = []
+        self._flow = flow
+        self._faults = faults
+        self._ours = bool(source.said("picktree"))
 
     def find(self) -> dict[str, tuple[TreePort, ...]]:
         calls = list(self._calls())
@@ -74,9 +74,14 @@ class PortsOfTrees:
             model = self._source.models.get(name)
             ports = {port.key: port for port in self._declared(name, model)} if model is not None else {}
             mine = [call for call in calls if call.get("ID") == name]
-            if model is None:
-                ports |= {port.key: port for port in self._inferred(name, mine)}
+            if model is None or not (self._ours or self._faults.strict):
+                ports |= {port.key: port for port in self._inferred(name, mine, ports)}
+            if not self._ours:
+                ports = {key: self._completed(name, port, mine) for key, port in ports.items()}
             found[name] = tuple(ports.values())
+        main = self._source.main
+        if main in found and not (self._ours or self._faults.strict):
+            found[main] = (*found[main], *self._of_the_program(main, {port.key for port in found[main]}))
         return found
 
     def _calls(self) -> Iterator[Element]:
@@ -90,10 +95,14 @@ class PortsOfTrees:
             direction, key = _PORTS.get(element.name), element.get("name")
             if element.name in ("MetadataFields", "description"):
                 continue
+            if key.startswith("_") and direction is not None:
+                message = f"the port {key!r} has no meaning for a run"
+                self._faults.note(element.place("name"), tree, message, code="P908")
+                continue
             if direction is None or not key:
                 message = f"<{element.name}> is no port with a name"
                 hint = '<input_port name="…"/>, <output_port/> or <inout_port/>'
-                self.faults.append(Diagnostic(element.mark, tree, message, hint, "P913"))
+                self._faults.fault(element.mark, tree, message, hint, code="P913")
                 continue
             yield self._port(tree, element, key, direction)
 
@@ -102,14 +111,14 @@ class PortsOfTrees:
         default, remapped = None, ""
         if "default" in element.attributes:
             text = element.get("default")
-            if text.strip(" ").startswith("{="):
-                message = f"'default' of {key!r}: {text.strip(' ')!r} is no default"
-                hint = "a default is a value, or a '{key}'"
-                self.faults.append(Diagnostic(element.place("default"), tree, message, hint, "P911"))
+            if text.strip().startswith("{=}") or text.strip() == "{}":
+                message = f"{text.strip()!r} is no default: it names no key"
+                hint = f"write {{{key}}} for the caller's key of that name"
+                self._faults.fault(element.place("default"), tree, message, hint, code="P911")
             elif is_pointer(text):
                 remapped = text.strip(" ")
             elif direction == "in":
-                default = self._value(tree, element, "default", PortType.parse(kind))
+                default = self._value(tree, element, "default", self._literal_type(tree, key, kind))
         choices = self._value(tree, element, tree_nodes_model.CHOICES, PortType("any"))
         doc = element.get("description") or " ".join(element.text.split())
         return TreePort(
@@ -124,6 +133,10 @@ class PortsOfTrees:
             choices,
         )
 
+    def _literal_type(self, tree: str, key: str, kind: str) -> PortType:
+        declared = PortType.parse(kind)
+        return declared if self._ours else literal_type(self._flow, tree, key, declared)
+
     def _value(self, tree: str, element: Element, attribute: str, kind: PortType) -> MarkedValue | None:
         if attribute not in element.attributes:
             return None
@@ -131,73 +144,70 @@ class PortsOfTrees:
         try:
             return from_value(read_value(element.get(attribute), kind), mark)
         except ValueError as error:
-            self.faults.append(
-                Diagnostic(mark, tree, f"{attribute!r} of {element.get('name')!r}: {error}", code="P911")
-            )
+            message = f"{attribute!r} of {element.get('name')!r}: {error}"
+            self._faults.fault(mark, tree, message, code="P911")
             return None
 
     # From calls and uses.
 
-    def _inferred(self, tree: str, calls: Iterable[Element]) -> Iterator[TreePort]:
-        used = self._used(tree)
-        seen: set[str] = set()
+    def _inferred(self, tree: str, calls: list[Element], known: Mapping[str, TreePort]) -> Iterator[TreePort]:
+        """Yield the ports that calls give and no model declares; those that no node uses are left out."""
+        used = {*self._flow.reads(tree), *self._flow.writes(tree)}
+        seen: set[str] = set(known)
         for call in calls:
             for key in call.attributes:
-                if key not in seen and key not in ("ID", "name") and not key.startswith("_"):
-                    seen.add(key)
-                    yield TreePort(key, call.place(key), used.direction(key))
+                if key in seen or key in ("ID", "name") or key.startswith("_"):
+                    continue
+                seen.add(key)
+                if key in used or self._faults.strict:
+                    yield TreePort(key, call.place(key))
+                else:
+                    message = f"no node of the tree {tree!r} uses the port {key!r}; it is left out"
+                    self._faults.note(call.place(key), tree, message, code="P918")
 
-    def _used(self, tree: str) -> _Used:
-        found = _Used([], [])
-        if tree in self._source.trees:
-            for element in self._source.trees[tree].iterate():
-                self._uses(element, found)
-        return found
+    def _completed(self, tree: str, port: TreePort, calls: list[Element]) -> TreePort:
+        """Return the port with the direction of its uses, and a default where a call leaves it out."""
+        if port.key in self._flow.writes(tree):
+            port = replace(port, direction="out", default=None)
+        if port.direction == "out":
+            return port
+        listed = self._flow.group(tree, port.key).listed
+        if port.type == "any" and listed is not None and listed.name != "any":
+            port = replace(port, type=str(listed))
+        lacking = [
+            call
+            for call in calls
+            if port.key not in call.attributes and call.get(AUTOREMAP) not in TRUE_WORDS
+        ]
+        if port.default is None and not port.remapped and lacking and not self._faults.strict:
+            if port.key in self._flow.reads(tree):
+                message = f"this call of {tree!r} gives no port {port.key!r}; its nodes read null there"
+                self._faults.note(lacking[0].mark, tree, message, code="P918")
+            port = replace(port, type="any", default=MarkedValue(port.mark, None))
+        return port
 
-    def _uses(self, element: Element, found: _Used) -> None:
-        node = self._registry.find(element.identity) if element.name != "SubTree" else None
-        for key, text in element.attributes.items():
-            condition = key in (*_CONDITIONS, "code", "if") and element.identity not in btcpp_vocabulary.OURS
-            if condition or key in _ASSIGNMENTS:
-                found.script(text)
-            elif element.identity == "SetBlackboard" and key == "output_key":
-                found.written.append(text.strip("{} "))
-            elif is_pointer(text):
-                found.pointer(key if text == "{=}" else text, _writes(node, key))
-
-
-@dataclass(slots=True)
-class _Used:
-    """Blackboard keys that the nodes of a tree read, and those that they write."""
-
-    read: list[str]
-    written: list[str]
-
-    def direction(self, key: str) -> Literal["in", "out"]:
-        return "out" if key in self.written and key not in self.read else "in"
-
-    def pointer(self, text: str, writes: bool) -> None:
-        try:
-            reference = Reference.parse(text.strip(" "))
-        except ValueError:
-            return
-        key = reference.key if reference is not None else text
-        (self.written if writes else self.read).append(key)
-
-    def script(self, text: str) -> None:
-        try:
-            statements = read_statements(text)
-        except ScriptError:
-            statements = ()
-        try:
-            values = [statement.value for statement in statements] or [read_expression(text)]
-        except ScriptError:
-            return
-        self.written += [statement.key for statement in statements]
-        self.read += [part.name for value in values for part in walk(value) if isinstance(part, Name)]
+    def _of_the_program(self, main: str, known: set[str]) -> Iterator[TreePort]:
+        """Yield a parameter for each key that the first tree reads and nothing in the files writes."""
+        for key, mark in self._flow.reads(main).items():
+            written = key in FACTS or self._flow.group(main, key).written
+            if written or key in known or key in self._flow.watched or key.startswith("_"):
+                continue
+            message = f"nobody writes the key {key!r}; it becomes a parameter of {MAIN}"
+            hint = f"`picktree run --set {key}=…` gives it"
+            if key.isupper():
+                hint += f"; if it is an enum of the program, `convert --enum {key}=0` says its number"
+            self._faults.note(mark, MAIN, message, hint, code="P918")
+            yield TreePort(key, mark)
 
 
-def _writes(node: object, key: str) -> bool:
-    declaration = getattr(node, "declaration", None)
-    port = declaration.port(key) if declaration is not None else None
-    return port is not None and port.direction == "out"
+def literal_type(flow: KeyFlow, tree: str, key: str, declared: PortType) -> PortType:
+    """Return the type with which a literal for a key is read.
+
+    BehaviorTree.CPP keeps a text, and reads it as each port needs it. Here the uses of the key decide once.
+    """
+    if declared.name != "any" or declared.many:
+        return declared
+    group = flow.group(tree, key)
+    if group.listed is not None:
+        return group.listed
+    return PortType("string") if group.compared_with_text else declared

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, NoReturn, TypeAlias, cast
 
@@ -35,9 +35,8 @@ _TOKEN = re.compile(
 )
 _NO_COUNTERPART = {
     "&": "bitwise operators", "|": "bitwise operators", "^": "bitwise operators", "~": "bitwise operators",
-    "..": "joining of texts",
 }  # fmt: skip
-_OUR_WORDS = ("and", "or", "not", "in", "if", "else", "null", "is", "for", "lambda", "True", "False", "None")
+OUR_WORDS = ("and", "or", "not", "in", "if", "else", "null", "is", "for", "lambda", "True", "False", "None")
 _ASSIGNMENTS = (":=", "=", "+=", "-=", "*=", "/=")
 _LOGIC: dict[str, Literal["and", "or"]] = {"&&": "and", "||": "or"}
 
@@ -92,26 +91,52 @@ class Statement:
         return f"{self.key} {operator} {expression_text(self.value)}"
 
 
-def read_expression(script: str) -> Part:
+def read_expression(script: str, enums: Mapping[str, int] | None = None) -> Part:
     """Return the script's single expression. Raises ScriptError."""
-    statements = _Parser(script).statements()
+    statements = _Parser(script, enums or {}).statements()
     if len(statements) != 1 or statements[0].key:
         raise ScriptError("one expression without an assignment is wanted", 0)
     return statements[0].value
 
 
-def read_condition(script: str) -> str:
+def read_condition(script: str, enums: Mapping[str, int] | None = None) -> str:
     """Return the script's single expression as text of a mission. Raises ScriptError."""
-    return expression_text(read_expression(script))
+    return expression_text(read_expression(script, enums))
 
 
-def read_statements(script: str) -> tuple[Statement, ...]:
+def read_parts(script: str, enums: Mapping[str, int] | None = None) -> tuple[Statement, ...]:
+    """Return assignments and bare values of a script. Raises ScriptError."""
+    return _Parser(script, enums or {}).statements()
+
+
+def read_statements(script: str, enums: Mapping[str, int] | None = None) -> tuple[Statement, ...]:
     """Return the script's assignments. Raises ScriptError."""
-    statements = _Parser(script).statements()
+    statements = _Parser(script, enums or {}).statements()
     for statement in statements:
         if not statement.key:
             raise ScriptError("an expression that is assigned to nothing does nothing", 0)
     return statements
+
+
+def names_in(script: str) -> tuple[str, ...]:
+    """Return the names in a script; none when it cannot be read."""
+    try:
+        return tuple(token.text for token in _tokens(script) if token.kind == "name")
+    except ScriptError:
+        return ()
+
+
+def with_names(script: str, names: Mapping[str, str]) -> str:
+    """Return the script with other names; one that cannot be read is left as it is."""
+    try:
+        tokens = [token for token in _tokens(script) if token.kind == "name"]
+    except ScriptError:
+        return script
+    for token in reversed(tokens):
+        root = "@" if token.text.startswith("@") else ""
+        name = token.text[len(root) :]
+        script = f"{script[: token.at]}{root}{names.get(name, name)}{script[token.at + len(token.text) :]}"
+    return script
 
 
 def _tokens(script: str) -> Iterator[_Token]:
@@ -127,7 +152,8 @@ def _tokens(script: str) -> Iterator[_Token]:
 
 
 class _Parser:
-    def __init__(self, script: str) -> None:
+    def __init__(self, script: str, enums: Mapping[str, int]) -> None:
+        self._enums = enums
         if len(script) > MAX_SCRIPT_LENGTH:
             raise ScriptError(f"the script is longer than {MAX_SCRIPT_LENGTH} characters", 0)
         self._tokens = list(_tokens(script))
@@ -138,8 +164,8 @@ class _Parser:
         found: list[Statement] = []
         while not self._ended():
             found.append(self._statement())
-            if not self._ended():
-                self._expect(";")
+            while self._is(";"):
+                self._take()
         if not found:
             raise ScriptError("the script is empty", 0)
         return tuple(found)
@@ -195,28 +221,30 @@ class _Parser:
         at = self._take().at
         yes = self._nested()
         self._expect(":")
-        return Conditional(at, test, yes, self._logic())
+        return Conditional(at, test, yes, self._nested())
 
     def _nested(self) -> Part:
-        self._depth += 1
-        if self._depth > MAX_SCRIPT_DEPTH:
-            raise ScriptError(f"the script is nested more than {MAX_SCRIPT_DEPTH} deep", self._token.at)
+        self._deeper()
         part = self._choice()
         self._depth -= 1
         return part
 
+    def _deeper(self) -> None:
+        self._depth += 1
+        if self._depth > MAX_SCRIPT_DEPTH:
+            raise ScriptError(f"the script is nested more than {MAX_SCRIPT_DEPTH} deep", self._token.at)
+
     def _logic(self) -> Part:
-        """Parse `&&` and `||`, which bind equally tightly, from left to right."""
-        left, joined = self._comparison(), ""
-        while self._is("&&", "||"):
-            token = self._take()
-            symbol, right = _LOGIC[token.text], self._comparison()
-            if isinstance(left, Logic) and joined == symbol:
-                left = Logic(left.at, symbol, (*left.parts, right))
-            else:
-                left = Logic(token.at, symbol, (left, right))
-            joined = symbol
-        return left
+        """Parse `||`, and `&&`, which binds more tightly since BehaviorTree.CPP 4.9."""
+        return self._joined("||", lambda: self._joined("&&", self._comparison))
+
+    def _joined(self, symbol: str, operand: Callable[[], Part]) -> Part:
+        first, rest = operand(), list[Part]()
+        at = self._token.at
+        while self._is(symbol):
+            self._take()
+            rest.append(operand())
+        return Logic(at, _LOGIC[symbol], (first, *rest)) if rest else first
 
     def _comparison(self) -> Part:
         first, rest = self._sum(), list[ComparisonLink]()
@@ -230,9 +258,9 @@ class _Parser:
 
     def _sum(self) -> Part:
         left = self._product()
-        while self._is("+", "-"):
+        while self._is("+", "-", ".."):
             token = self._take()
-            left = Arithmetic(token.at, "+" if token.text == "+" else "-", left, self._product())
+            left = Arithmetic(token.at, "-" if token.text == "-" else "+", left, self._product())
         return left
 
     def _product(self) -> Part:
@@ -245,7 +273,9 @@ class _Parser:
     def _prefixed(self) -> Part:
         if self._is("-", "!"):
             token = self._take()
-            operand = self._value()
+            self._deeper()
+            operand = self._prefixed()
+            self._depth -= 1
             return Sign(token.at, "-", operand) if token.text == "-" else Not(token.at, operand)
         return self._value()
 
@@ -273,6 +303,8 @@ class _Parser:
     def _name(self, token: _Token) -> Part:
         if token.text in ("true", "false"):
             return LiteralValue(token.at, token.text == "true")
-        if token.text in _OUR_WORDS:
+        if token.text in self._enums:
+            return LiteralValue(token.at, self._enums[token.text])
+        if token.text in OUR_WORDS:
             raise ScriptError(f"{token.text!r} cannot be the name of a key in an expression", token.at)
         return Name(token.at, token.text)

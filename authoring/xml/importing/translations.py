@@ -6,29 +6,31 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TypeAlias
 
-from ....files.expressions.syntax_tree import Not
+from ....files.expressions.syntax_tree import Not, Part
+from ....files.marks import Mark
 from ....files.yaml.writer import MarkedValue
 from ....trees.values.port_types import PortType
 from ..export.script_export import expression_text
 from ..format import btcpp_vocabulary
 from ..format.element import Element
+from ..format.literal_text import is_pointer
 from .attributes import COMMON, ElementReader, NodeDraft
-from .script_import import ScriptError, read_expression, read_statements
+from .key_flow import LOOPS
+from .script_import import ScriptError, Statement, read_expression, read_parts, read_statements
 
 Translation: TypeAlias = Callable[[Element, str], NodeDraft]
 _ANY = PortType("any")
 _ELSE = {"FAILURE": "_failureIf", "SUCCESS": "_successIf", "SKIPPED": "_skipIf"}
-_LOOPS = {
-    "LoopInt": PortType("int", many=True), "LoopBool": PortType("bool", many=True),
-    "LoopDouble": PortType("float", many=True), "LoopString": PortType("string", many=True),
-}  # fmt: skip
 
 
 class Translations:
     """Translator of elements to other nodes; `reader` reads their children and collects the errors."""
 
-    def __init__(self, reader: ElementReader) -> None:
+    def __init__(self, reader: ElementReader, enums: Mapping[str, int]) -> None:
         self._reader = reader
+        self._enums = enums
+        self.switches: dict[Mark, MarkedValue] = {}
+        """Cases of the foreign Switches by their place."""
         self._ways: Mapping[str, Translation] = {
             "ScriptCondition": self._script_condition,
             "Script": self._script,
@@ -37,7 +39,8 @@ class Translations:
             btcpp_vocabulary.CHECK: self._check,
             btcpp_vocabulary.ASSIGN: self._assign,
             btcpp_vocabulary.GUARDED: self._guarded,
-            **dict.fromkeys(_LOOPS, self._loop),
+            "ForEach": self._for_each,
+            **dict.fromkeys(LOOPS, self._loop),
         }
 
     def of(self, identity: str) -> Translation | None:
@@ -50,9 +53,30 @@ class Translations:
         self._reader.only(element, ("code",), trail)
         self._reader.count(element, element.identity, 0, 0, trail)
         draft = NodeDraft.of("Condition", element.mark)
-        if self._reader.needed(element, "code", trail):
+        if not self._reader.needed(element, "code", trail):
+            return draft
+        assigned = self._assigned_before(element)
+        if assigned is None:
             draft.put("if", self._reader.condition(element, "code", trail), element.place("code"))
-        return draft
+            return draft
+        statements, condition = assigned
+        mark = element.place("code")
+        script = NodeDraft.of("Script", element.mark)
+        script.put("code", "; ".join(statement.text() for statement in statements), mark)
+        draft.put("if", expression_text(condition), mark)
+        both = NodeDraft.of("Sequence", element.mark)
+        both.put("do", MarkedValue(element.mark, items=[script.written(), draft.written()]))
+        return both
+
+    def _assigned_before(self, element: Element) -> tuple[tuple[Statement, ...], Part] | None:
+        """Return assignments and the condition behind them; None where there is only a condition."""
+        try:
+            *statements, last = read_parts(element.get("code"), self._enums)
+        except ScriptError:
+            return None
+        if not statements or last.key or not all(statement.key for statement in statements):
+            return None
+        return tuple(statements), last.value
 
     def _script(self, element: Element, trail: str) -> NodeDraft:
         """Translate a Script; one constant or copy that the export has marked is a SetBlackboard."""
@@ -60,10 +84,10 @@ class Translations:
         self._reader.count(element, element.identity, 0, 0, trail)
         code, mark = self._reader.needed(element, "code", trail), element.place("code")
         try:
-            statements = read_statements(code) if code else ()
+            statements = read_statements(code, self._enums) if code else ()
         except ScriptError as error:
             self._reader.script_fault(element, "code", error, trail)
-            statements = ()
+            return NodeDraft.of("AlwaysSuccess", element.mark)
         first = (
             statements[0] if len(statements) == 1 and btcpp_vocabulary.SETS in element.attributes else None
         )
@@ -89,8 +113,14 @@ class Translations:
         self._reader.count(element, element.identity, 0, 0, trail)
         draft = NodeDraft.of("SetBlackboard", element.mark)
         self._reader.needed(element, "value", trail)
-        self._reader.port(draft, "value", _ANY, element, "value", trail)
-        key = self._reader.needed(element, "output_key", trail).strip("{} ")
+        key = self._reader.needed(element, "output_key", trail)
+        if is_pointer(key):
+            message = f"'output_key': BehaviorTree.CPP looks into {key} for the name of the key"
+            hint = f"write the name itself: {key.strip('{ }')!r}"
+            self._reader.fault(element.place("output_key"), trail, message, hint, code="P911")
+            key = key.strip("{ }")
+        kind = self._reader.literal_type(self._reader.tree, key, _ANY)
+        self._reader.port(draft, "value", kind, element, "value", trail)
         draft.put("output_key", f"{{{key}}}", element.place("output_key"))
         return draft
 
@@ -112,7 +142,7 @@ class Translations:
 
     def _negated(self, element: Element, trail: str) -> str:
         try:
-            part = read_expression(element.get("if", "true"))
+            part = read_expression(element.get("if", "true"), self._enums)
         except ScriptError as error:
             self._reader.script_fault(element, "if", error, trail)
             return "false"
@@ -131,22 +161,56 @@ class Translations:
         outer.put("do", MarkedValue(element.mark, items=[child.written()]))
         return outer
 
-    def _loop(self, element: Element, trail: str) -> NodeDraft:
-        self._reader.only(element, ("queue", "if_empty", "value"), trail)
-        if element.get("if_empty", "SUCCESS") != "SUCCESS":
-            message = f"'if_empty': {element.get('if_empty')!r} has no counterpart"
-            self._reader.fault(
-                element.place("if_empty"), trail, message, "an empty list is SUCCESS", code="P907"
-            )
+    def _for_each(self, element: Element, trail: str) -> NodeDraft:
+        """Translate the ForEach of MoveIt Pro."""
+        self._reader.only(element, ("vector_in", "out", "index"), trail)
+        index = element.get("index").strip("{} ")
+        if index and self._reader.is_read(index):
+            message = "'index': a ForEach does not count its elements"
+            hint = "count with a Script in the loop"
+            self._reader.fault(element.place("index"), trail, message, hint, code="P907")
+        elif index:
+            message = f"nobody reads the index {index!r}; it is left out"
+            self._reader.faults.note(element.place("index"), trail, message, code="P918")
         draft = NodeDraft.of("ForEach", element.mark)
-        self._reader.needed(element, "queue", trail)
-        self._reader.needed(element, "value", trail)
-        self._reader.port(draft, "in", _LOOPS[element.identity], element, "queue", trail)
-        self._reader.port(draft, "out", _ANY, element, "value", trail)
+        self._reader.needed(element, "out", trail)
+        self._reader.port(draft, "in", PortType("any", many=True), element, "vector_in", trail)
+        self._reader.port(draft, "out", _ANY, element, "out", trail)
         child = self._child(element, trail)
         if child is not None:
             draft.put("do", child.written())
         return draft
+
+    def _loop(self, element: Element, trail: str) -> NodeDraft:
+        self._reader.only(element, ("queue", "if_empty", "value"), trail)
+        draft = NodeDraft.of("ForEach", element.mark)
+        self._reader.needed(element, "queue", trail)
+        self._reader.needed(element, "value", trail)
+        self._reader.port(draft, "in", LOOPS[element.identity], element, "queue", trail)
+        self._reader.port(draft, "out", _ANY, element, "value", trail)
+        child = self._child(element, trail)
+        if child is not None:
+            draft.put("do", child.written())
+        return self._ended(element, draft, trail)
+
+    def _ended(self, element: Element, loop: NodeDraft, trail: str) -> NodeDraft:
+        """Return the loop so that it ends as `if_empty` says, which it does behind the last element, too."""
+        match element.get("if_empty", "SUCCESS"):
+            case "SUCCESS":
+                return loop
+            case "FAILURE":
+                outer = NodeDraft.of("ForceFailure", element.mark)
+                outer.put("do", loop.written())
+            case "SKIPPED":
+                skipped = NodeDraft.of("AlwaysSuccess", element.mark)
+                skipped.put("_skipIf", True)
+                outer = NodeDraft.of("IfThenElse", element.mark)
+                outer.put("do", MarkedValue(element.mark, items=[loop.written(), skipped.written()]))
+            case other:
+                message = f"'if_empty' is SUCCESS, FAILURE or SKIPPED, not {other!r}"
+                self._reader.fault(element.place("if_empty"), trail, message, code="P911")
+                return loop
+        return outer
 
     def _switch(self, element: Element, trail: str) -> NodeDraft:
         count = int(element.identity.removeprefix("Switch")[:4])
@@ -165,6 +229,7 @@ class Translations:
                 )
             table.put(label, self._reader.slot_value(child, label, trail), child.mark)
         draft.put("cases", table)
+        self.switches[element.mark] = table
         if (
             len(element.children) > count
             and btcpp_vocabulary.NO_CASE not in element.children[count].attributes

@@ -1,0 +1,92 @@
+"""Trees as others write them: what the import makes of them, and what it says about it.
+
+The cases are in `foreign_trees.md`: `same` comes in without a word, `noted` with notes, `refused` not at all.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from picktree.authoring.xml.importing.mission_import import ImportedMission, ImportOptions, import_xml
+from picktree.authoring.xml.importing.source import XmlText
+from picktree.files.marks import FileError
+
+from .xml_missions import registry
+
+HERE = Path("tree.xml")
+_CASE = re.compile(
+    r"^## (?P<kind>\w+): (?P<name>[^\n]+)\n\n```xml\n(?P<xml>.*?)\n```\n"
+    r"(?:\n```yaml\n(?P<trees>.*?)\n```\n)?(?:\n```text\n(?P<said>.*?)\n```\n)?",
+    re.DOTALL | re.MULTILINE,
+)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A file, the trees that it becomes, and what is said about it."""
+
+    kind: str
+    xml: str
+    trees: str
+    said: list[str]
+
+
+CASES = {
+    match["name"]: Case(
+        match["kind"], match["xml"], f"{match['trees'] or ''}\n", (match["said"] or "").splitlines()
+    )
+    for match in _CASE.finditer((Path(__file__).parent / "foreign_trees.md").read_text(encoding="utf-8"))
+}
+
+
+def of(*kinds: str) -> list[str]:
+    return [name for name, case in CASES.items() if case.kind in kinds]
+
+
+def imported(xml: str, options: ImportOptions | None = None) -> ImportedMission:
+    return import_xml([XmlText(xml, HERE)], registry(), options)
+
+
+def faults_of(xml: str, options: ImportOptions | None = None) -> list[str]:
+    with pytest.raises(FileError) as caught:
+        imported(xml, options)
+    return [f"{each.code} {each}".replace("tree.xml:", "") for each in caught.value.faults]
+
+
+def test_all_cases_are_read() -> None:
+    text = (Path(__file__).parent / "foreign_trees.md").read_text(encoding="utf-8")
+    assert len(CASES) == text.count("\n## ")
+    assert {case.kind for case in CASES.values()} == {"same", "noted", "refused"}
+
+
+@pytest.mark.parametrize("name", of("same", "noted"))
+def test_what_comes_in(name: str) -> None:
+    case, found = CASES[name], imported(CASES[name].xml)
+    assert found.text.partition("trees:\n")[2] == case.trees
+    assert [f"{note.code} {note}".replace("tree.xml:", "") for note in found.notes] == case.said
+    assert (case.kind == "same") == (case.said == [])
+
+
+@pytest.mark.parametrize("name", of("refused"))
+def test_what_would_mean_something_else_is_refused(name: str) -> None:
+    assert faults_of(CASES[name].xml) == CASES[name].said
+
+
+@pytest.mark.parametrize("name", [name for name in of("noted") if name != "a port that no node uses"])
+def test_strict_refuses_what_is_only_noted_otherwise(name: str) -> None:
+    assert faults_of(CASES[name].xml, ImportOptions(strict=True)) != []
+
+
+def test_names_of_numbers() -> None:
+    xml = (
+        '<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence><Script code="c := RED"/>'
+        '<AlwaysSuccess _skipIf="c != RED"/></Sequence></BehaviorTree></root>'
+    )
+    found = imported(xml, ImportOptions(enums={"RED": 2}))
+    assert found.text.endswith(
+        '  Main:\n    Sequence:\n      - Script: {code: "c := 2"}\n      - AlwaysSuccess: {_skipIf: c != 2}\n'
+    )
