@@ -10,6 +10,8 @@ from .recording.rotated_log import part_paths
 
 LOG_NAME = "log.mcap"
 RUNS_FOLDER = Path("runs")
+BATCH_RESULTS = "results.sqlite"
+"""File by which the folder of a batch is told."""
 
 
 def find_log(where: str | Path) -> Path:
@@ -33,6 +35,11 @@ def find_log(where: str | Path) -> Path:
             return others[0]
         parts = [part.name for part in part_paths(inside).values()]
         there = f"; it holds {', '.join(parts)}, which open by their own names" if parts else ""
+        if (path / BATCH_RESULTS).is_file():
+            there = (
+                "; it is a batch, which keeps the logs of jobs that missed their goal: `picktree batch report "
+                f"{path}` tells of all jobs, `picktree resim {path}@seed=0` makes a job's log"
+            )
         raise PicktreeError(f"{path}: there is no {LOG_NAME} in this folder{there}")
     if not path.exists():
         raise PicktreeError(f"{path}: there is no such log")

@@ -224,3 +224,10 @@ Look at
   see it           picktree snapshot LOG --at 4.80 -o moment.png
   the whole run    picktree report LOG -o report.html
 """
+
+
+def test_a_batch_without_logs_says_where_they_are(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "results.sqlite").write_bytes(b"")
+    assert answer(["explain", str(tmp_path)]) == 2
+    said = capfd.readouterr().err
+    assert f"`picktree batch report {tmp_path}`" in said and f"`picktree resim {tmp_path}@seed=0`" in said
