@@ -42,7 +42,7 @@ class AsyncSequence(_AsyncNode):
       - Log: {message: in the next tick}
     """
 
-    parts = children("what is done, in this order")
+    parts = children("the children, in this order")
 
 
 class AsyncFallback(_AsyncNode):
@@ -55,7 +55,7 @@ class AsyncFallback(_AsyncNode):
       - GoTo: {pose: home}
     """
 
-    parts = children("what is tried, in this order")
+    parts = children("the children, in this order")
 
 
 class TryCatch(ControlNode):
@@ -75,7 +75,7 @@ class TryCatch(ControlNode):
         - Log: {message: it has not come home}
     """
 
-    parts = children("what is done, in this order, then what cleans up", least=2)
+    parts = children("the children in this order; the last one cleans up", least=2)
     catch_on_halt: In[bool] = port("whether a halt ticks the last child, too", default=False)
     remembers = ("_index", "_skipped", "_catching", "_reports")
     positions = ("_index",)

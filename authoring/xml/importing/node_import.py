@@ -28,7 +28,7 @@ from .translations import Translations
 
 @dataclass(slots=True)
 class ImportContext:
-    """All that the reading of nodes needs to know of the import."""
+    """State of one import, for the reading of nodes."""
 
     source: XmlSource
     registry: NodeRegistry
