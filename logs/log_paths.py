@@ -37,8 +37,9 @@ def find_log(where: str | Path) -> Path:
         there = f"; it holds {', '.join(parts)}, which open by their own names" if parts else ""
         if (path / BATCH_RESULTS).is_file():
             there = (
-                "; it is a batch, which keeps the logs of jobs that missed their goal: `picktree batch report "
-                f"{path}` tells of all jobs, `picktree resim {path}@seed=0` makes a job's log"
+                "; it is a batch, which keeps the logs of jobs that missed their goal: "
+                f"`picktree batch report {path}` tells of all jobs, "
+                f"`picktree resim {path}@seed=0` makes a job's log"
             )
         raise PicktreeError(f"{path}: there is no {LOG_NAME} in this folder{there}")
     if not path.exists():
