@@ -120,8 +120,8 @@ def _corners(shape: Shape) -> Array:
             )
         case Sphere(radius):
             return np.array(list(itertools.product((-radius, radius), repeat=3)))
-        case ConvexMesh(vertices):
-            return np.array(vertices)
+        case ConvexMesh():
+            return np.array(shape.vertices)
 
 
 def extents(shape: Shape, rotation: Array) -> tuple[Array, Array]:

@@ -165,8 +165,8 @@ def shape_mesh(shape: Shape, colour: tuple[float, float, float] = DEFAULT_COLOUR
             vertices = vertices * radius
         case CompoundMesh():
             return join_meshes([shape_mesh(part, colour) for part in convex_parts(shape)])
-        case ConvexMesh(points):
-            vertices = np.array(points)
+        case ConvexMesh():
+            vertices = np.array(shape.vertices)
             faces = convex_hull(vertices).simplices.astype(np.int64)
             corners = vertices[faces]
             outward = np.einsum("fi,fi->f", _areas(corners), corners.mean(axis=1) - vertices.mean(axis=0))

@@ -184,8 +184,8 @@ def body_points(shape: Shape) -> Array:
             )
         case Sphere():
             return np.zeros((0, 3))
-        case ConvexMesh(vertices):
-            points = np.array(vertices)
+        case ConvexMesh():
+            points = np.array(shape.vertices)
             return points[convex_hull(points).vertices]
 
 

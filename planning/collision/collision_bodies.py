@@ -121,9 +121,9 @@ def _coal_geometry(shape: Shape) -> coal.CollisionGeometry:
             return coal.Cylinder(radius, height)
         case Sphere(radius):
             return coal.Sphere(radius)
-        case ConvexMesh(vertices):
+        case ConvexMesh():
             points = coal.StdVec_Vec3s()
-            for vertex in vertices:
+            for vertex in shape.vertices:
                 points.append(np.array(vertex))
             return coal.ConvexBase.convexHull(points, True, "Qt")
 

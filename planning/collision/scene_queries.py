@@ -92,8 +92,8 @@ def solid(shape: Shape) -> FclSolid:
             geometry = fcl.Cylinder(radius, height)
         case Sphere(radius):
             geometry = fcl.Sphere(radius)
-        case ConvexMesh(vertices, source):
-            return hull(np.array(vertices), keep=source != OBSTACLE_VOLUME)
+        case ConvexMesh():
+            return hull(np.array(shape.vertices), keep=shape.source != OBSTACLE_VOLUME)
     return FclSolid(geometry, corners(shape), shape)
 
 

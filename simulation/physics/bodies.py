@@ -223,8 +223,8 @@ def inertia(shape: Shape, mass: float) -> Vector3:
             _, spread = centre_and_spread(list(map(np.array, parts)))
             ixx, iyy, izz = (float(m) for m in mass * (np.trace(spread) - np.diag(spread)))
             return ixx, iyy, izz
-        case ConvexMesh(vertices):
-            hull = _hull(vertices)
+        case ConvexMesh():
+            hull = _hull(shape.vertices)
             ixx, iyy, izz = (float(m) for m in np.diag(hull["inertia"]) * mass / float(hull["volume"]))
             return ixx, iyy, izz
 
@@ -239,8 +239,8 @@ def check_body(name: str, shape: Shape, pose: Pose) -> None:
             sizes = (radius, height)
         case Sphere(radius):
             sizes = (radius,)
-        case ConvexMesh(vertices):
-            sizes = np.ptp(np.array(vertices), axis=0).tolist()
+        case ConvexMesh():
+            sizes = np.ptp(np.array(shape.vertices), axis=0).tolist()
     if not all(math.isfinite(s) and s > 0 for s in sizes):
         raise PicktreeError(f"{name}: size {tuple(sizes)}; every size must be positive")
     if not all(map(math.isfinite, pose.position)):
@@ -290,8 +290,8 @@ def _collision(shape: Shape, client: int) -> int:
         case CompoundMesh(parts=parts):
             file = _parts_file(parts, ENGINE_MARGIN)
             return pb.createCollisionShape(pb.GEOM_MESH, fileName=file, physicsClientId=client)
-        case ConvexMesh(vertices):
-            return pb.createCollisionShape(pb.GEOM_MESH, vertices=vertices, physicsClientId=client)
+        case ConvexMesh():
+            return pb.createCollisionShape(pb.GEOM_MESH, vertices=shape.vertices, physicsClientId=client)
 
 
 def _visual(shape: Shape, colour: str, client: int) -> int:

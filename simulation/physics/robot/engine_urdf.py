@@ -83,8 +83,8 @@ def _put_shape(link: ElementTree.Element, part: LinkShape, file: Path) -> None:
             ElementTree.SubElement(geometry, "cylinder", radius=repr(radius), length=repr(height))
         case Sphere(radius):
             ElementTree.SubElement(geometry, "sphere", radius=repr(radius))
-        case ConvexMesh(vertices):
-            file.write_text(hulls_text([np.array(vertices)]), encoding="ascii")
+        case ConvexMesh():
+            file.write_text(hulls_text([np.array(part.shape.vertices)]), encoding="ascii")
             ElementTree.SubElement(geometry, "mesh", filename=str(file))
 
 
