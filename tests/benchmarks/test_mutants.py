@@ -81,6 +81,8 @@ def suite(program: Program, tmp_path_factory: pytest.TempPathFactory) -> Any:
     (root / "tests").mkdir()
     (root / "picktree").symlink_to(root)
     (root / "__init__.py").touch()
+    # What the program that runs mutants takes from the package under test.
+    (root / "arithmetic.py").write_text("def pin() -> None:\n    pass\n")
     (root / "lib.py").write_text(dedent(LIBRARY).lstrip())
     (root / "tests" / "__init__.py").touch()
     (root / "tests" / "helper.py").write_text("def six():\n    return 6\n")

@@ -41,8 +41,11 @@ TREES = """
   SortAll: {ports: {rounds: {type: int}}, Repeat: {num_cycles: '{rounds}', do: SafeRetreat}}
 """
 """Sub-trees that examples call and do not show."""
-SHOWN = [block for page in pages() if page.name != "nodes.md" for block in blocks(page, "yaml")]
-"""All but the examples of nodes: tests/authoring/test_reference.py checks them where they are declared."""
+SHOWN = [
+    block for page in pages() if page.name not in ("nodes.md", "ci.md") for block in blocks(page, "yaml")
+]
+"""All but the examples of nodes, which tests/authoring/test_reference.py checks where they are declared, and
+files of other programs, which tests/cli/test_ci_page.py checks."""
 
 
 def wholes(block: Block) -> Iterator[str]:

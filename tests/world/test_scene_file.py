@@ -491,6 +491,7 @@ def test_shipped_scenes_are_read_and_their_logged_text_gives_them_again(name: st
         "tall": 8,
         "calibrating": 0,
         "self_test": 3,
+        "parts": 5,
         "tote": 18,
         "tote_of_items": 18,
         "pile": 8,
@@ -515,6 +516,7 @@ def test_shipped_scenes_are_read_and_their_logged_text_gives_them_again(name: st
         "tote",
         "totes",
         "tote_of_items",
+        "parts",
         "pile",
         "packed",
     ):
