@@ -521,7 +521,7 @@ def test_shipped_scenes_are_read_and_their_logged_text_gives_them_again(name: st
         "packed",
     ):
         assert forms - {"mesh"} == {"box", "cylinder", "sphere", "plate"}
-    assert ("mesh" in forms) == name.startswith(("three_bins", "continuous", "belt"))
+    assert ("mesh" in forms) == name.startswith(("three_bins", "continuous", "belt", "parts"))
 
 
 def test_a_shipped_camera_may_hang_elsewhere_than_believed() -> None:
