@@ -60,8 +60,7 @@ class McapReader:
         self._file = RecordFile(path)
         self._copy: IO[bytes] | None = None
         try:
-            self._open()
-            self._reader, self._summary = self._indexed()
+            self._reader, self._summary = self._open()
         except PicktreeError:
             self.close()
             raise
@@ -118,7 +117,7 @@ class McapReader:
             self._copy = sorted_copy(_records(self._file))
         with self._copy as before:
             self._copy = retimed_copy(before, np.maximum(times, 0))
-        self._reader, self._summary = self._indexed()
+        self._reader, self._summary = _indexed(self._copy)
 
     def places(self) -> NDArray[np.int64]:
         """Return numbers (n,) of all messages that grow with their places in the file."""
@@ -179,8 +178,9 @@ class McapReader:
                 words[name] = value
         return found
 
-    def _open(self) -> None:
-        """Check the file, and copy it unless it is as picktree writes it."""
+    def _open(self) -> tuple[SeekingReader, Summary]:
+        """Check the file, and copy it unless it is as picktree writes it. Return the package's reader of the
+        file or its copy, and the summary."""
         from .sorted_copy import sorted_copy
 
         file, summary = self._file, None
@@ -191,31 +191,25 @@ class McapReader:
             header = parsed(*file.record(len(MAGIC), Opcode.HEADER))
             assert isinstance(header, Header)
             self._header = header
-            summary, data_end = file.summary()
+            reader, summary, data_end = file.indexed()
             if header.library == LIBRARY and _is_as_written(file, summary, data_end):
-                return
+                return reader, summary
             for index in summary.attachment_indexes:
                 parsed(*file.record(index.offset, Opcode.ATTACHMENT))
             self._copy = sorted_copy(_records(file))
-            return
+            return _indexed(self._copy)
         except DAMAGE_ERRORS:
             pass
         salvage = Salvage(file, summary, data_end)
         self._copy = sorted_copy(salvage.records())
         self._lost_files = salvage.lost_files
-        copied = self._indexed()[1].statistics
-        assert copied is not None
-        text = salvage.text(copied.message_end_time)
-        if text and not copied.message_count:
+        reader, copied = _indexed(self._copy)
+        assert copied.statistics is not None
+        text = salvage.text(copied.statistics.message_end_time)
+        if text and not copied.statistics.message_count:
             raise self._damaged(salvage.stop, f"{salvage.problem or 'nothing is left'}; it holds no messages")
         self.recovered = text and f"{self.path}: {text}"
-
-    def _indexed(self) -> tuple[SeekingReader, Summary]:
-        """Return the package's reader of the file or its copy, and the summary."""
-        stream = self._copy or self._file
-        stream.seek(0)
-        reader = SeekingReader(stream)
-        return reader, reader.get_summary() or Summary()
+        return reader, copied
 
     @contextmanager
     def _damage_at(self, offset: int) -> Generator[None]:
@@ -226,6 +220,12 @@ class McapReader:
 
     def _damaged(self, offset: int, why: str) -> PicktreeError:
         return PicktreeError(f"{self.path}: damaged at byte {offset}: {why}")
+
+
+def _indexed(copy: IO[bytes]) -> tuple[SeekingReader, Summary]:
+    copy.seek(0)
+    reader = SeekingReader(copy)
+    return reader, reader.get_summary() or Summary()
 
 
 def _records(file: RecordFile) -> Iterable[McapRecord]:

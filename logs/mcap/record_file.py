@@ -89,22 +89,25 @@ class RecordFile(io.BufferedReader):
             start += _READ_BLOCK_SIZE
         return None
 
-    def summary(self) -> tuple[Summary, int]:
-        """Return the summary, and the offset at which the data ends. It is empty in a file without one.
+    def indexed(self) -> tuple[SeekingReader, Summary, int]:
+        """Return the package's reader, the summary, and the offset at which the data ends.
 
-        Raises one of `DAMAGE_ERRORS` when the file has no ending, or a damaged one.
+        The summary is empty in a file without one. The reader keeps it, since a file that is still written
+        gets another one at any time. Raises one of `DAMAGE_ERRORS` when the file has no ending, or a damaged
+        one.
         """
         ending = self.size - len(MAGIC)
         if ending < _FOOTER_SIZE + len(MAGIC) or self.at(ending, len(MAGIC)) != MAGIC:
             raise ValueError("the file does not end as an MCAP file does")
         self.seek(0)
-        summary = SeekingReader(self).get_summary() or Summary()
+        reader = SeekingReader(self)
+        summary = reader.get_summary() or Summary()
         footer = Footer.read(ReadDataStream(io.BytesIO(self.at(ending - _FOOTER_SIZE, _FOOTER_SIZE))))
         start = footer.summary_start or ending - _FOOTER_SIZE - RECORD_HEAD.size
         if footer.summary_crc and footer.summary_crc != self.crc(start, ending - 4):
             raise ValueError("wrong check sum of the summary")
         self.record(start - _DATA_END_SIZE, Opcode.DATA_END)
-        return summary, start - _DATA_END_SIZE
+        return reader, summary, start - _DATA_END_SIZE
 
 
 def parsed(opcode: int, body: bytes) -> McapRecord:

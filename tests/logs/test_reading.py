@@ -15,8 +15,11 @@ from mcap.reader import make_reader
 
 from picktree.errors import PicktreeError
 from picktree.logs.log_paths import find_log
+from picktree.logs.mcap import reader
+from picktree.logs.recording.recorder import Recorder
 from picktree.logs.run_log import RunLog
 from picktree.logs.schema import topics
+from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.shapes import Box, Cylinder, Sphere
 
 TABLE = {
@@ -178,3 +181,32 @@ def test_a_newer_format_is_refused_with_a_sentence(
     assert str(raised.value) == (
         f"{path}: the log has format 3, and this picktree reads up to 2; upgrade picktree to read it"
     )
+
+
+def test_a_log_that_grows_while_it_is_opened_is_read_as_it_was(
+    sample: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "log.mcap"
+    scene = PlanningScene([sample.TABLE], [sample.BIN])
+    check = reader._is_as_written  # pyright: ignore[reportPrivateUsage]
+    grown: list[bool] = []
+    with Recorder(path, sample.RUN) as recorder:
+        sample.start(recorder)
+        for k in range(60):
+            sample.step(recorder, scene, k)
+
+        def check_and_grow(*arguments: Any) -> bool:
+            grown.append(check(*arguments))
+            size = path.stat().st_size
+            for k in range(60, 120):
+                sample.step(recorder, scene, k)
+            assert path.stat().st_size > size
+            return grown[-1]
+
+        monkeypatch.setattr(reader, "_is_as_written", check_and_grow)
+        log = reader.McapReader(path)
+        ticks = [message.time for message in log.messages({"/bt/tick"})]
+        log.close()
+    assert grown == [True]
+    assert not log.recovered
+    assert 0 < len(ticks) <= 60
