@@ -134,6 +134,19 @@ def test_a_nut_has_two_looks() -> None:
     assert found[round(0.018 * math.sqrt(3), 4)].turn == pytest.approx(math.pi)
 
 
+@pytest.mark.parametrize("radius", [0.005, 0.008, 0.015, 0.025])
+@pytest.mark.parametrize("sides", [12, 16, 32, 61, 90])
+def test_a_roll_lies_and_stands_however_fine_its_facets_are(radius: float, sides: int) -> None:
+    ring = [
+        (radius * math.cos(k * 2 * math.pi / sides), radius * math.sin(k * 2 * math.pi / sides))
+        for k in range(sides)
+    ]
+    roll = ConvexMesh(tuple((x, y, z) for x, y in ring for z in (-0.03, 0.03)), "roll")
+    found = sorted(stable_poses(CatalogueEntry("roll", "mesh", roll, 0.1, 0.5)), key=lambda r: r.height)
+    assert [r.height for r in found] == pytest.approx([2 * radius, 0.06], rel=0.04)
+    assert found[0].turn == pytest.approx(math.pi)
+
+
 @pytest.mark.parametrize("kind", [entry.kind for entry in CATALOGUE])
 def test_the_fit_finds_back_the_place_from_beside_it(kind: str) -> None:
     sight = PosedCamera.at(LENS, DOWN)
