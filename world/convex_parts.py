@@ -33,8 +33,8 @@ MAX_EXCESS = 0.25
 """Greatest volume of the parts beyond that of the mesh, as a share of it."""
 MAX_CORNERS = 256
 """Greatest number of corners of a hull: contact costs grow with it."""
-MAX_SIMPLIFICATION = 3e-4
-"""Greatest depth that a hull loses when it is given fewer corners, m."""
+MAX_SIMPLIFICATION = 0.01
+"""Greatest depth that a hull loses when it is given fewer corners, as a share of its largest extent."""
 
 
 def decomposed(mesh: TriangleMesh) -> list[Array]:
@@ -157,7 +157,7 @@ def simplified(corners: Array) -> Array:
         if len(kept) == MAX_CORNERS or outside.max() <= 0.0:
             break
         kept.add(int(outside.argmax()))
-    if float(outside.max()) > MAX_SIMPLIFICATION:
+    if float(outside.max()) > MAX_SIMPLIFICATION * float(np.ptp(corners, axis=0).max()):
         raise MeshError(
             f"the hull has {len(corners)} corners; with {MAX_CORNERS} it loses {outside.max() * 1000:.1f} mm",
             "simplify the mesh",

@@ -32,8 +32,8 @@ from ...world.shapes import (
 from ...world.values import Array, ObjectId, Pose
 from .polygons import covered_area
 
-CORNER_TOLERANCE = 2e-4
-"""Distance between corners below which they look the same, m."""
+LOOK_TOLERANCE = 0.01
+"""Difference of two outlines that look the same, as a share of the largest extent of a body."""
 CIRCLE_CORNERS = 16
 """Number of corners of the polygon that stands for a circle."""
 
@@ -259,6 +259,7 @@ def _symmetry_turn(mesh: ConvexMesh, rotation: Array) -> float:
     points = np.array(mesh.vertices) @ rotation.T
     normals, offsets = half_spaces(mesh)
     faces = normals @ rotation.T
+    offsets = offsets + LOOK_TOLERANCE * float(np.ptp(points[:, :2], axis=0).max())
     if _all_inside(points, ROUND_TURNS, faces, offsets) and _fills_alike(mesh, rotation, ROUND_TURNS):
         return 0.0
     turns = (2 * math.pi / times for times in (12, 10, 8, 6, 5, 4, 3, 2))
@@ -284,16 +285,17 @@ def _fills_alike(mesh: ConvexMesh, rotation: Array, turns: Iterable[float]) -> b
 
 def _looks_like(one: StablePose, other: StablePose) -> bool:
     """Whether both look the same, as on equal faces of a symmetric body."""
-    if abs(one.height - other.height) > CORNER_TOLERANCE or abs(one.below - other.below) > CORNER_TOLERANCE:
-        return False
     mesh = other.entry.shape
     assert isinstance(mesh, ConvexMesh)
+    tolerance = LOOK_TOLERANCE * float(np.ptp(mesh.vertices, axis=0).max())
+    if abs(one.height - other.height) > tolerance or abs(one.below - other.below) > tolerance:
+        return False
     normals, offsets = half_spaces(mesh)
-    normals = normals @ other.rotation.T
+    normals, offsets = normals @ other.rotation.T, offsets + tolerance
     radii = np.hypot(one.outline[:, 0], one.outline[:, 1])
     far = one.outline[int(radii.argmax())]
     start = math.atan2(far[1], far[0])
-    alike = np.abs(np.hypot(other.outline[:, 0], other.outline[:, 1]) - radii.max()) < CORNER_TOLERANCE
+    alike = np.abs(np.hypot(other.outline[:, 0], other.outline[:, 1]) - radii.max()) < tolerance
     turns = (math.atan2(to[1], to[0]) - start for to in other.outline[alike])
     return any(_all_inside(one.outline, (turn,), normals, offsets) for turn in turns)
 
@@ -305,7 +307,7 @@ def _turned(points: Array, angle: float) -> Array:
 
 def _all_inside(points: Array, turns: Iterable[float], normals: Array, offsets: Array) -> bool:
     """Whether points (n, 3) are inside of half-spaces after each of these turns about the vertical."""
-    return all((_turned(points, turn) @ normals.T - offsets).max() < CORNER_TOLERANCE for turn in turns)
+    return all((_turned(points, turn) @ normals.T < offsets).all() for turn in turns)
 
 
 def _rotation_face_down(normal: Array) -> Array:
