@@ -17,7 +17,7 @@ from picktree.world.convex_parts import MAX_PARTS, body_of, moments, parts_name,
 from picktree.world.mesh_reader import FlatMesh, MeshError
 from picktree.world.pad_contacts import pad_contacts, top_heights
 from picktree.world.scene.loading.scene_entries import load_body
-from picktree.world.shapes import CompoundMesh, ConvexMesh, Shape, inside, ray_hits
+from picktree.world.shapes import CompoundMesh, ConvexMesh, Shape, half_spaces, inside, ray_hits
 from picktree.world.values import Pose
 
 ANGLE = [(0.0, 0.0), (0.06, 0.0), (0.06, 0.006), (0.006, 0.006), (0.006, 0.04), (0.0, 0.04)]
@@ -131,6 +131,15 @@ def test_a_hull_with_many_corners_loses_those_that_matter_least(tmp_path: Path) 
     assert len(body.vertices) == 256
     reach = np.hypot(*np.array(body.vertices)[:, :2].T)
     assert reach == pytest.approx(np.full(256, 0.02), abs=1e-6)
+
+
+def test_a_ball_keeps_its_size(tmp_path: Path) -> None:
+    trimesh.creation.icosphere(4, radius=0.03).export(tmp_path / "ball.stl")
+    body = load_body(tmp_path / "ball.stl", 1.0)
+    assert len(body.vertices) == 256
+    normals, offsets = half_spaces(body)
+    assert len(normals) > 256
+    assert float(offsets.min()) == pytest.approx(0.03, abs=0.0006)
 
 
 def test_a_log_keeps_what_is_not_convex(tmp_path: Path) -> None:

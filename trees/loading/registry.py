@@ -17,10 +17,7 @@ from ..declaration import NodeDeclaration
 from ..mission import Plugin
 from ..node import Node
 from ..plugins.plugin import load_installed, load_plugin
-from ..plugins.plugin_import import PluginError
-
-GROUP = "picktree.nodes"
-"""Group of the entry points under which distributions offer nodes."""
+from ..plugins.plugin_import import GROUP, PluginError
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,8 @@ from types import FrameType, TracebackType
 from ...errors import PicktreeError
 from ...world.causes import CauseError, known_causes, restore_causes
 
+GROUP = "picktree.nodes"
+"""Group of the entry points under which distributions offer nodes."""
 _MAX_TRACEBACK_LINES = 40
 """Maximum length of a traceback, lines; an endless recursion produces thousands."""
 _KEPT_AT_START = 8
