@@ -156,7 +156,7 @@ def _roots(found: ExplainedRuns, program: str, paint: Paint) -> Iterator[str]:
 
 
 def runs_json_text(found: ExplainedRuns) -> str:
-    """Return one object, with a trailing newline: folder, runs, statuses, items, causes, cures, unreadable."""
+    """Return one object with a trailing newline; docs/explain.md names its keys."""
     causes = [{**asdict(each), "confidence": dict(each.confidence)} for each in found.causes]
     told = {
         "folder": found.folder,

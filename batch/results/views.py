@@ -108,7 +108,8 @@ VIEWS = (
         f"""
     WITH counts AS (
         SELECT cause, sum(seen) AS seen, sum(cured) AS cured, sum(done_instead) AS done_instead,
-               sum(unhandled) AS unhandled, sum(seen) - sum(done_instead) AS to_cure, sum(tries_cured) * 1.0 / nullif(sum(cured), 0) AS tries_a_cure, sum(seconds) AS seconds,
+               sum(unhandled) AS unhandled, sum(seen) - sum(done_instead) AS to_cure,
+               sum(tries_cured) * 1.0 / nullif(sum(cured), 0) AS tries_a_cure, sum(seconds) AS seconds,
                count(DISTINCT job) AS jobs
         FROM cures GROUP BY cause
     ), shares AS (

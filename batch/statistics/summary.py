@@ -91,8 +91,8 @@ def _breakdowns(store: Store, labels: list[str]) -> tuple[tuple[Breakdown, ...],
     ]
     seen = _rows(
         store,
-        "SELECT variant, cause, handler, seen, cured, given_up, unhandled, open, tries, tries_cured, seconds, "
-        "seen - cured - given_up - unhandled - open FROM cures_by_recipe",
+        "SELECT variant, cause, handler, seen, cured, given_up, unhandled, open, tries, tries_cured, "
+        "seconds, seen - cured - given_up - unhandled - open FROM cures_by_recipe",
     )
     cures = [(variant, CureCount(*row)) for variant, *row in seen]
     faults = _rows(store, "SELECT variant, fault, cause, ended, faults FROM planted_seen")

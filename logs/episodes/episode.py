@@ -116,8 +116,9 @@ Fate: TypeAlias = Literal["cured", "done_instead", "passed_over", "branched", "e
 """Outcome of a single failure.
 
 `cured`: recovery ran and what had failed then succeeded. `done_instead`: a handler of `instead` took the
-place of what had failed. `passed_over`: nothing cured it, and a loop went on with the next item. `branched`: a Fallback or another node went another way, as its mission says. `ended`: it
-reached the root, and the mission ended with it. `open`: the log ends before.
+place of what had failed. `passed_over`: nothing cured it, and a loop went on with the next item. `branched`:
+a Fallback or another node went another way, as its mission says. `ended`: it reached the root, and the
+mission ended with it. `open`: the log ends before.
 """
 
 

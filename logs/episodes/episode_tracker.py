@@ -252,10 +252,8 @@ class EpisodeTracker:
         node.answers = True
         failing = self._with(event.cause, node.arrived)
         if failing is None:  # a condition that does not hold
-            joined, failing = (
-                self._with(event.cause, node.taken),
-                self._arise(node, event.cause, event.failed),
-            )
+            joined = self._with(event.cause, node.taken)
+            failing = self._arise(node, event.cause, event.failed)
             failing = failing if joined is None else self._join(failing, joined)
             node.arrived.append(failing)
         node.failing, node.dealing = failing, True
@@ -263,8 +261,7 @@ class EpisodeTracker:
         node.called, node.instead = event.handler, event.handler if event.ends else ""
 
     def _take_up(self, node: RunningNode, handler: str, cure: str) -> None:
-        """The node tries something against what has come up; a Fallback against all that came up so far.
-        Without a cure it gives up."""
+        """Take up what has come up, in a Fallback all that came up so far; no cure: the node gives up."""
         choosing = self._kind(node) == "choosing"
         node.aside = node.aside and not node.arrived
         for number in dict.fromkeys((*node.taken, *node.arrived) if choosing else node.arrived):

@@ -62,7 +62,7 @@ SLIPPED = {
 
 
 def test_what_is_done_instead_is_neither_cured_nor_given_up() -> None:
-    """What was handled before in the same node is cured by what came after it; setting aside changes nothing."""
+    """What the node had handled before is cured. To set the item aside changes nothing."""
     recover, weigh, aside = "Main/Recover", "Main/Recover/Do/Weigh", "Main/Recover/Reject/SetAside"
     grasp, reject = "Main/Recover/Do/Grasp", "Main/Recover/Reject"
     nodes = tree("Main", recover, "Main/Recover/Do", grasp, weigh, LOOK, reject, aside)
