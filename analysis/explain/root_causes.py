@@ -97,7 +97,7 @@ def root_causes_of(
 ) -> tuple[RootCause, ...]:
     """Return the root causes, those that cost most first.
 
-    A failure for which the mission asked that something else is done instead has none.
+    A failure for which the mission asks that something else is done instead is none.
     """
     groups: dict[tuple[str, str], _Group] = {}
 
@@ -108,7 +108,7 @@ def root_causes_of(
 
     by_failure = _of_failures(case)
     for failure in case.failures:
-        if not failure.done_instead:
+        if failure.number not in case.once(_answered_instead):
             group(by_failure[failure.number]).failures.append(failure)
     for true in _unsorted(case, outcome):
         finding = _why_unsorted(case, true, by_failure)
@@ -126,15 +126,13 @@ def root_causes_of(
 
 
 def _of_failures(case: Investigation) -> Mapping[int, Finding]:
-    """The finding for each failure; one that follows from another has that one's.
-
-    What fails while something is done instead has a finding of its own.
-    """
+    """The finding for each failure; one that follows from another has that one's, or its own after one
+    that was `_answered_instead`."""
     found: dict[int, Finding] = {}
     displaced: dict[str, Finding] = {}
     """Finding that brought a true item to where it lies now."""
     for failure in case.failures:
-        if failure.because_of is not None and not case.failures[failure.because_of].done_instead:
+        if failure.because_of is not None and failure.because_of not in case.once(_answered_instead):
             finding = found[failure.because_of]
         else:
             answers = (question(case, failure) for question in QUESTIONS)
@@ -149,6 +147,17 @@ def _of_failures(case: Investigation) -> Mapping[int, Finding]:
             finding = displaced[true]
         found[failure.number] = finding
     return found
+
+
+def _answered_instead(case: Investigation) -> frozenset[int]:
+    """Numbers of the failures for which something else was done instead, or failed by itself."""
+    followed = {failure.because_of for failure in case.failures}
+    return frozenset(
+        failure.number
+        for failure in case.failures
+        if failure.done_instead
+        or (failure.number in followed and any(each.instead for each in failure.handled_by))
+    )
 
 
 def _kept_moving(case: Investigation, true: str, before: Finding, after: Finding) -> bool:
@@ -208,12 +217,12 @@ def _why_unsorted(case: Investigation, true: str, by_failure: Mapping[int, Findi
         if not after or answer.cause in ("mission.wrong_bin", "perception.mistaken"):
             return answer
     to_blame = [
-        (by_failure[f.number], f.done_instead)
+        (by_failure[f.number], f.number in case.once(_answered_instead))
         for f in case.failures
         if f.item in names and f.fate != "cured" and (done is None or f.time > done)
     ]
     sure = [finding for finding, _ in to_blame if finding.confidence != "the log does not tell"]
-    unsure = [finding for finding, done_instead in to_blame if not done_instead]
+    unsure = [finding for finding, answered in to_blame if not answered]
     answer = next(reversed(sure or unsure), None) or why_not_sorted(case, true)
     if answer is None or answer.cause not in ("mission.not_tried", "item.never_seen"):
         return answer

@@ -16,6 +16,7 @@ from picktree.batch.results.store import Store
 from picktree.batch.statistics.summary import summarise
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.executor import Executor
+from picktree.session.session import RunRequest, Session
 
 from .watching import Remembering
 
@@ -60,11 +61,15 @@ AND_SET_ASIDE = f'[{INTO_QUARANTINE}, {{SetAside: {{object: "{{item}}"}}}}]'
 ON_THE_TABLE = '[PutDown, {SetAside: {object: "{item}"}}]'
 
 
-def run_batch(folder: Path, reject: str, worker: Executor) -> Path:
+def write_mission(folder: Path, reject: str) -> None:
     (folder / "plugins").mkdir()
     shutil.copy(EXAMPLES / "plugins" / "weigh.py", folder / "plugins")
     (folder / "scene.yaml").write_text(SCENE)
     (folder / "mission.yaml").write_text(MISSION.replace("REJECT", reject))
+
+
+def run_batch(folder: Path, reject: str, worker: Executor) -> Path:
+    write_mission(folder, reject)
     plan = BatchPlan("reject", (folder / "mission.yaml",), (3, 7), backend="kinematic", keep="all")
     batch = Batch.create(folder / "batch", plan)
     with batch:
@@ -125,3 +130,21 @@ def test_a_rejected_item_that_is_left_is_told_by_what_was_done_to_it(
         assert {root.cause for root in found.root_causes} <= {"mission.put_elsewhere"}
         states = [item.state for item in found.items]
         assert (states.count("done"), states.count("aside")) == (result.items.sorted, result.items.left)
+
+
+def test_what_fails_while_an_item_is_rejected_is_the_root_cause(tmp_path: Path) -> None:
+    """The item slips on its way into quarantine: neither its weight nor the rejection is to blame."""
+    write_mission(tmp_path, INTO_QUARANTINE)
+    (tmp_path / "faults.yaml").write_text(
+        "picktree: 1\nkind: faults\nfaults:\n"
+        "  - {fault: slip, when: {node: Place, start: 4, delay: 300 ms}, lasts: 400 ms}\n"
+    )
+    request = RunRequest(
+        tmp_path / "mission.yaml", seed=3, backend="kinematic", faults=tmp_path / "faults.yaml", out=tmp_path
+    )
+    with Run(Session(request).run().log) as run:
+        failures, roots = run.explanation.failures, run.explanation.root_causes
+    heavy, slipped = failures[0], failures[1]
+    assert (heavy.cause, heavy.handled_by[-1].instead, heavy.root_cause) == ("weigh.heavy", True, None)
+    assert (slipped.cause, slipped.because_of, slipped.root_cause) == ("grasp.slipped", heavy.number, 0)
+    assert [root.cause for root in roots] == ["item.slipped"]
