@@ -1,6 +1,7 @@
 """Each Python block of README.md and docs/ imports what there is, under its present name, and uses no other.
 
-The blocks of a page are one program, as its reader has it, but for files. Parts of skills stand in a method of one.
+The blocks of a page are one program, as its reader has it; a file is one of its own. Parts of skills stand in
+a method of one.
 """
 
 from __future__ import annotations
