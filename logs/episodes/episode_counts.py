@@ -7,9 +7,6 @@ from dataclasses import dataclass, replace
 
 from .episode import Episode, Planted
 
-NO_CURE = ""
-"""Cure of an episode for which nothing was tried."""
-
 
 @dataclass(frozen=True, slots=True)
 class CureCount:
