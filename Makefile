@@ -1,4 +1,4 @@
-# The verbs: setup, demo, dev, packages, test, check, docs, site, page, vsix, golden, calls, bench, campaign, atlas, mutants, house.
+# The verbs: setup, demo, dev, packages, test, check, docs, site, page, vsix, golden, bench, campaign, atlas, mutants.
 # Each does what it depends on.
 
 VENV ?= .venv
@@ -18,7 +18,7 @@ version_of = $(shell "$(1)" -c 'import sys; print(*sys.version_info[:2], sep="."
 PYTHON ?= $(firstword $(foreach p,python3.11 python3 python,$(if $(filter 3.11,$(call version_of,$(p))),$(p))) python3.11)
 WRONG_PYTHON = picktree needs Python 3.11; '$(PYTHON)' is $(or $(patsubst %,Python %,$(call version_of,$(PYTHON))),missing or no Python) (name another: make PYTHON=/path/to/python3.11)
 
-.PHONY: setup demo dev packages test check docs site page vsix pictures golden calls bench campaign atlas mutants house clean
+.PHONY: setup demo dev packages test check docs site page vsix pictures golden bench campaign atlas mutants clean
 .NOTPARALLEL:
 
 setup: $(RUN)
@@ -124,10 +124,6 @@ pictures: $(DEV)
 golden: $(RUN)
 	@"$(BIN)/python" tests/golden/runs.py --write
 
-# The function calls of fixed runs and commands, recorded again after a change of their effort.
-calls: $(RUN)
-	@"$(BIN)/python" tests/golden/calls.py --write
-
 # CPU time of commands and runs beside a reference, as a table. It says first what it costs. RUNS is the number of
 # rounds; each program in benchmarks/ measures something else.
 RUNS ?= 5
@@ -147,11 +143,6 @@ atlas: $(RUN)
 # less than 90 % were noticed.
 mutants: $(DEV)
 	@"$(BIN)/python" benchmarks/mutants.py
-
-# Figures of the source: sizes, names, circles of imports, docstrings. `python -m tests.house --help` has options to
-# list what is counted and to compare two states.
-house: $(DEV)
-	@"$(BIN)/python" -m tests.house
 
 clean:
 	rm -rf "$(VENV)" build dist *.egg-info .pytest_cache .ruff_cache .hypothesis .mutants

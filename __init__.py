@@ -28,14 +28,12 @@ from __future__ import annotations
 from os.path import realpath
 
 from .arithmetic import pin
-from .moved import install
 
 # An editable install finds the package through the link .links/picktree. Its files keep their own paths, in
 # which editors set breakpoints.
 __path__[:] = map(realpath, __path__)
 __file__ = realpath(__file__)
 pin()  # before any library that computes is loaded
-install()
 
 __all__ = [
     "Batch",

@@ -46,7 +46,6 @@ _FILES_WITHOUT_EFFECT: Final = (
     "commissioning",
     "logs/episodes",
     "logs/run_account.py",
-    "moved.py",
     "session/debugger.py",
     "session/live",
     "session/profiling",

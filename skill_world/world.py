@@ -171,18 +171,3 @@ class World:
             done=self.journal.items_done,
             now=self.clock.now,
         )
-
-    @property
-    def grip(self) -> GripperControl:
-        """Old name of `gripper`, for plug-ins; it goes with the next release."""
-        return self.gripper
-
-    @property
-    def eyes(self) -> Vision:
-        """Old name of `vision`, for plug-ins; it goes with the next release."""
-        return self.vision
-
-    @property
-    def underway(self) -> HandoverSlot:
-        """Old name of `handover`, for plug-ins; it goes with the next release."""
-        return self.handover

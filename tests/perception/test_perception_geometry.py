@@ -134,6 +134,31 @@ def test_a_nut_has_two_looks() -> None:
     assert found[round(0.018 * math.sqrt(3), 4)].turn == pytest.approx(math.pi)
 
 
+@pytest.mark.parametrize("radius", [0.005, 0.008, 0.015, 0.025])
+@pytest.mark.parametrize("sides", [12, 16, 32, 61, 90])
+def test_a_roll_lies_and_stands_however_fine_its_facets_are(radius: float, sides: int) -> None:
+    ring = [
+        (radius * math.cos(k * 2 * math.pi / sides), radius * math.sin(k * 2 * math.pi / sides))
+        for k in range(sides)
+    ]
+    roll = ConvexMesh(tuple((x, y, z) for x, y in ring for z in (-0.03, 0.03)), "roll")
+    found = sorted(stable_poses(CatalogueEntry("roll", "mesh", roll, 0.1, 0.5)), key=lambda r: r.height)
+    assert [r.height for r in found] == pytest.approx([2 * radius, 0.06], rel=0.04)
+    assert found[0].turn == pytest.approx(math.pi)
+
+
+def test_a_ball_of_many_facets_looks_the_same_on_each() -> None:
+    n = np.arange(250) + 0.5
+    slopes, turns = np.arccos(1 - 2 * n / 250), math.pi * (1 + math.sqrt(5)) * n
+    points = 0.02 * np.stack(
+        [np.cos(turns) * np.sin(slopes), np.sin(turns) * np.sin(slopes), np.cos(slopes)], axis=1
+    )
+    ball = ConvexMesh(tuple((float(x), float(y), float(z)) for x, y, z in points), "ball")
+    (rest,) = stable_poses(CatalogueEntry("ball", "mesh", ball, 0.1, 0.5))
+    assert rest.height == pytest.approx(0.04, rel=0.02)
+    assert rest.turn == 0.0
+
+
 @pytest.mark.parametrize("kind", [entry.kind for entry in CATALOGUE])
 def test_the_fit_finds_back_the_place_from_beside_it(kind: str) -> None:
     sight = PosedCamera.at(LENS, DOWN)

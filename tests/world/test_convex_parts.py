@@ -16,8 +16,8 @@ from pydantic import TypeAdapter
 from picktree.files.disk_cache import VARIABLE
 from picktree.logs.meshes.triangle_meshes import shape_mesh
 from picktree.world import convex_parts
-from picktree.world.convex_parts import MAX_PARTS, moments, parts_name, parts_text
-from picktree.world.mesh_reader import MeshError
+from picktree.world.convex_parts import MAX_PARTS, body_of, moments, parts_name, parts_text
+from picktree.world.mesh_reader import FlatMesh, MeshError
 from picktree.world.pad_contacts import pad_contacts, top_heights
 from picktree.world.scene.loading.scene_entries import load_body
 from picktree.world.shapes import CompoundMesh, ConvexMesh, Shape, inside, ray_hits
@@ -60,6 +60,17 @@ def test_a_bracket_has_the_room_and_centre_of_its_mesh(tmp_path: Path) -> None:
 def test_coordinates_of_parts_are_whole_hundredths_of_a_millimetre(tmp_path: Path) -> None:
     steps = np.concatenate([np.array(part) for part in compound(ring(tmp_path)).parts]) * 1e5
     assert np.abs(steps - np.round(steps)).max() < 1e-6
+
+
+def test_a_sliver_without_volume_is_no_part() -> None:
+    box = np.array(np.meshgrid((0.0, 0.04), (0.0, 0.03), (0.0, 0.02))).reshape(3, -1).T
+    beside = np.array((0.04, 0.0, 0.0))
+    sliver = box * np.array((1.0, 1.0, 1e-5)) + np.array((0.0, 0.0, 0.0200001))
+    body = body_of([box, box + beside, sliver], "bar.stl", 1.0)
+    assert isinstance(body, CompoundMesh)
+    assert len(body.parts) == 2
+    with pytest.raises(FlatMesh):
+        body_of([sliver, sliver + beside], "bar.stl", 1.0, centre=np.zeros(3))
 
 
 def test_rays_go_through_a_hole_and_not_through_the_wall(tmp_path: Path) -> None:

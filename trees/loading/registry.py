@@ -16,9 +16,11 @@ from ...world.causes import OUR_PREFIXES, Cause, all_causes
 from ..declaration import NodeDeclaration
 from ..mission import Plugin
 from ..node import Node
-from ..plugins import GROUP
 from ..plugins.plugin import load_installed, load_plugin
 from ..plugins.plugin_import import PluginError
+
+GROUP = "picktree.nodes"
+"""Group of the entry points under which distributions offer nodes."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,1 @@
 """Plug-ins: nodes from outside picktree."""
-
-GROUP = "picktree.nodes"
-"""Group of the entry points under which distributions offer nodes."""

@@ -129,9 +129,9 @@ class FeedFile(FileModel):
     when: Annotated[
         WhenFile | None, BeforeValidator(_clear, json_schema_input_type=Literal["clear"] | WhenFile | None)
     ] = None
-    """Time of the loads: `clear` (unless given), which is when the robot reports that it is done with what
-    lies there, `{every: 45 s}` or `{at: [10 s, 60 s]}`. A belt runs whenever the robot is ready; a tote comes
-    when it is exchanged."""
+    """Time of the loads: `clear` (unless given), `{every: 45 s}` or `{at: [10 s, 60 s]}`. With `clear` a load
+    comes when the robot reports that it is done with what lies there. A belt runs whenever the robot is
+    ready; a tote comes when it is exchanged."""
     spacing: Spacing | None = None
     """Mean distance on a belt from one item to the next; 150 mm unless given."""
     total: Total | None = None

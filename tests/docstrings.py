@@ -9,8 +9,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from .source import nested
-
 OBSCURE_FIRST_WORDS = frozenset(
     ("Of", "What", "Who", "Whoever", "That", "With", "By", "From", "In", "On", "To", "For", "Upon")
 )
@@ -46,10 +44,6 @@ class Docstring:
     def has_long_first_sentence(self) -> bool:
         return max(self.lengths[:1], default=0) > MAX_WORDS
 
-    @property
-    def has_long_sentence(self) -> bool:
-        return max(self.lengths, default=0) > MAX_WORDS
-
 
 def sentences(text: str) -> list[str]:
     """Split prose at full stops, blank lines and the items of lists. Literal blocks are left out."""
@@ -63,9 +57,19 @@ def docstrings(tree: ast.Module) -> list[Docstring]:
     return sorted(found, key=lambda docstring: docstring.line)
 
 
+_SUITES = ("body", "handlers", "orelse", "finalbody", "cases")
+"""Fields of statements, handlers and cases that hold statements, in the order of the text."""
+
+
+def _nested(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield the statements, handlers and cases directly below a node. Expressions are left out unread."""
+    for field in _SUITES:
+        yield from getattr(node, field, ())
+
+
 def _below(node: ast.AST, *, attributes: bool) -> Iterator[Docstring]:
     """Yield the docstrings in the statements of a node. `attributes`: they are in no function."""
-    for child in nested(node):
+    for child in _nested(node):
         match child:
             case ast.ClassDef():
                 yield from _of_suite(child.body[:1])
