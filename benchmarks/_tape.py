@@ -1,4 +1,4 @@
-"""What a recorder writes, step by step, so that every moment at which it could have died can be had again."""
+"""Tape of a recorder's writes, step by step, which gives the file of every moment at which it could die."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Tape:
                 yield moment, bytes(cut)
 
     def must_hold(self, moment: int) -> int:
-        """How many messages a file of that moment must hold: all but those of the last second."""
+        """Return the number of messages that a file of that moment must hold: all but the last second's."""
         known = bisect.bisect_right(self.handed, moment, key=lambda handed: handed.length)
         if known == 0:
             return 0
@@ -157,7 +157,7 @@ def hash_link(link: bytes, time: int, data: bytes) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class Opened:
-    """What came of a file of one moment."""
+    """Outcome of opening the file of one moment."""
 
     stock: bool
     """Whether the mcap package's reader opens it."""

@@ -147,7 +147,7 @@ class Cells:
 
 @dataclass(frozen=True)
 class Row:
-    """What was found for one golden run."""
+    """Digests of one golden run: the recorded one, and those of the surroundings."""
 
     run: str
     recorded: str

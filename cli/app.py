@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 import traceback
@@ -148,8 +149,25 @@ def _require_utf8(arguments: Sequence[str]) -> None:
         require_utf8(os.getcwd())
 
 
+class _StderrHandler(logging.Handler):
+    """Writes messages to the stderr of the moment."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        print(self.format(record), file=sys.stderr, flush=True)
+
+
+def _report_slow_work() -> None:
+    """Send what the reading of files reports, such as work of seconds, to stderr."""
+    reading = logging.getLogger("picktree.world")
+    if not reading.handlers:
+        reading.addHandler(_StderrHandler())
+        reading.setLevel(logging.INFO)
+        reading.propagate = False  # the studio has a handler for all
+
+
 def answer(arguments: Sequence[str]) -> int:
     """Run one command line and return the exit code."""
+    _report_slow_work()
     try:
         _require_utf8(arguments)
         _command()(args=list(arguments), prog_name="picktree")

@@ -35,6 +35,8 @@ def find_log(where: str | Path) -> Path:
             return others[0]
         parts = [part.name for part in part_paths(inside).values()]
         there = f"; it holds {', '.join(parts)}, which open by their own names" if parts else ""
+        if any(path.glob(f"*/{LOG_NAME}")):
+            there = f"; there are runs in it: name one, or let `picktree explain {path}` tell of all"
         if (path / BATCH_RESULTS).is_file():
             there = (
                 "; it is a batch, which keeps the logs of jobs that missed their goal: "

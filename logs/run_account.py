@@ -71,6 +71,8 @@ class CureAttempt:
     """Simulated s that it took."""
     ran: str = ""
     """Name of the handler for a reader: its sub-tree, or the nodes of its list."""
+    instead: bool = False
+    """Whether the handler takes the place of the branch, as one of `instead` does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +139,7 @@ def account_of(
     visits = VisitTree(builder.finish())
     names = CureNames(node for at in log.trees() for node in at.record.nodes)
     recoveries = {
-        (at.record.node, round(at.time, 6)): at.record.handler
+        (at.record.node, round(at.time, 6)): at.record
         for at in reversed(events)
         if isinstance(at.record, RecoveryEvent)
     }
@@ -161,8 +163,8 @@ class _Courses:
     """Courses of failures through the visits of a run; what became of each is decided already."""
 
     tree: VisitTree
-    recoveries: Mapping[tuple[str, float], str]
-    """Handler that a node announced, by its path and the time."""
+    recoveries: Mapping[tuple[str, float], RecoveryEvent]
+    """Announcement of a handler, by the path of the node and the time."""
     end: float
     """Time of the log's last tick, simulated s."""
     names: CureNames
@@ -210,7 +212,9 @@ class _Courses:
         """
         if given_up and parent.last == failed.last and parent.id not in ANSWERING:
             return []
-        label = self.recoveries.get((parent.path, round(failed.end, 6)))
+        announced = self.recoveries.get((parent.path, round(failed.end, 6)))
+        label = None if announced is None else announced.handler
+        instead = announced is not None and announced.ends
         runs = [v for v in self.tree.children(parent) if v.path == failed.path]
         attempt = 1 + sum(v.number < failed.number for v in runs)
         after = self.tree.after(failed)
@@ -221,10 +225,12 @@ class _Courses:
         if cure is not None:
             ran = self.names.of(cure.path)
             handler = GIVE_UP if label is None else label
-            return [CureAttempt(parent.path, handler, cure.start, attempt, cure.outcome, cure.duration, ran)]
+            ended = (cure.outcome, cure.duration)
+            return [CureAttempt(parent.path, handler, cure.start, attempt, *ended, ran, instead)]
         if given_up or label is None:
             return []
-        return [CureAttempt(parent.path, label, failed.end, attempt, "RUNNING", self.end - failed.end)]
+        left = self.end - failed.end
+        return [CureAttempt(parent.path, label, failed.end, attempt, "RUNNING", left, instead=instead)]
 
 
 def _ended_by(parent: Visit, failing: Visit, came_from: Visit | None, visit: Visit) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..manipulation.place.dropped_objects import apply_bin_exchanges, bin_fill_level, forget_belt_items
@@ -15,6 +16,27 @@ from ..world.values import ObjectId
 
 if TYPE_CHECKING:
     from ..skill_world.world import World
+    from ..world.protocols import FeedSignals
+
+
+@dataclass
+class _Obstruction:
+    """Time for which the arm has been in the way of the feed."""
+
+    clearance: float
+    """Time that the feed may wait for the arm, s."""
+    since: float | None = None
+    """Start of the obstruction, simulated s; None: the way is free."""
+
+    def obstructs_for_long(self, signals: FeedSignals, now: float) -> bool:
+        """Return whether the arm has been in the way for `clearance`, by the signals at the time `now`, s."""
+        if not signals.obstructed:
+            self.since = None
+        elif self.since is None:
+            self.since = now
+        else:
+            return now - self.since >= self.clearance
+        return False
 
 
 class AwaitItems(Skill):
@@ -39,8 +61,7 @@ class AwaitItems(Skill):
     waits_for = "longest"
 
     def run(self, world: World) -> Steps:
-        began = world.clock.now
-        obstructed_since: float | None = None
+        began, arm = world.clock.now, _Obstruction(self.clearance)
         asked = False
         while True:
             apply_bin_exchanges(world, self.path)
@@ -54,11 +75,7 @@ class AwaitItems(Skill):
                 world.feed.ready()
                 forget_belt_items(world)
                 asked = True
-            if not signals.obstructed:
-                obstructed_since = None
-            elif obstructed_since is None:
-                obstructed_since = world.clock.now
-            elif world.clock.now - obstructed_since >= self.clearance:
+            if arm.obstructs_for_long(signals, world.clock.now):
                 raise Failure(
                     feed.OBSTRUCTED,
                     f"the feed has waited {self.clearance:g} s for the arm to leave, and sets nothing down",
@@ -127,18 +144,13 @@ class ExchangeBin(Skill):
         return found
 
     def _wait(self, world: World, full: float) -> Doing[None]:
-        began = world.clock.now
-        obstructed_since: float | None = None
+        began, arm = world.clock.now, _Obstruction(self.clearance)
         while True:
             yield
             if self.bin in apply_bin_exchanges(world, self.path):
                 return
             signals, waited = world.feed.read(), world.clock.now - began
-            if not signals.obstructed:
-                obstructed_since = None
-            elif obstructed_since is None:
-                obstructed_since = world.clock.now
-            elif world.clock.now - obstructed_since >= self.clearance:
+            if arm.obstructs_for_long(signals, world.clock.now):
                 raise Failure(
                     feed.OBSTRUCTED,
                     f"{self.bin} has not been exchanged for {self.clearance:g} s: the arm is over it",

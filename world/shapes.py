@@ -166,7 +166,7 @@ def ray_hits(shape: Shape, rotation: Array, position: Array, origin: Array, dire
 def ray_span(
     shape: Shape, rotation: Array, position: Array, origin: Array, directions: Array
 ) -> tuple[Array, Array]:
-    """Where the rays enter and leave the shape, (n,) each; a ray that misses has near > far.
+    """Return where the rays enter and leave the shape, (n,) each; a ray that misses has near > far.
 
     Of a body that is not convex it is the first part that the ray meets.
     """

@@ -119,7 +119,7 @@ def _state(case: Investigation, item: str) -> ItemState:
         return "held"
     aside = [at.time for at in case.events(SetAsideEvent) if at.record.object == item]
     placed = [at.time for at in case.events(ItemDoneEvent) if at.record.object == item]
-    if aside and aside[-1] > max(placed, default=-1.0):
+    if aside and aside[-1] >= max(placed, default=-1.0):
         return "aside"
     score = case.scores.get(case.pairs.get(item, ""))
     if score is not None:

@@ -1,4 +1,4 @@
-"""Explanations of many runs: their root causes, grouped and counted, with a typical run of each."""
+"""Explanations of many runs: root causes and recoveries, counted, with a typical run of each cause."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pathlib import Path
 from ...errors import PicktreeError
 from ...files.diagnostics.fault_rendering import Paint, plain
 from ...files.value_wording import listed
+from ...logs.episodes.episode_counts import CauseCount, CureCount, added_cures, by_cause
 from ...logs.log_paths import find_log
 from ...logs.run_index import logs_below
 from ..run import Run
@@ -48,7 +49,11 @@ class ExplainedRuns:
     folder: str
     statuses: tuple[tuple[str, int], ...]
     """Number of runs by the status of their outcome."""
+    items: tuple[int, int]
+    """Numbers of sorted items and of all items, over the runs that have a result."""
     causes: tuple[CauseOfRuns, ...]
+    cures: tuple[CauseCount, ...]
+    """Causes of failures with what was tried or done instead, with the most time lost first."""
     unreadable: tuple[str, ...]
     """Sentences about logs that could not be read."""
 
@@ -75,6 +80,8 @@ def explain_runs(folder: Path, say: Callable[[str], None] = lambda text: None) -
     if not logs:
         raise PicktreeError(f"{folder}: no log in it; give a log, a run's folder, or a folder of runs")
     statuses: Counter[str] = Counter()
+    cures: list[CureCount] = []
+    items = (0, 0)
     found: dict[str, list[tuple[RootCause, bool, str]]] = {}
     unreadable: list[str] = []
     for number, log in enumerate(logs, 1):
@@ -86,11 +93,16 @@ def explain_runs(folder: Path, say: Callable[[str], None] = lambda text: None) -
             unreadable.append(str(error))
             continue
         statuses[told.outcome.status] += 1
+        cures += told.recovery.cures
+        items = (items[0] + (told.outcome.items_sorted or 0), items[1] + (told.outcome.items_total or 0))
         where = str(log.parent if log.name == "log.mcap" else log)
         for place, root in enumerate(told.root_causes):
             found.setdefault(root.cause, []).append((root, place == 0, where))
     causes = sorted((_cause(*each) for each in found.items()), key=lambda c: (-c.items, -c.runs, -c.seconds))
-    return ExplainedRuns(str(folder), tuple(statuses.most_common()), tuple(causes), tuple(unreadable))
+    counts = by_cause(added_cures(cures))
+    return ExplainedRuns(
+        str(folder), tuple(statuses.most_common()), items, tuple(causes), counts, tuple(unreadable)
+    )
 
 
 def _cause(cause: str, found: Sequence[tuple[RootCause, bool, str]]) -> CauseOfRuns:
@@ -115,12 +127,23 @@ def runs_text(found: ExplainedRuns, program: str = "picktree", paint: Paint = pl
 
 def _lines(found: ExplainedRuns, program: str, paint: Paint) -> Iterator[str]:
     ends = ", ".join(f"{number} {status}" for status, number in found.statuses)
-    yield f"{counted(found.runs, 'run')} in {found.folder}: {ends}"
+    done, total = found.items
+    items = f"; {done} of {counted(total, 'item')} sorted" if total else ""
+    yield from wrapped(f"{counted(found.runs, 'run')} in {found.folder}: {ends}{items}", "")
     for sentence in found.unreadable:
         yield from wrapped(f"Note: {sentence}", "")
-    if not found.causes:
-        return
-    yield ""
+    if found.causes:
+        yield ""
+        yield from _roots(found, program, paint)
+    if found.cures:
+        yield ""
+        yield paint("Recovery", "place")
+        width = max(len(each.cause) for each in found.cures)
+        for each in found.cures:
+            yield from wrapped(f"{each.cause:<{width}}  {each.to_text()}", "  ", " " * (width + 4))
+
+
+def _roots(found: ExplainedRuns, program: str, paint: Paint) -> Iterator[str]:
     yield paint(f"Root causes ({len(found.causes)})", "place")
     width = max(len(each.cause) for each in found.causes)
     yield f"  {'cause':<{width}}  runs  first  items   s lost"
@@ -133,7 +156,15 @@ def _lines(found: ExplainedRuns, program: str, paint: Paint) -> Iterator[str]:
 
 
 def runs_json_text(found: ExplainedRuns) -> str:
-    """Return one object, with a trailing newline: folder, runs, statuses, causes, unreadable."""
+    """Return one object with a trailing newline; docs/explain.md names its keys."""
     causes = [{**asdict(each), "confidence": dict(each.confidence)} for each in found.causes]
-    told = {"folder": found.folder, "runs": found.runs, "statuses": dict(found.statuses), "causes": causes}
-    return json.dumps({**told, "unreadable": list(found.unreadable)}, ensure_ascii=False, indent=2) + "\n"
+    told = {
+        "folder": found.folder,
+        "runs": found.runs,
+        "statuses": dict(found.statuses),
+        "items": {"sorted": found.items[0], "total": found.items[1]},
+        "causes": causes,
+        "cures": [asdict(cure) for each in found.cures for cure in each.by_cure],
+        "unreadable": list(found.unreadable),
+    }
+    return json.dumps(told, ensure_ascii=False, indent=2) + "\n"

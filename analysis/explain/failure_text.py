@@ -47,14 +47,19 @@ def _title(found: Episodes) -> str:
 
 
 def _by(found: CauseCount) -> str:
-    """Return the nodes that cured it, else those that were tried in vain."""
+    """Return the nodes that cured it, else those that were tried in vain; then those that ran instead."""
+    instead = [f"{each.cure} instead ({each.done_instead})" for each in found.by_cure if each.done_instead]
+    if instead and not found.total.to_cure:
+        return ", ".join(instead)
     cured = [each for each in found.by_cure if each.cured]
+    tried = [each.cure for each in found.by_cure if each.cure and each.to_cure]
     if cured:
-        return ", ".join(each.cure if len(cured) == 1 else f"{each.cure} ({each.cured})" for each in cured)
-    tried = [each.cure for each in found.by_cure if each.cure]
-    if tried:
-        return f"tried in vain: {', '.join(tried)}"
-    return "given up untried" if found.total.given_up else "nobody"
+        by = [each.cure if len(cured) == 1 else f"{each.cure} ({each.cured})" for each in cured]
+    elif tried:
+        by = [f"tried in vain: {', '.join(tried)}"]
+    else:
+        by = ["given up untried" if found.total.given_up else "nobody"]
+    return ", ".join([*by, *instead])
 
 
 def _then(fault: Planted) -> str:
@@ -71,6 +76,7 @@ _BODY, _HANGING = " " * 13, " " * 15
 
 _FATES = {
     "cured": "cured",
+    "done_instead": "done instead",
     "passed_over": "passed over",
     "branched": "answered another way",
     "ended": "ended the mission",
@@ -120,7 +126,8 @@ class FailureText:
         about = f" of {story.item}" if story.item else ""
         again = f", attempt {story.attempt}" if story.attempt > 1 else ""
         name = self._names.get(story.node, story.node)
-        cause = self._paint(story.cause, "hint" if story.fate == "cured" else "warning")
+        fine = story.fate in ("cured", "done_instead")
+        cause = self._paint(story.cause, "hint" if fine else "warning")
         yield f"  {story.time:7.2f} s  {name}{about}{again}: {cause}"
         yield from wrapped(story.message or story.sentence, _BODY)
         for choice in (c for c in story.choices if _tells(c, story)):
@@ -146,6 +153,8 @@ class FailureText:
         match story.fate:
             case "cured":
                 told = f"Cured{self._cure(story)}: {by} went on after {story.seconds_lost or 0.0:.1f} s."
+            case "done_instead":
+                told = f"{by} did that instead of the branch, as the mission asks."
             case "passed_over":
                 told = f"Passed over by {by} at {seconds(story.fate_at or 0.0)}"
                 after = story.made_good_at

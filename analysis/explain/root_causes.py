@@ -95,7 +95,10 @@ class _Group:
 def root_causes_of(
     case: Investigation, outcome: ExplainedOutcome, planted: Sequence[Stamped[FaultEvent]]
 ) -> tuple[RootCause, ...]:
-    """Return the root causes, those that cost most first."""
+    """Return the root causes, those that cost most first.
+
+    A failure for which the mission asks that something else is done instead is none.
+    """
     groups: dict[tuple[str, str], _Group] = {}
 
     def group(finding: Finding) -> _Group:
@@ -105,7 +108,8 @@ def root_causes_of(
 
     by_failure = _of_failures(case)
     for failure in case.failures:
-        group(by_failure[failure.number]).failures.append(failure)
+        if failure.number not in case.once(_answered_instead):
+            group(by_failure[failure.number]).failures.append(failure)
     for true in _unsorted(case, outcome):
         finding = _why_unsorted(case, true, by_failure)
         if finding is not None:
@@ -122,12 +126,13 @@ def root_causes_of(
 
 
 def _of_failures(case: Investigation) -> Mapping[int, Finding]:
-    """The finding for each failure; one that follows from another has that one's."""
+    """The finding for each failure; one that follows from another has that one's, or its own after one
+    that was `_answered_instead`."""
     found: dict[int, Finding] = {}
     displaced: dict[str, Finding] = {}
     """Finding that brought a true item to where it lies now."""
     for failure in case.failures:
-        if failure.because_of is not None:
+        if failure.because_of is not None and failure.because_of not in case.once(_answered_instead):
             finding = found[failure.because_of]
         else:
             answers = (question(case, failure) for question in QUESTIONS)
@@ -142,6 +147,17 @@ def _of_failures(case: Investigation) -> Mapping[int, Finding]:
             finding = displaced[true]
         found[failure.number] = finding
     return found
+
+
+def _answered_instead(case: Investigation) -> frozenset[int]:
+    """Numbers of the failures for which something else was done instead, or failed by itself."""
+    followed = {failure.because_of for failure in case.failures}
+    return frozenset(
+        failure.number
+        for failure in case.failures
+        if failure.done_instead
+        or (failure.number in followed and any(each.instead for each in failure.handled_by))
+    )
 
 
 def _kept_moving(case: Investigation, true: str, before: Finding, after: Finding) -> bool:
@@ -201,12 +217,13 @@ def _why_unsorted(case: Investigation, true: str, by_failure: Mapping[int, Findi
         if not after or answer.cause in ("mission.wrong_bin", "perception.mistaken"):
             return answer
     to_blame = [
-        by_failure[f.number]
+        (by_failure[f.number], f.number in case.once(_answered_instead))
         for f in case.failures
         if f.item in names and f.fate != "cured" and (done is None or f.time > done)
     ]
-    sure = [finding for finding in to_blame if finding.confidence != "the log does not tell"]
-    answer = next(reversed(sure or to_blame), None) or why_not_sorted(case, true)
+    sure = [finding for finding, _ in to_blame if finding.confidence != "the log does not tell"]
+    unsure = [finding for finding, answered in to_blame if not answered]
+    answer = next(reversed(sure or unsure), None) or why_not_sorted(case, true)
     if answer is None or answer.cause not in ("mission.not_tried", "item.never_seen"):
         return answer
     return _no_time(case, true, by_failure) if answer.cause == "mission.not_tried" else _unseen(case, answer)

@@ -117,7 +117,7 @@ class FailureRow:
     attempt: Annotated[int, ColumnDoc("of that node for that item")]
     cause: Cause
     message: Message
-    fate: Annotated[str, ColumnDoc("cured, passed_over, branched, ended or open")]
+    fate: Annotated[str, ColumnDoc("cured, done_instead, passed_over, branched, ended or open")]
     fate_by: Annotated[str, ColumnDoc("path of the node that decided it")]
     fate_at: Annotated[float | None, ColumnDoc("simulated time at which that was", "s")]
     seconds_lost: Annotated[float | None, ColumnDoc("simulated time from the failure until then", "s")]

@@ -44,8 +44,9 @@ def _packed_cause(found: CauseCount) -> dict[str, Packable]:
     total = found.total
     return {
         "cause": found.cause,
-        "seen": total.seen,
+        "to_cure": total.to_cure,
         "cured": total.cured,
+        "done_instead": total.done_instead,
         "seconds": total.seconds,
         "told": found.to_text(),
     }

@@ -20,7 +20,7 @@ from ...trees.declaration import Resource
 from ...trees.flow import IDLE, AtOnce, ChildFlow, Choice, Flow, Loop, Once, Resumed, Turns
 from ...trees.mission import NodeSpec
 from .mission_survey import LintModel
-from .outcomes import EMPTY, FIRST_FILLER, FlowState
+from .outcomes import EMPTY, FlowState, Outcomes
 
 
 def left_in_hand(survey: LintModel) -> Iterator[Diagnostic]:
@@ -28,17 +28,15 @@ def left_in_hand(survey: LintModel) -> Iterator[Diagnostic]:
     main = survey.main
     if main is None:
         return
-    failed: list[tuple[FlowState, tuple[str, ...]]] = []
-    for state, why in main.failure.items():
-        if not state.doubtful and state.hand >= FIRST_FILLER:
-            names = (source.at.name for source in why.sources(survey.file) if source.causes)
-            failed.append((state, tuple(dict.fromkeys(names))))
+    names: dict[int, list[str]] = {}
     for bit, filler in survey.walk.fillers.values():
         success = any(_held(state, bit) for state in main.success | main.skipped)
-        failures = [names for state, names in failed if _held(state, bit)]
-        at = _in_own_file(survey, filler) if success or failures else None
+        failure = any(_held(state, bit) for state in main.failure)
+        at = _in_own_file(survey, filler) if success or failure else None
         if at is not None:
-            when = "it succeeds" if success else _fails(failures)
+            hidden = _passed_over(survey, filler, bit) if success else main
+            when = "it succeeds" if hidden is None else _fails(survey, hidden, bit, names)
+            when += " and the mission goes on" if hidden not in (None, main) else ""
             message = f"the mission may end with what {filler.name} took still in the hand, when {when}"
             hint = "on the way out, place it, or let 'SafeRetreat: {hand: open}' see to it"
             yield survey.fault(at, message, hint, code="P330")
@@ -55,8 +53,23 @@ def nothing_held(survey: LintModel) -> Iterator[Diagnostic]:
             yield survey.fault(spec, message, "a Grasp before it", code="P333")
 
 
-def _fails(failures: list[tuple[str, ...]]) -> str:
-    names = list(dict.fromkeys(name for names in failures for name in names))
+def _passed_over(survey: LintModel, filler: NodeSpec, bit: int) -> Outcomes | None:
+    """Return the ends of the outermost node around that leaves the hand full only when it fails."""
+    for around in survey.around(filler):
+        ends = survey.ends(around)
+        if not any(_held(state, bit) for state in ends.success | ends.skipped):
+            return ends if any(_held(state, bit) for state in ends.failure) else None
+    return None
+
+
+def _fails(survey: LintModel, ends: Outcomes, bit: int, known: dict[int, list[str]]) -> str:
+    """Return which nodes fail when the hand stays full. `known`: their names by the `id` of the reasons."""
+    reasons = [why for state, why in ends.failure.items() if _held(state, bit)]
+    for why in reasons:
+        if id(why) not in known:
+            sources = why.sources(survey.file)
+            known[id(why)] = [survey.short_name(each.at) for each in sources if each.causes]
+    names = list(dict.fromkeys(name for why in reasons for name in known[id(why)]))
     if not names:
         return "it fails"
     return " or ".join(names[:3]) + (" or another node" if len(names) > 3 else "") + " fails"

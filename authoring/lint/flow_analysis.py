@@ -36,7 +36,7 @@ def leaf_outcomes(
     kept = KEPT if entry.hand & ~(EMPTY | SHARED) else 0
     hands: dict[Hand, int] = {
         "unchanged": entry.hand,
-        "full": before | filler,
+        "full": before | filler if entry.hand & EMPTY else entry.hand,  # full already: taken by another
         "empty": before | EMPTY,
         "kept": before | entry.hand & EMPTY | kept,
     }

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 
 from ...files.marks import Diagnostic, Mark
+from ...files.node_patterns import short_names
 from ...trees.loading.loader import SceneNames
 from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec, bottom_up, reachable
 from ...trees.node import Node
@@ -63,6 +64,18 @@ class LintModel:
         """A finding at a node, or at the value under its key `at`."""
         path = self._places[id(spec)].path
         return Diagnostic(spec.mark_at(at), path, message, hint, code, "error" if error else "warning")
+
+    def around(self, spec: NodeSpec) -> tuple[NodeSpec, ...]:
+        """The nodes above it in its tree, the outermost first."""
+        return self._places[id(spec)].above
+
+    def short_name(self, spec: NodeSpec) -> str:
+        """The shortest end of its path that no other node of the mission's own file has."""
+        return self._short_names[self._places[id(spec)].path]
+
+    @cached_property
+    def _short_names(self) -> Mapping[str, str]:
+        return short_names(place.path for place in self.places())
 
     # How the mission and its nodes may go.
 

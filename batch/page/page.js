@@ -158,8 +158,11 @@ function causes(width) {
   const rows = chosen.causes.map((row) => ({ ...row, sum: (sum += row.failures) }));
   const bars = rows.flatMap((row) => [
     { cause: row.cause, what: "cured", count: row.cured },
-    { cause: row.cause, what: "not cured", count: row.failures - row.cured },
+    { cause: row.cause, what: "done instead", count: row.done_instead },
+    { cause: row.cause, what: "not cured", count: row.failures - row.cured - row.done_instead },
   ]);
+  const ends = ["cured", ...(rows.some((row) => row.done_instead) ? ["done instead"] : []), "not cured"];
+  const colours = { cured: "var(--good)", "done instead": "var(--mark)", "not cured": "var(--bad)" };
   const longest = Math.max(...rows.map((row) => row.cause.length));
   return P.plot({
     width,
@@ -168,9 +171,9 @@ function causes(width) {
     marginRight: 44,
     x: { label: "failures →", grid: true, domain: [0, total], nice: false },
     y: { label: null, domain: rows.map((row) => row.cause) },
-    color: { domain: ["cured", "not cured"], range: ["var(--good)", "var(--bad)"], legend: true },
+    color: { domain: ends, range: ends.map((end) => colours[end]), legend: true },
     marks: [
-      P.barX(bars, { x: "count", y: "cause", fill: "what", tip: true, order: ["cured", "not cured"] }),
+      P.barX(bars, { x: "count", y: "cause", fill: "what", tip: true, order: ends }),
       P.lineY(rows, { x: "sum", y: "cause", stroke: "var(--faint)", strokeOpacity: 0.6 }),
       P.dot(rows, { x: "sum", y: "cause", r: 3, fill: "var(--faint)" }),
       P.text(rows, { x: "sum", y: "cause", text: (row) => `${Math.round((100 * row.sum) / total)} %`, dx: 8, textAnchor: "start", fill: "var(--faint)" }),
@@ -234,7 +237,9 @@ function cures() {
   const rows = chosen.cures.map((row) => {
     const times = (count) => (count === 1 ? "once" : `${count} times`);
     const by = row.by.flatMap((each) => {
-      if (each.cure) return [`${each.cure} ${each.cured} of ${each.seen}`];
+      const tried = each.seen - each.done_instead;
+      const instead = each.done_instead ? [`${each.cure} instead, ${times(each.done_instead)}`] : [];
+      if (each.cure) return tried ? [`${each.cure} ${each.cured} of ${tried}`, ...instead] : instead;
       const alone = each.unhandled ? [`nobody, ${times(each.unhandled)}`] : [];
       return each.given_up ? [...alone, `given up untried, ${times(each.given_up)}`] : alone;
     });
@@ -253,7 +258,7 @@ function cures() {
 function planted() {
   const kinds = [...new Set(chosen.planted.map((row) => row.fault))];
   if (!kinds.length) return [];
-  const said = { cured: "cured", given_up: "given up", unhandled: "not handled", open: "open at the end" };
+  const said = { cured: "cured", done_instead: "done instead", given_up: "given up", unhandled: "not handled", open: "open at the end" };
   const rows = kinds.map((kind) => {
     const same = chosen.planted.filter((row) => row.fault === kind);
     const seen = same.map((row) => `${row.count} ${row.cause ? `${row.cause}, ${said[row.end]}` : "nothing failed"}`);

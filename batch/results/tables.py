@@ -61,7 +61,7 @@ class JobFailureRow:
     cause: Cause
     message: Message
     item: Item
-    fate: Annotated[str, ColumnDoc("cured, passed_over, branched, ended, open")]
+    fate: Annotated[str, ColumnDoc("cured, done_instead, passed_over, branched, ended, open")]
     handled_by: Annotated[str, ColumnDoc("handlers that were tried, in order")]
     seconds_lost: Annotated[float | None, ColumnDoc("simulated time until its fate was decided", "s")]
 
@@ -72,7 +72,7 @@ class EpisodeRow:
     cause: Cause
     node: Annotated[str, ColumnDoc("path of the node that failed first")]
     item: Item
-    ended: Annotated[End, ColumnDoc("cured, given_up, unhandled, open")]
+    ended: Annotated[End, ColumnDoc("cured, done_instead, given_up, unhandled, open")]
     handler: Annotated[str, ColumnDoc("what was tried last; empty: nothing")]
     tried: Annotated[str, ColumnDoc("all that was tried, one after the other")]
     by: Annotated[str, ColumnDoc("path of the node that took it up last; empty: nobody")]
@@ -138,7 +138,7 @@ class JobRow:
     cpu_seconds: Annotated[float | None, ColumnDoc("CPU time", "s")] = None
     wall_seconds: Annotated[float | None, ColumnDoc("wall time", "s")] = None
     last_tick: LastTick = None
-    root_cause: Annotated[str, ColumnDoc("of the first failure that was not cured")] = ""
+    root_cause: Annotated[str, ColumnDoc("the one that cost the goal, else the first")] = ""
     look_at: Annotated[str, ColumnDoc("one line on what to look at")] = ""
     folder: Folder = ""
 

@@ -69,7 +69,8 @@ VIEWS = (
         "why do things fail, the most frequent first?",
         """
     SELECT cause, count(*) AS failures, sum(fate = 'cured') AS cured,
-           count(DISTINCT job) AS jobs, sum(seconds_lost) AS seconds_lost
+           sum(fate = 'done_instead') AS done_instead, count(DISTINCT job) AS jobs,
+           sum(seconds_lost) AS seconds_lost
     FROM failures GROUP BY cause ORDER BY count(*) DESC, cause""",
     ),
     SqlView(
@@ -77,7 +78,8 @@ VIEWS = (
         "why does each recipe fail?",
         """
     SELECT variant, cause, count(*) AS failures, sum(fate = 'cured') AS cured,
-           count(DISTINCT job) AS jobs, sum(seconds_lost) AS seconds_lost
+           sum(fate = 'done_instead') AS done_instead, count(DISTINCT job) AS jobs,
+           sum(seconds_lost) AS seconds_lost
     FROM failures JOIN jobs USING (job) GROUP BY variant, cause ORDER BY min(number), count(*) DESC""",
     ),
     SqlView(
@@ -85,8 +87,8 @@ VIEWS = (
         "for each cause of a job, what was tried last against it, and with which success?",
         """
     SELECT job, cause, handler, count(*) AS seen, sum(ended = 'cured') AS cured,
-           sum(ended = 'given_up') AS given_up, sum(ended = 'unhandled') AS unhandled,
-           sum(ended = 'open') AS open, sum(tries) AS tries,
+           sum(ended = 'done_instead') AS done_instead, sum(ended = 'given_up') AS given_up,
+           sum(ended = 'unhandled') AS unhandled, sum(ended = 'open') AS open, sum(tries) AS tries,
            sum(CASE ended WHEN 'cured' THEN tries ELSE 0 END) AS tries_cured, sum(seconds) AS seconds
     FROM episodes GROUP BY job, cause, handler""",
     ),
@@ -94,9 +96,9 @@ VIEWS = (
         "cures_by_recipe",
         "against which causes does each recipe know a cure?",
         """
-    SELECT variant, cause, handler, sum(seen) AS seen, sum(cured) AS cured, sum(given_up) AS given_up,
-           sum(unhandled) AS unhandled, sum(open) AS open, sum(tries) AS tries,
-           sum(tries_cured) AS tries_cured, sum(seconds) AS seconds
+    SELECT variant, cause, handler, sum(seen) AS seen, sum(cured) AS cured,
+           sum(done_instead) AS done_instead, sum(given_up) AS given_up, sum(unhandled) AS unhandled,
+           sum(open) AS open, sum(tries) AS tries, sum(tries_cured) AS tries_cured, sum(seconds) AS seconds
     FROM cures JOIN jobs USING (job) GROUP BY variant, cause, handler
     ORDER BY min(number), cause, sum(cured) DESC, sum(seen) DESC, handler""",
     ),
@@ -105,19 +107,20 @@ VIEWS = (
         "how many troubles of each cause are cured, with Wilson's 95 % interval, and what do they cost?",
         f"""
     WITH counts AS (
-        SELECT cause, sum(seen) AS seen, sum(cured) AS cured, sum(unhandled) AS unhandled,
+        SELECT cause, sum(seen) AS seen, sum(cured) AS cured, sum(done_instead) AS done_instead,
+               sum(unhandled) AS unhandled, sum(seen) - sum(done_instead) AS to_cure,
                sum(tries_cured) * 1.0 / nullif(sum(cured), 0) AS tries_a_cure, sum(seconds) AS seconds,
                count(DISTINCT job) AS jobs
         FROM cures GROUP BY cause
     ), shares AS (
-        SELECT *, cured * 1.0 / seen AS share, {_NORMAL_QUANTILE} * {_NORMAL_QUANTILE} / seen AS zz FROM
-        counts
+        SELECT *, cured * 1.0 / to_cure AS share,
+               {_NORMAL_QUANTILE} * {_NORMAL_QUANTILE} / to_cure AS zz FROM counts
     )
-    SELECT cause, seen, cured, unhandled, share,
-           max((share + zz / 2 - {_NORMAL_QUANTILE} * sqrt((share * (1 - share) + zz / 4) / seen)) / (1 +
-           zz), 0.0) AS low,
-           min((share + zz / 2 + {_NORMAL_QUANTILE} * sqrt((share * (1 - share) + zz / 4) / seen)) / (1 +
-           zz), 1.0) AS high,
+    SELECT cause, seen, cured, done_instead, unhandled, share,
+           max((share + zz / 2 - {_NORMAL_QUANTILE} * sqrt((share * (1 - share) + zz / 4) / to_cure)) /
+           (1 + zz), 0.0) AS low,
+           min((share + zz / 2 + {_NORMAL_QUANTILE} * sqrt((share * (1 - share) + zz / 4) / to_cure)) /
+           (1 + zz), 1.0) AS high,
            tries_a_cure, seconds, jobs
     FROM shares ORDER BY seconds DESC, seen DESC, cause""",
     ),

@@ -64,6 +64,7 @@ class CauseTotal:
     cause: str
     failures: int
     cured: int
+    done_instead: int
     jobs: int
     seconds_lost: float
     """Simulated time until the failures were decided, s."""
@@ -199,11 +200,12 @@ def _lines(found: BatchSummary) -> Iterator[str]:
         width = max(len(c.cause) for c in together.causes)
         total, so_far = sum(c.failures for c in together.causes), 0
         yield ""
-        yield f"{'cause':<{width}}  failures     sum   cured    jobs  s lost"
+        yield f"{'cause':<{width}}  failures     sum   cured instead    jobs  s lost"
         for c in together.causes:
             so_far += c.failures
             share = f"{100 * so_far / total:.0f} %"
-            yield f"{c.cause:<{width}}  {c.failures:8}{share:>8}{c.cured:8}{c.jobs:8}{c.seconds_lost:8.0f}"
+            counts = f"{c.failures:8}{share:>8}{c.cured:8}{c.done_instead:8}{c.jobs:8}"
+            yield f"{c.cause:<{width}}  {counts}{c.seconds_lost:8.0f}"
     yield from _cures(together)
     if together.forms:
         yield ""
@@ -226,11 +228,11 @@ def _cures(together: Breakdown) -> Iterator[str]:
     if together.cures:
         width = max(len(c.cause) for c in together.cures)
         yield ""
-        yield f"{'cause':<{width}}  {'cured of those seen':<32} tries  s lost  by"
+        yield f"{'cause':<{width}}  {'cured of those to be cured':<32} tries  s lost  by"
         for c in together.cures:
             total, tries = c.total, c.total.tries_a_cure
             said = "" if tries is None else f"{tries:.1f}"
-            cured = str(rate(total.cured, total.seen))
+            cured = str(rate(total.cured, total.to_cure)) if total.to_cure else ""
             yield f"{c.cause:<{width}}  {cured:<32} {said:>5}{total.seconds:8.0f}  {_by(c)}"
     for n, fault in enumerate(dict.fromkeys(p.fault for p in together.planted)):
         if not n:
@@ -243,7 +245,8 @@ def _cures(together: Breakdown) -> Iterator[str]:
 
 def _by(found: episode_counts.CauseCount) -> str:
     """Return the last handlers with their success, as `RetreatAndLook 9 of 10, trying again 2 of 2`."""
-    tried = [f"{c.cure} {c.cured} of {c.seen}" for c in found.by_cure if c.cure]
+    tried = [f"{c.cure} {c.cured} of {c.to_cure}" for c in found.by_cure if c.cure and c.to_cure]
+    tried += [f"{c.cure} instead {c.done_instead}" for c in found.by_cure if c.done_instead]
     if found.total.unhandled:
         tried.append(f"nobody {found.total.unhandled}")
     untried = sum(c.given_up for c in found.by_cure if not c.cure)
@@ -293,7 +296,7 @@ def _breakdown_json(found: Breakdown) -> dict[str, Any]:
         "cures": [
             {
                 "cause": c.cause,
-                "rate": _rate_json(rate(c.total.cured, c.total.seen)),
+                "rate": _rate_json(rate(c.total.cured, c.total.to_cure)),
                 "tries_a_cure": c.total.tries_a_cure,
                 **_counts_json(c.total),
                 "by": [{"cure": each.cure, **_counts_json(each)} for each in c.by_cure],

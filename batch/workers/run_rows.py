@@ -126,12 +126,13 @@ def _arrivals(run: Run, wanted: set[ObjectId]) -> dict[ObjectId, tuple[float, Ve
 def _timings(run: Run, failures: Sequence[FailureStory]) -> tuple[JobTimingRow, ...]:
     """Return the simulated time by phase, s.
 
-    Planning within a skill counts as thinking, a handler's time as recovery.
+    Planning within a skill counts as thinking, a handler's time as recovery; one of `instead` is work.
     """
     spent: defaultdict[Phase, float] = defaultdict(float)
     parents = {visit.parent for visit in run.visits}
     leaves = [visit for visit in run.visits if visit.number not in parents]
-    cures = [(h.time, h.time + h.seconds) for f in failures for h in f.handled_by]
+    handled = (h for f in failures for h in (f.handled_by[:-1] if f.done_instead else f.handled_by))
+    cures = [(h.time, h.time + h.seconds) for h in handled]
     thought = [(at.time, at.record.thinking) for at in run.plans]
     for leaf in leaves:
         if any(start <= leaf.start and leaf.end <= end for start, end in cures):

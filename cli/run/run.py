@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO, TypeAlias
 
@@ -26,10 +26,10 @@ from ..terminal.help_groups import HelpGroups
 from ..terminal.output import end_with, keep_stdout, print_answer, program
 
 if TYPE_CHECKING:
+    from ...logs.recording.rotated_log import Rotation
     from ...session.debugger import Debugger
     from ...session.observer import Observer, WallClockPacer
     from ...session.profiling.profiler import Profiler
-    from ...session.resume.resumption import ResumeRequest
     from ...session.session import RunRequest, Session
 
     Assembly: TypeAlias = Callable[[Sequence[Observer]], Session]
@@ -151,21 +151,14 @@ def run(
     seconds = None if limit is None else parse_limit(limit)
     profiler = None if profile is None else _profiler(profile)
     watchers = _Watchers(debug, live_port if live else None, pacer, profiler, wait, to_stderr=json)
-
-    from ...logs.recording.rotated_log import Rotation
-
-    rotation = Rotation(round(rotate_mb * 1e6), rotate_minutes * 60.0)
+    rotation = _rotation(rotate_mb, rotate_minutes)
     if resume is not None:
-        from ...session.resume.resumption import ResumeRequest
-
-        request = ResumeRequest(resume, out, seconds, rotation, as_it_stands, tuple(answers or ()))
-        assembly = _resumed_run(request)
+        assembly = _resumed_run(resume, out, seconds, rotation, answers or (), as_it_stands)
     else:
-        from ...session.recipe import DEFAULT_TIME_LIMIT
         from ...session.session import RunRequest
 
         assert mission is not None
-        first = RunRequest(
+        request = RunRequest(
             mission=mission,
             scene=scene,
             robot=robot,
@@ -176,18 +169,15 @@ def run(
             backend=backend,
             verify=verify,
             watch=watch,
-            limit=DEFAULT_TIME_LIMIT if seconds is None else seconds,
             rotation=rotation,
         )
-        assembly = _new_run(first, answers or ())
+        assembly = _new_run(request if seconds is None else replace(request, limit=seconds), answers or ())
     with assembly as session_for, watchers.observers() as observers:
         result = session_for(observers).run()
-    if pacer is not None and pacer.lateness:
-        print(pacer.lateness, file=sys.stderr)
+    watchers.print_lateness()
     print_answer(answer, lambda: result.to_text(program()), result.to_json_text)
-    if profile is not None and profiler is not None:
-        profiler.profile.write(profile)
-        print(f"\n{profiler.profile.to_text()}", file=sys.stderr if json else sys.stdout)
+    if profile is not None:
+        watchers.write_profile(profile)
     end_with(result.reached, result.status)
 
 
@@ -204,10 +194,18 @@ def _new_run(request: RunRequest, answers: Sequence[str]) -> Generator[Assembly]
 
 
 @contextmanager
-def _resumed_run(request: ResumeRequest) -> Generator[Assembly]:
+def _resumed_run(
+    log: str,
+    out: Path | None,
+    limit: float | None,
+    rotation: Rotation,
+    answers: Sequence[str],
+    as_it_stands: bool,
+) -> Generator[Assembly]:
     """Assemble the session that resumes a run; print where it resumes."""
-    from ...session.resume.resumption import Resumption
+    from ...session.resume.resumption import ResumeRequest, Resumption
 
+    request = ResumeRequest(log, out, limit, rotation, as_it_stands, tuple(answers))
     with Resumption(request) as resumption:
         print(resumption.told, file=sys.stderr, flush=True)
         yield resumption.session
@@ -265,6 +263,17 @@ class _Watchers:
             print(f"live view at {live_view.url}", file=sys.stderr, flush=True)
             yield (live_view,)
 
+    def print_lateness(self) -> None:
+        """Print how far the run stayed behind its pace, if it did."""
+        if self.pacer is not None and self.pacer.lateness:
+            print(self.pacer.lateness, file=sys.stderr)
+
+    def write_profile(self, file: Path) -> None:
+        """Write the profile into a file, and print where the time goes."""
+        assert self.profiler is not None
+        self.profiler.profile.write(file)
+        print(f"\n{self.profiler.profile.to_text()}", file=self._stream)
+
     def _debugger(self) -> Debugger:
         from ...session.debugger import Debugger
         from .operator_prompt import debug_prompt
@@ -299,6 +308,12 @@ def refuse_contradictions(context: typer.Context) -> None:
                 f"--resume and {shown} exclude each other: mission, scene, robot, seed, parameters, faults "
                 "and backend are those of the run that goes on (`picktree whatif` changes some of them)"
             )
+
+
+def _rotation(megabytes: float, minutes: float) -> Rotation:
+    from ...logs.recording.rotated_log import Rotation
+
+    return Rotation(round(megabytes * 1e6), minutes * 60.0)
 
 
 def _profiler(file: Path) -> Profiler:

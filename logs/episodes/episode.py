@@ -13,8 +13,9 @@
 - *Tries.* Runs after the failure that could succeed: 1 when the first of them did.
 - *Cured* when the handling node then succeeds. *Given up* when that node fails and none further up handles
   the failure, or when the cure sets the item aside. A branch of a `Fallback` with a `SetAside` in it gives
-  the item up, even if it only counts this time, and is no try. *Unhandled* when no node tried anything.
-  *Open* when the log ends before.
+  the item up, even if it only counts this time, and is no try. *Done instead* when a handler of `instead`
+  took the place of the branch, as the mission asks for this cause; such an episode is neither cured nor given
+  up, and costs no time. *Unhandled* when no node tried anything. *Open* when the log ends before.
 - *Time lost.* Simulated time from the start of the failed run of the branch to the start of the next one.
   For the last failure it is the time to the end of the node. Over all tries, that is from the start of the
   run that failed first to the start of the one that succeeded. Where a branch fails with several causes in
@@ -110,13 +111,14 @@ def _last(path: str) -> str:
     return path.rsplit("/", 1)[-1]
 
 
-End: TypeAlias = Literal["cured", "given_up", "unhandled", "open"]
-Fate: TypeAlias = Literal["cured", "passed_over", "branched", "ended", "open"]
+End: TypeAlias = Literal["cured", "done_instead", "given_up", "unhandled", "open"]
+Fate: TypeAlias = Literal["cured", "done_instead", "passed_over", "branched", "ended", "open"]
 """Outcome of a single failure.
 
-`cured`: recovery ran and what had failed then succeeded. `passed_over`: nothing cured it, and a loop went on
-with the next item. `branched`: a Fallback or another node went another way, as its mission says. `ended`: it
-reached the root, and the mission ended with it. `open`: the log ends before.
+`cured`: recovery ran and what had failed then succeeded. `done_instead`: a handler of `instead` took the
+place of what had failed. `passed_over`: nothing cured it, and a loop went on with the next item. `branched`:
+a Fallback or another node went another way, as its mission says. `ended`: it reached the root, and the
+mission ended with it. `open`: the log ends before.
 """
 
 
@@ -238,8 +240,8 @@ class RunningNode:
     """The item was set aside since a trouble was taken up."""
     answers: bool = False
     """It is one that tells which handler it runs."""
-    ends: bool = False
-    """The handler that it told of last is done instead of the branch."""
+    instead: str = ""
+    """Handler that it told of last, where that is done instead of the branch; empty: none."""
     again: bool = False
     """It has run the child again whose failure had come up."""
     settled: list[str] = field(default_factory=list[str])

@@ -7,9 +7,6 @@ from dataclasses import dataclass, replace
 
 from .episode import Episode, Planted
 
-NO_CURE = ""
-"""Cure of an episode for which nothing was tried."""
-
 
 @dataclass(frozen=True, slots=True)
 class CureCount:
@@ -21,7 +18,7 @@ class CureCount:
     seen: int = 0
     cured: int = 0
     given_up: int = 0
-    """Number of episodes tried in vain. `seen` = `cured` + `given_up` + `unhandled` + `open`."""
+    """Number of episodes tried in vain. `seen` is the sum of the five ends."""
     unhandled: int = 0
     open: int = 0
     tries: int = 0
@@ -30,6 +27,8 @@ class CureCount:
     """Number of attempts in the cured episodes."""
     seconds: float = 0.0
     """Time lost, simulated s."""
+    done_instead: int = 0
+    """Number of episodes that a handler of `instead` ended: neither cured nor given up."""
 
     def with_(self, other: CureCount) -> CureCount:
         """Return the sum of both counts."""
@@ -43,7 +42,13 @@ class CureCount:
             tries=self.tries + other.tries,
             tries_cured=self.tries_cured + other.tries_cured,
             seconds=round(self.seconds + other.seconds, 6),
+            done_instead=self.done_instead + other.done_instead,
         )
+
+    @property
+    def to_cure(self) -> int:
+        """Number of episodes that a cure was needed for: all but those done instead."""
+        return self.seen - self.done_instead
 
     @property
     def tries_a_cure(self) -> float | None:
@@ -76,7 +81,7 @@ class CauseCount:
         """Return the counts without the cause: `3 seen, 3 cured by RetreatAndLook after 1.3 tries, 12.4 s
         lost`."""
         total = self.total
-        parts = [f"{total.seen} seen", self._cured()]
+        parts = [f"{total.seen} seen", self._cured(), self._done_instead()]
         parts.append(f"{total.given_up} given up" if total.cured and total.given_up else "")
         if total.unhandled:
             parts.append(
@@ -89,13 +94,17 @@ class CauseCount:
     def _cured(self) -> str:
         total = self.total
         if not total.cured:
-            tried = ", ".join(each.cure for each in self.by_cure if each.cure)
+            tried = ", ".join(each.cure for each in self.by_cure if each.cure and each.to_cure)
             untried = "given up untried" if total.given_up else ""
             return f"none cured (tried: {tried})" if tried else untried
         by = [each for each in self.by_cure if each.cured]
         names = [each.cure if len(by) == 1 else f"{each.cure} ({each.cured})" for each in by]
         tries = total.tries_a_cure or 0.0
         return f"{total.cured} cured by {' or '.join(names)} after {_tries(tries)}"
+
+    def _done_instead(self) -> str:
+        names = [each.cure for each in self.by_cure if each.done_instead]
+        return f"{self.total.done_instead} done instead ({', '.join(names)})" if names else ""
 
 
 class EpisodeCounts:
@@ -188,6 +197,7 @@ def _one(episode: Episode) -> CureCount:
         episode.tries,
         episode.tries if end == "cured" else 0,
         episode.seconds,
+        int(end == "done_instead"),
     )
 
 
@@ -204,6 +214,7 @@ def _tries(number: float) -> str:
 
 ENDS: Mapping[str, str] = {
     "cured": "cured",
+    "done_instead": "done instead",
     "given_up": "given up",
     "unhandled": "not handled",
     "open": "open at the end",

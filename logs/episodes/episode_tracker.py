@@ -165,9 +165,12 @@ class EpisodeTracker:
         elif change.status == "IDLE":
             self._close(node, halted=True)
         else:
-            fate: Fate = "branched" if self._kind(node) == "choosing" or node.ends else "cured"
+            fate: Fate = "branched" if self._kind(node) == "choosing" else "cured"
             for number in [n for n in node.taken if n in self._troubles]:
-                self._decide(number, "given_up" if node.aside else "cured", fate, node)
+                if node.instead and self._troubles[number].handler == node.instead:
+                    self._decide(number, "done_instead", "done_instead", node)
+                else:
+                    self._decide(number, "given_up" if node.aside else "cured", fate, node)
             self._settle(node.arrived, self._open.get(self._parents.get(node.path, "")), node)
         if change.status == "SKIPPED":
             self._was_no_cure(node)
@@ -247,20 +250,18 @@ class EpisodeTracker:
         if node is None:
             return
         node.answers = True
-        cause = event.cause
-        failing = self._with(cause, node.arrived)
+        failing = self._with(event.cause, node.arrived)
         if failing is None:  # a condition that does not hold
-            joined, failing = self._with(cause, node.taken), self._arise(node, cause, event.failed)
+            joined = self._with(event.cause, node.taken)
+            failing = self._arise(node, event.cause, event.failed)
             failing = failing if joined is None else self._join(failing, joined)
             node.arrived.append(failing)
         node.failing, node.dealing = failing, True
-        label = event.handler
-        self._take_up(node, label, label)
-        node.called, node.ends = label, event.ends
+        self._take_up(node, event.handler, event.handler)
+        node.called, node.instead = event.handler, event.handler if event.ends else ""
 
     def _take_up(self, node: RunningNode, handler: str, cure: str) -> None:
-        """The node tries something against what has come up; a Fallback against all that came up so far.
-        Without a cure it gives up."""
+        """Take up what has come up, in a Fallback all that came up so far; no cure: the node gives up."""
         choosing = self._kind(node) == "choosing"
         node.aside = node.aside and not node.arrived
         for number in dict.fromkeys((*node.taken, *node.arrived) if choosing else node.arrived):
@@ -299,7 +300,7 @@ class EpisodeTracker:
         """Note that the node which deals with a trouble has given the item up."""
         for around in self._around(node.path):
             if around.dealing and any(number in self._troubles for number in around.taken):
-                around.aside = True
+                around.aside = not around.instead  # else the item is done with, as the mission asks
                 return
 
     def _join(self, number: int, other: int) -> int:

@@ -32,8 +32,14 @@ def test_a_place_that_fails_leaves_it_in_the_hand() -> None:
         f"4:25 Recover/Sequence/Grasp: {SAYS}, when Grasp or Place fails {HINT}"
     ]
     assert held(f"ForceSuccess: {{Sequence: [{PICK}]}}") == [
-        f"4:36 ForceSuccess/Sequence/Grasp: {SAYS}, when it succeeds {HINT}"
+        f"4:36 ForceSuccess/Sequence/Grasp: {SAYS}, when Grasp or Place fails and the mission goes on {HINT}"
     ]
+
+
+def test_nodes_of_one_name_are_told_apart() -> None:
+    other = "ForceSuccess: {Place: {object: b, into: red_bin}}"
+    (finding,) = held(f"ForceSuccess: {{Sequence: [{PICK}]}}", other)
+    assert "when Grasp or Sequence/Place fails" in finding
 
 
 @pytest.mark.parametrize(
@@ -54,19 +60,19 @@ def test_a_hand_that_is_asked_first() -> None:
     pick = f"ForceSuccess: {{Sequence: [{PICK}]}}"
     retreat = "{SafeRetreat: {hand: open}}"
     # Grasp or Place may still end the mission, by a safety stop.
-    ends_by_itself = [finding for finding in held(pick) if "when it succeeds" in finding]
+    ends_by_itself = [finding for finding in held(pick) if "goes on" in finding]
     assert len(ends_by_itself) == 1
     for guarded in (
         f"IfThenElse: [{{Condition: {{if: holding}}}}, {retreat}, AlwaysSuccess]",
         "SafeRetreat: {hand: open, _skipIf: not holding}",
         f"Fallback: [{{Condition: {{if: not holding and not stopped}}}}, {retreat}]",
     ):
-        assert [finding for finding in held(pick, guarded) if "when it succeeds" in finding] == []
+        assert [finding for finding in held(pick, guarded) if "goes on" in finding] == []
     for useless in (
         f"IfThenElse: [{{Condition: {{if: not holding}}}}, {retreat}, AlwaysSuccess]",
         "SafeRetreat: {hand: open, _skipIf: stopped}",
     ):
-        assert [finding for finding in held(pick, useless) if "when it succeeds" in finding] != []
+        assert [finding for finding in held(pick, useless) if "goes on" in finding] != []
 
 
 def test_what_a_handler_opens_is_empty_and_what_another_round_takes_is_not() -> None:

@@ -7,11 +7,10 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.authoring.xml.importing.mission_import import xml_to_mission
 from picktree.files.marks import FileError
 
 from ..effort import counted
-from .xml_missions import registry
+from .xml_missions import registry, xml_to_mission
 
 HERE = Path("tree.xml")
 HEAD = '<root BTCPP_format="4" main_tree_to_execute="Main">\n'

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 
 from picktree.authoring.xml.export.mission_export import mission_to_xml
-from picktree.authoring.xml.importing.mission_import import xml_to_mission
 from picktree.files.yaml.document import read_document
 from picktree.trees.loading.loader import examine
 from picktree.trees.loading.registry import NodeRegistry
@@ -16,7 +15,7 @@ from picktree.trees.mission import LIBRARY
 
 from ..trees.scripted import FILE
 from .btcpp_rules import complaints
-from .xml_missions import essence, missions, parsed, registry
+from .xml_missions import essence, missions, parsed, registry, xml_to_mission
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FILES = [

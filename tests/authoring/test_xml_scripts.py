@@ -15,7 +15,7 @@ from picktree.authoring.xml.export.script_export import (
     expression_text,
     script,
 )
-from picktree.authoring.xml.importing.script_import import ScriptError, read_condition, read_statements
+from picktree.authoring.xml.importing.script_import import ScriptError, read_expression, read_statements
 from picktree.files.expressions.expression import Expression
 from picktree.files.expressions.syntax_tree import (
     Arithmetic,
@@ -83,7 +83,7 @@ SAID = [
 def test_what_both_can_say(ours: str, theirs: str) -> None:
     expression = Expression.parse(ours)
     assert script(expression) == theirs
-    back = Expression.parse(read_condition(theirs))
+    back = Expression.parse(expression_text(read_expression(theirs)))
     assert without_places(back.root) == without_places(expression.root)
 
 
@@ -125,7 +125,7 @@ THEIRS = {
 
 @pytest.mark.parametrize("theirs", THEIRS)
 def test_scripts_of_others_are_read_by_btcpp_s_own_grammar(theirs: str) -> None:
-    assert read_condition(theirs) == THEIRS[theirs]
+    assert expression_text(read_expression(theirs)) == THEIRS[theirs]
 
 
 REFUSED = {
@@ -149,7 +149,7 @@ REFUSED = {
 @pytest.mark.parametrize("theirs", REFUSED)
 def test_scripts_that_have_no_counterpart(theirs: str) -> None:
     with pytest.raises(ScriptError) as caught:
-        read_condition(theirs)
+        expression_text(read_expression(theirs))
     assert str(caught.value) == REFUSED[theirs]
 
 
@@ -216,7 +216,7 @@ def test_the_text_of_any_expression_parses_to_the_same(part: Part) -> None:
 @settings(max_examples=100)
 def test_a_script_reads_back_as_the_same_expression(part: Part) -> None:
     theirs = script(Expression("", frozenset(), frozenset(), part))
-    back = Expression.parse(read_condition(theirs))
+    back = Expression.parse(expression_text(read_expression(theirs)))
     assert without_places(back.root) == without_places(part)
 
 
@@ -224,7 +224,7 @@ def test_a_script_reads_back_as_the_same_expression(part: Part) -> None:
 @settings(max_examples=100)
 def test_no_script_is_too_strange_to_be_refused(text: str) -> None:
     try:
-        ours = read_condition(text)
+        ours = expression_text(read_expression(text))
     except ScriptError as error:
         assert 0 <= error.offset <= max(len(text), 0)
     else:

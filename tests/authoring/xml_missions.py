@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import TypeAlias, cast
 
 from hypothesis import strategies as st
@@ -10,6 +11,8 @@ from hypothesis import strategies as st
 from picktree import recovery
 from picktree.authoring.xml.export.script_export import expression_text
 from picktree.authoring.xml.format.literal_text import is_pointer
+from picktree.authoring.xml.importing.mission_import import import_xml
+from picktree.authoring.xml.importing.source import XmlText
 from picktree.files.expressions.expression import Expression
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
@@ -278,3 +281,8 @@ def _typed(value: object) -> object:
 
 def _expression(expression: Expression) -> str:
     return expression_text(expression.root)
+
+
+def xml_to_mission(text: str, path: Path, known: NodeRegistry) -> str:
+    """The mission file of one XML file, which lies at the path."""
+    return import_xml([XmlText(text, path)], known).text

@@ -148,7 +148,7 @@ def test_the_summary_says_what_was_tried_and_with_which_success(results: Store) 
     summary = summarise(results)
     text = summary.to_text()
     assert (
-        "cause             cured of those seen              tries  s lost  by\n"
+        "cause             cured of those to be cured       tries  s lost  by\n"
         "grasp.slipped     3 of 4 (75.0 %, 30.1 … 95.4 %)     1.7      14  "
         "LookAgain 3 of 3, SetAside 0 of 1\n"
         "planning.no_path  0 of 1 (0.0 %, 0.0 … 79.3 %)                 0  nobody 1\n"

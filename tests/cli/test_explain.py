@@ -79,7 +79,7 @@ def test_a_folder_of_runs(folder: Path, tmp_path: Path, capfd: pytest.CaptureFix
     (tmp_path / "runs" / "c" / "log.mcap").write_bytes(b"not a log at all, whatever it is called")
     assert answer(["explain", str(tmp_path / "runs")]) == 0
     text = capfd.readouterr().out
-    assert text.startswith(f"2 runs in {tmp_path}/runs: 2 failure\nNote: ")
+    assert text.startswith(f"2 runs in {tmp_path}/runs: 2 failure; ")
     assert "item.gone     2      2      2" in text
     assert re.search(rf"     likely 2; .* explain {tmp_path}/runs/[ab]\n", text)
     assert answer(["explain", str(tmp_path / "runs"), "--json"]) == 0

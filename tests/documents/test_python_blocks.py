@@ -1,6 +1,7 @@
 """Each Python block of README.md and docs/ imports what there is, under its present name, and uses no other.
 
-The blocks of a page are one program, as its reader has it. Parts of skills stand in a method of one.
+The blocks of a page are one program, as its reader has it; a file is one of its own. Parts of skills stand in
+a method of one.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from textwrap import dedent, indent
 
@@ -75,10 +76,20 @@ def is_part(block: Block) -> bool:
     return waits or bool(loaded & {"world", "self", "folder"})
 
 
-def program(page: Path) -> str:
-    """Return the blocks of a page as one program."""
+def programs(page: Path) -> dict[str, str]:
+    """Return by name of a file: each file that the page shows, and its other blocks as one program."""
+    name = page.stem.replace("-", "_")
+    alone = {
+        f"{name}_{number}.py": dedent(block.text)
+        for number, block in enumerate(blocks(page, "python"))
+        if block.file
+    }
+    return {f"{name}.py": program([b for b in blocks(page, "python") if not b.file]), **alone}
+
+
+def program(shown: Sequence[Block]) -> str:
     parts = [HEAD]
-    for number, block in enumerate(blocks(page, "python")):
+    for number, block in enumerate(shown):
         text = dedent(block.text)
         if is_part(block):
             lines = "\n".join(line for line in text.splitlines() if line.strip() != "...")
@@ -95,7 +106,8 @@ def program(page: Path) -> str:
 def test_a_type_checker_knows_all_names_of_the_blocks(tmp_path: Path) -> None:
     for page in pages():
         if blocks(page, "python") and page.name not in UNTYPED:
-            (tmp_path / f"{page.stem.replace('-', '_')}.py").write_text(program(page), encoding="utf-8")
+            for name, text in programs(page).items():
+                (tmp_path / name).write_text(text, encoding="utf-8")
     settings = {
         "typeCheckingMode": "basic",
         "extraPaths": [str(ROOT / ".links")],

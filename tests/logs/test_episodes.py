@@ -61,6 +61,32 @@ SLIPPED = {
 }
 
 
+def test_what_is_done_instead_is_neither_cured_nor_given_up() -> None:
+    """What the node had handled before is cured. To set the item aside changes nothing."""
+    recover, weigh, aside = "Main/Recover", "Main/Recover/Do/Weigh", "Main/Recover/Reject/SetAside"
+    grasp, reject = "Main/Recover/Do/Grasp", "Main/Recover/Reject"
+    nodes = tree("Main", recover, "Main/Recover/Do", grasp, weigh, LOOK, reject, aside)
+    instead = RecoveryEvent("", recover, cause="weigh.heavy", handler="weigh.*", ends=True)
+    script = {
+        0.0: [begins("Main"), begins(recover), begins("Main/Recover/Do"), begins(grasp, "can_1")],
+        1.0: [*fails(grasp, "grasp.missed", "Main/Recover/Do"), tries(recover, "grasp.missed", "grasp.*")],
+        1.1: [begins(LOOK)],
+        2.0: [ends(LOOK)],
+        2.1: [begins("Main/Recover/Do"), begins(grasp, "can_1")],
+        3.0: [ends(grasp), begins(weigh)],
+        4.0: [*fails(weigh, "weigh.heavy", "Main/Recover/Do"), instead],
+        4.1: [begins(reject), begins(aside)],
+        5.0: [ends(aside), ends(reject), ends(recover), ends("Main")],
+    }
+    episodes, _ = follow(nodes, script)
+    assert sorted(told(episodes)) == [
+        ("grasp.missed", "cured", "LookAgain", 1, 2.1),
+        ("weigh.heavy", "done_instead", "Reject", 1, 0.0),
+    ]
+    assert fates(nodes, script) == [(grasp, 1.0, "cured", recover)]
+    assert list(cause_lines(counted(episodes)))[1] == "weigh.heavy   1 seen, 1 done instead (Reject)"
+
+
 def test_time_up_to_the_last_done_item_is_not_lost() -> None:
     pick, rest = "Main/Repeat/Pick", "Main/SafeRetreat"
     nodes = tree("Main:Fallback", "Main/Repeat", pick, rest)

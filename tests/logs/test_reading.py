@@ -168,6 +168,12 @@ def test_a_log_is_found_by_file_folder_and_last(
     with pytest.raises(PicktreeError) as raised:
         find_log(tmp_path)
     assert str(raised.value) == f"{tmp_path}: there is no log.mcap in this folder"
+    with pytest.raises(PicktreeError) as raised:
+        find_log(run.parent)
+    assert str(raised.value) == (
+        f"{run.parent}: there is no log.mcap in this folder; there are runs in it: name one, or let "
+        f"`picktree explain {run.parent}` tell of all"
+    )
 
 
 def test_a_newer_format_is_refused_with_a_sentence(

@@ -16,9 +16,11 @@ import pytest
 from picktree.cli.app import answer
 from picktree.files.diagnostics.fault_codes import page
 from picktree.skill_world.world import World
+from picktree.skills import plugin
 from picktree.trees.loading.loader import load_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.running.runner import build
+from picktree.world.causes import all_causes
 
 from .scripted import FakeWorld, Run, letters
 from .waving import forgotten
@@ -47,7 +49,21 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_file_that_it_shows_is_the_example() -> None:
-    assert FILES["plugins/probe.py"] == (ROOT / "examples/plugins/probe.py").read_text(encoding="utf-8")
+    for name in ("plugins/probe.py", "plugins/weigh.py"):
+        assert FILES[name] == (ROOT / "examples" / name).read_text(encoding="utf-8")
+
+
+def test_the_page_lists_the_constants_of_all_causes() -> None:
+    listed = {
+        f"{family}.{name}"
+        for family, names in re.findall(r"^\| `([a-z]+)` \| (`[A-Z].*) \|$", PAGE, re.MULTILINE)
+        for name in re.findall(r"`([A-Z_]+)`", names)
+    }
+    known = {cause.name for cause in all_causes() if cause.name.partition(".")[0] in dir(plugin)}
+    assert {name.lower() for name in listed} == known
+    for name in listed:
+        family, _, constant = name.partition(".")
+        assert getattr(getattr(plugin, family), constant).name == name.lower()
 
 
 def test_its_commands_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

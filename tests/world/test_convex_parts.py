@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import asdict
 from pathlib import Path
+from subprocess import run
 
 import numpy as np
 import pytest
 import trimesh
 from pydantic import TypeAdapter
 
+from picktree.files.disk_cache import VARIABLE
 from picktree.logs.meshes.triangle_meshes import shape_mesh
 from picktree.world import convex_parts
 from picktree.world.convex_parts import MAX_PARTS, body_of, moments, parts_name, parts_text
@@ -155,3 +158,20 @@ def test_a_log_keeps_what_is_not_convex(tmp_path: Path) -> None:
     corners = drawn.vertices[drawn.faces]
     enclosed = np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
     assert enclosed == pytest.approx(volume, rel=1e-3)
+
+
+def test_a_command_says_that_it_decomposes_a_mesh_when_it_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It takes seconds. The next command has the parts from the cache."""
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
+    trimesh.creation.annulus(13.7, 21.3, 9.1, sections=16).export(tmp_path / "washer.stl")
+    (tmp_path / "scene.yaml").write_text(
+        "picktree: 1\nkind: scene\nbase: sort_small\n"
+        "catalogue: {washer: {mesh: {file: washer.stl, scale: 0.001}, mass: 20 g, friction: 0.5}}\n"
+    )
+    words = [sys.executable, "-m", "picktree", "check", "scene.yaml", "--format", "json"]
+    # In a new interpreter: threads of the library would not survive a fork of this one.
+    first, second = (run(words, cwd=tmp_path, capture_output=True, text=True, check=True) for _ in range(2))
+    assert first.stderr == "decomposing washer.stl into convex parts …\n"
+    assert (second.stderr, second.stdout) == ("", first.stdout)

@@ -110,7 +110,7 @@ def out_of_order(case: Investigation, failure: FailureStory) -> Finding | None:
 
 
 def _under_way(case: Investigation) -> tuple[str, ...]:
-    lost = [f for f in case.failures if f.fate != "cured"]
+    lost = [f for f in case.failures if not (f.cured or f.done_instead)]
     spent = covered_time(f.undecided for f in case.failures)
     reasons: list[str] = []
     if case.failures:

@@ -108,14 +108,21 @@ class FailureStory:
         return self.fate == "cured"
 
     @property
+    def done_instead(self) -> bool:
+        """Whether a handler of `instead` took the place of what had failed, as the mission asks."""
+        return self.fate == "done_instead"
+
+    @property
     def undecided(self) -> tuple[float, float]:
-        """Times of the failure and of the decision, simulated s; the same where the log leaves it open."""
-        return (self.time, self.time if self.fate_at is None else self.fate_at)
+        """Times of the failure and of the decision, simulated s; the same where no time was lost to it."""
+        return (self.time, self.time + (self.seconds_lost or 0.0))
 
     @property
     def seconds_lost(self) -> float | None:
-        """Simulated s from the failure until it was decided; None when that is open."""
-        return None if self.fate_at is None else self.fate_at - self.time
+        """Simulated s from the failure until it was decided, 0 when it was done instead; None when open."""
+        if self.fate_at is None:
+            return None
+        return 0.0 if self.done_instead else self.fate_at - self.time
 
 
 @dataclass(frozen=True, slots=True)

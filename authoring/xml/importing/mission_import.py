@@ -67,14 +67,6 @@ class ImportedMission:
     stubs: str = ""
 
 
-def xml_to_mission(text: str, path: Path, registry: NodeRegistry | None = None) -> str:
-    """Convert XML text to the text of a mission file; `path` is the place of the file.
-
-    Raises FileError with all errors, and with everything that a mission cannot express.
-    """
-    return import_xml([XmlText(text, path)], registry).text
-
-
 def import_xml(
     files: Sequence[XmlText], registry: NodeRegistry | None = None, options: ImportOptions | None = None
 ) -> ImportedMission:

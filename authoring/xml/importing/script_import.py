@@ -99,11 +99,6 @@ def read_expression(script: str, enums: Mapping[str, int] | None = None) -> Part
     return statements[0].value
 
 
-def read_condition(script: str, enums: Mapping[str, int] | None = None) -> str:
-    """Return the script's single expression as text of a mission. Raises ScriptError."""
-    return expression_text(read_expression(script, enums))
-
-
 def read_parts(script: str, enums: Mapping[str, int] | None = None) -> tuple[Statement, ...]:
     """Return assignments and bare values of a script. Raises ScriptError."""
     return _Parser(script, enums or {}).statements()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from ..scene_schema import CameraFile
 from .hole_loading import check_holes, holes, uncertainty
 
 MAX_MESH_BYTES = 1_000_000
+_log = logging.getLogger(__name__)
 CONVEX_VOLUME_RATIO = 1.05
 """Ratio of a hull's volume to its mesh's up to which the hull stands for it."""
 
@@ -71,6 +73,7 @@ def _body(raw: bytes, path: Path, scale: float, told: list[Array] | None) -> Con
     centre = np.asarray(mesh.center_mass, np.float64)
     if told is None:
         vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
+        _log.info("decomposing %s into convex parts …", path.name)
         parts = decomposed(TriangleMesh(vertices, faces, np.empty((0, 3))))
     else:
         parts = [part + centre for part in told]

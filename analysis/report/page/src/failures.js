@@ -150,6 +150,7 @@ export class Failures {
 
 const FATE_PHRASES = {
   cured: "was cured",
+  done_instead: "was answered by what the mission does instead",
   passed_over: "was passed over",
   branched: "was answered by going another way",
   ended: "ended the run",

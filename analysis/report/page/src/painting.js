@@ -11,7 +11,7 @@ const NAMES = [
   "running", "running_fill", "skipped", "cure_rim", "output", "found",
 ];
 const LOOKS = { SUCCESS: "success", FAILURE: "failure", RUNNING: "running", HALTED: "muted", SKIPPED: "skipped" };
-export const FATES = { cured: "success", passed_over: "cure_rim", branched: "muted", ended: "failure", open: "failure" };
+export const FATES = { cured: "success", done_instead: "muted", passed_over: "cure_rim", branched: "muted", ended: "failure", open: "failure" };
 // What items are said to look like, a little muted so that text on it can be read.
 const HUES = { red: 4, green: 145, blue: 215, yellow: 48, orange: 28, purple: 280, pink: 330, brown: 20, cyan: 190 };
 

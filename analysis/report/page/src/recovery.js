@@ -3,7 +3,7 @@
 import { made } from "./made.js";
 import { seconds } from "./words.js";
 
-const END_WORDS = { cured: "cured", given_up: "given up", unhandled: "not handled", open: "open at the end" };
+const END_WORDS = { cured: "cured", done_instead: "done instead", given_up: "given up", unhandled: "not handled", open: "open at the end" };
 
 // Nodes for the top of the failures; none where nothing was seen.
 export function recovery({ causes, recovery: { planted } }, player) {
@@ -25,10 +25,11 @@ export function endOf(episode) {
   return `${END_WORDS[episode.end]}, last by ${episode.tried.at(-1)}, after ${tries}; ${episode.seconds.toFixed(1)} s lost`;
 }
 
-function cause({ cause: name, seen, cured, told }) {
-  const fate = cured === seen ? "cured" : cured ? "passed_over" : "open";
+function cause({ cause: name, to_cure, cured, done_instead, told }) {
+  const fate = !to_cure ? "done_instead" : cured === to_cure ? "cured" : cured ? "passed_over" : "open";
+  const counts = [to_cure && `${cured} of ${to_cure} cured`, done_instead && `${done_instead} done instead`];
   return made("li", {},
-    made("p", {}, made("code", {}, name), made("span", { class: `fate ${fate}` }, `${cured} of ${seen} cured`)),
+    made("p", {}, made("code", {}, name), made("span", { class: `fate ${fate}` }, counts.filter(Boolean).join(", "))),
     made("p", { class: "reason" }, told),
   );
 }

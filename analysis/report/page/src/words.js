@@ -4,6 +4,7 @@ import { made } from "./made.js";
 
 export const FATE_WORDS = {
   cured: "cured",
+  done_instead: "done instead",
   passed_over: "passed over",
   branched: "went another way",
   ended: "ended the run",

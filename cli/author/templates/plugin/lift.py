@@ -21,8 +21,8 @@ BLOCKED = register_cause(Cause("lift.blocked", "Something is in the way above th
 class Lift(Skill):
     """Raise the hand straight up, and stop where it meets something."""
 
-    height: In[float] = port("how far up", unit="m", default=0.05)
-    risen: Out[float] = port("how far it came", unit="m")
+    height: In[float] = port("distance to rise", unit="m", default=0.05)
+    risen: Out[float] = port("distance that it rose", unit="m")
     causes = (BLOCKED, control.ANY, safety.ANY)  # all that it may fail with, for `when:` and the linter
     uses = (ARM,)  # two users of the arm cannot run at once
     example = 'Lift: {height: 50 mm, risen: "{risen}"}'

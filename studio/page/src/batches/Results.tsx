@@ -83,9 +83,9 @@ function Pareto({ part, onAsk }: { part: Breakdown; onAsk(cause: string): void }
               <code>{row.cause}</code>
               <span className="pareto-bar" aria-hidden="true">
                 <i className="good" style={{ width: `${(100 * row.cured) / most}%` }} />
-                <i className="bad" style={{ width: `${(100 * (row.failures - row.cured)) / most}%` }} />
+                <i className="bad" style={{ width: `${(100 * (row.failures - row.cured - row.done_instead)) / most}%` }} />
               </span>
-              <span>{counted(row.failures, "failure")}, {row.cured} cured, in {counted(row.jobs, "job")}; together {percent(sum / total)}</span>
+              <span>{counted(row.failures, "failure")}, {row.cured} cured{row.done_instead > 0 && `, ${row.done_instead} done instead`}, in {counted(row.jobs, "job")}; together {percent(sum / total)}</span>
             </button>
           </li>
         );

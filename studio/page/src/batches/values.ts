@@ -27,7 +27,7 @@ export interface BatchProgress extends Required<Omit<BatchRow, "problem">> {
 }
 
 export interface Breakdown {
-  causes: { cause: string; failures: number; cured: number; jobs: number; seconds_lost: number }[];
+  causes: { cause: string; failures: number; cured: number; done_instead: number; jobs: number; seconds_lost: number }[];
   roots: { cause: string; jobs: number; missed: number; seed: number; label: string; look_at: string }[];
   forms: { label: string; rate: Rate }[];
   colours: { label: string; rate: Rate }[];

@@ -5,7 +5,7 @@ import type { Explanation, Failure, RootCause } from "./explanation";
 
 const MOMENTS = 6;
 const FATES: Record<string, string> = FATE_WORDS;
-const FATE_SIGNS: Record<string, string> = { cured: "✓", passed_over: "→", branched: "→", ended: "✗", open: "?" };
+const FATE_SIGNS: Record<string, string> = { cured: "✓", done_instead: "→", passed_over: "→", branched: "→", ended: "✗", open: "?" };
 
 export interface ExplanationPanelProps {
   found: Explanation;
