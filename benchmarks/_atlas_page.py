@@ -110,6 +110,7 @@ def cure_of(failure: FailureStory) -> str:
         "cured": "That cured it",
         "passed_over": "Nothing cured it, and the mission went on with the next item",
         "branched": "The mission went another way",
+        "done_instead": "What the mission asks for instead was done",
         "ended": "It ended the mission",
         "open": "The log ends before anything came of it",
     }
