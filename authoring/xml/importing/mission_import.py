@@ -25,7 +25,7 @@ from ..format.element import Element, one_line
 from .attributes import NodeDraft
 from .import_faults import ImportFaults
 from .node_import import ImportContext, XmlNodeReader
-from .port_import import PortsOfTrees, TreePort
+from .port_import import PortsOfTrees, TreePort, fill_in_wires
 from .renaming import rename_keys, rename_trees
 from .source import XmlText, read_source
 from .stub_text import stub_text
@@ -125,9 +125,16 @@ class _Importer:
         self._load_plugins()
         if self._options.stubs or self._options.plugins:
             stub_missing_trees(self._source, self._faults)
+        fill_in_wires(self._source)
         rename_trees(self._source, self._registry, self._faults)
         rename_keys(self._source, self._faults)
-        finder = StubFinder(self._source, self._registry, self._faults, self._options.enums)
+        finder = StubFinder(
+            self._source,
+            self._registry,
+            self._faults,
+            self._options.enums,
+            lenient=bool(self._options.stubs),
+        )
         stubs, flow = finder.find()
         ports = PortsOfTrees(self._source, flow, self._faults).find()
         context = ImportContext(
