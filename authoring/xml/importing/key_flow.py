@@ -120,7 +120,12 @@ class KeyFlow:
         for key, text in element.attributes.items():
             mark = element.place(key)
             if not ours and (_SCRIPTS.get(identity) == key or key in (*PRECONDITIONS, *POSTCONDITIONS)):
-                self._script(tree, text, mark)
+                self._script(
+                    tree,
+                    text,
+                    mark,
+                    asked=key not in (*POSTCONDITIONS, "code") or identity == "ScriptCondition",
+                )
             elif identity == "SetBlackboard" and key == "output_key":
                 self._write(tree, text)
                 if is_pointer(element.get("value")):
@@ -155,12 +160,13 @@ class KeyFlow:
             return PortUse("in")
         return self._ports(element, port)
 
-    def _script(self, tree: str, text: str, mark: Mark) -> None:
+    def _script(self, tree: str, text: str, mark: Mark, *, asked: bool) -> None:
+        """Read a script. `asked`: whether somebody wants the value of what is assigned to nothing."""
         try:
             parts = read_parts(text, self._enums)
         except ScriptError:
             return
-        for part in parts:
+        for part in (each for each in parts if asked or each.key):
             for name in (each.name for each in walk(part.value) if isinstance(each, Name)):
                 self._read(tree, name, mark)
             for name in _compared_with_text(part.value):
@@ -175,7 +181,7 @@ class KeyFlow:
         called = element.get("ID")
         for key, text in element.attributes.items():
             if key in (*PRECONDITIONS, *POSTCONDITIONS):
-                self._script(tree, text, element.place(key))
+                self._script(tree, text, element.place(key), asked=key in PRECONDITIONS)
             elif key in ("ID", "name") or key.startswith("_"):
                 continue
             elif is_pointer(text):

@@ -22,7 +22,7 @@ from ...check import check_mission
 from ..export.mission_export import XmlExporter
 from ..format import btcpp_vocabulary
 from ..format.element import Element, one_line
-from .attributes import NodeDraft
+from .attributes import NodeDraft, alone
 from .import_faults import ImportFaults
 from .node_import import ImportContext, XmlNodeReader
 from .port_import import PortsOfTrees, TreePort, fill_in_wires
@@ -281,7 +281,8 @@ def _tree(root: NodeDraft, ports: tuple[TreePort, ...], element: Element, doc: s
     """Return the body under the tree's name."""
     written = root.written()
     if not ports and not doc:
-        written.comments = (*element.comments, *written.comments)
+        written = alone(written)
+        written.comments = element.comments
         written.end_comments = (*written.end_comments, *element.end_comments)
         return written
     body = MarkedValue.mapping(element.mark)

@@ -16,7 +16,7 @@ from ..format import btcpp_vocabulary
 from ..format.btcpp_vocabulary import SlotRow, read_indexes, read_table
 from ..format.element import Element
 from ..format.literal_text import is_pointer
-from .attributes import COMMON, ElementReader, NodeDraft
+from .attributes import COMMON, ElementReader, NodeDraft, alone
 from .import_faults import ImportFaults
 from .key_flow import FALSE_WORDS, TRUE_WORDS, KeyFlow
 from .port_import import TreePort, literal_type
@@ -203,7 +203,7 @@ class XmlNodeReader(ElementReader):
         if main is not None and main.arity == "one":
             self.count(element, declaration.id, 1 if main.required else 0, 1, trail, len(free))
             if free:
-                draft.put("do", self.node(free[0], trail).written())
+                draft.put("do", alone(self.node(free[0], trail).written()))
         elif main is not None and free:
             items = [self.node(child, trail).written() for child in free]
             draft.put("do", MarkedValue(element.mark, items=items))
