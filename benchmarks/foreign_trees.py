@@ -29,7 +29,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from _foreign_btcpp import Library, called_by, comparable, trees_of
 from picktree.authoring.xml.conversion import convert, convert_all
 from picktree.authoring.xml.importing.mission_import import ImportOptions
 from picktree.authoring.xml.importing.source import XmlText
@@ -38,6 +37,7 @@ from picktree.errors import PicktreeError
 from picktree.files.marks import FileError
 from picktree.files.yaml.file_text import read_text
 from picktree.tests.authoring.btcpp_library import LIBRARY
+from picktree.tests.authoring.foreign_library import Library, called_by, comparable, trees_of
 from picktree.trees.loading.loader import load_mission
 from picktree.trees.loading.registry import NodeRegistry
 

@@ -205,9 +205,11 @@ class PortsOfTrees:
             port = replace(port, direction="out", default=None, initial=port.default)
         if port.direction == "out":
             return port
-        listed = self._flow.group(tree, port.key).listed
-        if port.type == "any" and listed is not None and listed.name != "any":
-            port = replace(port, type=str(listed))
+        group = self._flow.group(tree, port.key)
+        if port.type == "any" and group.listed is not None and group.listed.name != "any":
+            port = replace(port, type=str(group.listed))
+        elif port.type == "any" and group.compared_with_text:
+            port = replace(port, type="string")
         lacking = [
             call
             for call in calls

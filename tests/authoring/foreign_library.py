@@ -14,7 +14,8 @@ from pathlib import Path
 from threading import Timer
 
 from picktree.authoring.xml.importing.source import XmlText
-from picktree.tests.authoring.btcpp_library import Driver
+
+from .btcpp_library import Driver
 
 TICKS = 30
 """Ticks of one comparison."""
