@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from ....files.expressions.syntax_tree import LiteralValue
+from ....files.expressions.syntax_tree import LiteralValue, Name, walk
 from ....files.marks import Mark
 from ....files.value_wording import suggest_name
 from ....files.yaml.writer import MarkedValue, Scalar, from_value
@@ -124,6 +124,11 @@ class ElementReader(ABC):
     @abstractmethod
     def is_read(self, key: str) -> bool:
         """Whether anything reads a key of the present tree."""
+        ...
+
+    @abstractmethod
+    def is_created(self, key: str) -> bool:
+        """Whether anything makes a key of the present tree."""
         ...
 
     def slot_value(self, child: Element, label: str, trail: str) -> MarkedValue:
@@ -253,7 +258,16 @@ class ElementReader(ABC):
             )
             mark, hint = element.place(attribute), "an assignment is written with ':='"
             self.faults.note(mark, trail, message, hint, code="P910")
-        return tuple(each for each in statements if each.key)
+        return tuple(self._created(each, element, attribute, trail) for each in statements if each.key)
+
+    def _created(self, statement: Statement, element: Element, attribute: str, trail: str) -> Statement:
+        """Return a statement that creates its key where only the program could have done so."""
+        names = (part.name for part in walk(statement.value) if isinstance(part, Name))
+        if statement.new or self.is_created(statement.key) or statement.key in names:
+            return statement
+        message = f"the program makes the key {statement.key!r}; it is made here"
+        self.faults.note(element.place(attribute), trail, message, code="P918")
+        return replace(statement, new=True)
 
     def script_fault(self, element: Element, attribute: str, error: ScriptError, trail: str) -> None:
         text = element.get(attribute)

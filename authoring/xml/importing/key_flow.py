@@ -55,6 +55,8 @@ class KeyGroup:
     """Keys of several trees that are one entry, as ports of sub-trees connect them."""
 
     written: bool = False
+    created: bool = False
+    """Whether something else than an `=`, which needs the key, writes it."""
     compared_with_text: bool = False
     listed: PortType | None = None
     """Type of the list that a node wants there; None: none does."""
@@ -88,9 +90,8 @@ class KeyFlow:
         self.undecided: list[UndecidedPort] = []
         self.watched: set[str] = set()
         """Keys that nodes wait for, or ask whether they have changed: these need no value."""
-        for name, tree in trees.items():
-            for element in tree.iterate():
-                self._element(name, element)
+        for name, element in self._in_order():
+            self._element(name, element)
         more = True
         while more:
             more = False
@@ -108,6 +109,26 @@ class KeyFlow:
     def group(self, tree: str, key: str) -> KeyGroup:
         """Return the group of one tree's key."""
         return self._groups.setdefault(self._root(tree, key), KeyGroup())
+
+    def _in_order(self) -> Iterator[tuple[str, Element]]:
+        """Yield all elements in the order in which they run: sub-trees where they are called first."""
+        seen: set[str] = set()
+        for first in (self._main, *self._trees):
+            if first in seen or first not in self._trees:
+                continue
+            seen.add(first)
+            open_ = [(first, self._trees[first].iterate())]
+            while open_:
+                name, rest = open_[-1]
+                element = next(rest, None)
+                if element is None:
+                    open_.pop()
+                    continue
+                yield name, element
+                called = element.get("ID") if element.name == "SubTree" else ""
+                if called in self._trees and called not in seen:
+                    seen.add(called)
+                    open_.append((called, self._trees[called].iterate()))
 
     # Elements.
 
@@ -174,7 +195,7 @@ class KeyFlow:
             if part.key:
                 if not part.new:
                     self._read(tree, part.key, mark)
-                self._write(tree, part.key)
+                self._write(tree, part.key, creates=part.new)
 
     def _call(self, tree: str, element: Element) -> None:
         self._uses[tree].calls.append(element)
@@ -189,7 +210,8 @@ class KeyFlow:
                 if bare:
                     self._join(tree, bare, called, key)
             else:
-                self.group(called, key).written = True
+                group = self.group(called, key)
+                group.written = group.created = True
 
     def _through_calls(self, tree: str) -> bool:
         """Carry reads and writes of sub-trees up to their callers; return whether anything is new."""
@@ -224,10 +246,12 @@ class KeyFlow:
         group = self.group(tree, key)
         group.read = group.read or mark
 
-    def _write(self, tree: str, key: str) -> None:
+    def _write(self, tree: str, key: str, *, creates: bool = True) -> None:
         tree, key = self._home(tree, key)
         self._uses[tree].writes.add(key)
-        self.group(tree, key).written = True
+        group = self.group(tree, key)
+        group.written = True
+        group.created = group.created or creates
 
     def decide(self, port: UndecidedPort, direction: Direction) -> None:
         """Settle the direction of one wire."""
@@ -256,6 +280,7 @@ class KeyFlow:
         lost = self._groups.pop(second, KeyGroup())
         self._above[second] = first
         kept.written |= lost.written
+        kept.created |= lost.created
         kept.compared_with_text |= lost.compared_with_text
         kept.listed = kept.listed or lost.listed
         kept.read = kept.read or lost.read

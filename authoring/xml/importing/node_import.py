@@ -79,6 +79,10 @@ class XmlNodeReader(ElementReader):
         """Whether anything reads a key of the present tree."""
         return self._context.flow.group(self.tree, key).read is not None
 
+    def is_created(self, key: str) -> bool:
+        """Whether anything makes a key of the present tree."""
+        return self._context.ours or self._context.flow.group(self.tree, key).created
+
     def tree_root(self, name: str, element: Element) -> NodeDraft:
         """Read the root node of a tree."""
         self.tree = name

@@ -114,6 +114,10 @@ class StubFinder:
         flow = KeyFlow(self._source.trees, self.port_use, self._source.main, self._enums)
         settled: dict[tuple[str, str], Direction] = {}
         for wire in flow.undecided:
+            named = _named_direction(wire.port)
+            if named is not None:
+                settled.setdefault((wire.node, wire.port), named)
+        for wire in flow.undecided:
             if settled.get((wire.node, wire.port)) == "out":
                 flow.decide(wire, "out")
         for wire in flow.undecided:
@@ -300,6 +304,14 @@ def _type_of(literals: list[str], uses: int) -> PortType:
         if all(_reads(text, kind) for text in literals):
             return kind
     return PortType("string")
+
+
+def _named_direction(port: str) -> Direction | None:
+    """Return the direction that the name of a port says, as `input_pose`; None where it says none."""
+    words = port.lower().split("_")
+    if {"out", "output"} & {words[0], words[-1]}:
+        return "out"
+    return "in" if {"in", "input"} & {words[0], words[-1]} else None
 
 
 def _reads(text: str, kind: PortType) -> bool:
