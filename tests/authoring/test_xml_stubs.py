@@ -162,9 +162,11 @@ def test_texts_that_a_node_fills_in_and_nodes_that_only_share_a_name(tmp_path: P
 def test_directions_follow_from_names_and_from_the_order_of_the_sub_trees() -> None:
     xml = (
         '<root BTCPP_format="4" main_tree_to_execute="A"><BehaviorTree ID="A"><Sequence>'
-        '<SubTree ID="See" pose="{p}"/><Turn input_pose="{p}" output_pose="{q}"/><Drive to="{q}"/></Sequence>'
+        '<IsThere what="{o}"/><SubTree ID="See" pose="{p}"/><Turn input_pose="{p}" output_pose="{p}"/>'
+        '<Drive to="{p}"/></Sequence>'
         '</BehaviorTree><BehaviorTree ID="See"><Look at="{pose}"/></BehaviorTree></root>'
     )
     stubs = convert_all([XmlText(xml, Path("tree.xml"))], ImportOptions(stubs="nodes.py")).stubs
     lines = [line.strip().partition(" = ")[0] for line in stubs.splitlines() if ": Out[" in line]
     assert sorted(lines) == ["at: Out[object]", "output_pose: Out[object]"]
+    assert "class IsThere(ConditionNode)" in stubs

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import keyword
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias, cast
@@ -39,6 +40,8 @@ _DIRECTIONS: Mapping[str, Direction | None] = {
 PYTHON_TYPES = {
     "string": str, "int": int, "float": float, "bool": bool, "object": ObjectId, "any": object,
 }  # fmt: skip
+_QUESTION = re.compile(r"(?:Is|Are|Has|Would|Can|Should)[A-Z]")
+"""Beginning of the names of conditions, where nothing says what a node is."""
 _NO_PORT = ("ID", *COMMON_KEYS)
 
 
@@ -115,15 +118,11 @@ class StubFinder:
         settled: dict[tuple[str, str], Direction] = {}
         for wire in flow.undecided:
             named = _named_direction(wire.port)
-            if named is not None:
-                settled.setdefault((wire.node, wire.port), named)
-        for wire in flow.undecided:
-            if settled.get((wire.node, wire.port)) == "out":
-                flow.decide(wire, "out")
-        for wire in flow.undecided:
+            if self._kind(self._source.node_models.get(wire.node), self._elements[wire.node]) == "Condition":
+                named = named or "in"
             # The first node that names a key, which nobody writes, writes it.
             known = flow.group(wire.tree, wire.key).written
-            direction = settled.setdefault((wire.node, wire.port), "in" if known else "out")
+            direction = settled.setdefault((wire.node, wire.port), named or ("in" if known else "out"))
             flow.decide(wire, direction)
         stubs = {name: self._stub(name, uses, settled) for name, uses in self._elements.items()}
         found = {name: stub for name, stub in stubs.items() if stub is not None}
@@ -235,6 +234,8 @@ class StubFinder:
                 leaf = kind in ("Action", "Condition")
                 if leaf == (most == 0) and (kind != "Decorator" or most == 1):
                     return kind
+        if most == 0 and _QUESTION.match(uses[0].identity):
+            return "Condition"
         return "Action" if most == 0 else "Decorator" if most == least == 1 else "Control"
 
     def _port(
