@@ -66,6 +66,8 @@ class ChildFlow:
     """Ends of the node itself, by what the child does; IDLE: before its first tick."""
     own_unless: str = ""
     """Input that prevents the ends in `own` when it is 0; empty: none."""
+    pauses: bool = False
+    """Whether the tick ends behind a child that has ended at once and leads to the next."""
 
     @property
     def by_turns(self) -> bool:
@@ -75,7 +77,9 @@ class ChildFlow:
     @property
     def steady(self) -> bool:
         """Whether the node takes no time of its own, and remembers nothing."""
-        return isinstance(self, Branch | Choice) or (type(self) is ChildFlow and not self.own)
+        if isinstance(self, Branch | Choice | CleanUp):
+            return True
+        return type(self) is ChildFlow and not (self.own or self.pauses)
 
     def of(self, status: NodeStatus) -> Lead:
         """Return the consequence of a child's result."""
@@ -94,6 +98,14 @@ class Branch(ChildFlow):
 @dataclass(frozen=True, slots=True)
 class Choice(ChildFlow):
     """One child: the case named as the value of the input that the table `matches`, else the default."""
+
+
+@dataclass(frozen=True, slots=True)
+class CleanUp(ChildFlow):
+    """As `ChildFlow`, of all children but the last, to which a failure leads; the node then fails, too."""
+
+    on_halt: str = ""
+    """Input: whether a halt ticks the last child, too."""
 
 
 @dataclass(frozen=True, slots=True)

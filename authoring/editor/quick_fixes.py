@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from ...files.marks import Diagnostic
+from ...files.yaml.slips import LOOK_ALIKE, NO_BLANK, slip_at
 from .cursor import Place, Span
 from .navigation import Edit
 
@@ -29,6 +30,8 @@ def token_span(fault: Diagnostic, lines: list[str]) -> Span:
 
 def quick_fix(fault: Diagnostic, lines: list[str]) -> Edit | None:
     """Return the edit that a fault's hint names; None when it names none, or its word is not found."""
+    if fault.code in (LOOK_ALIKE, NO_BLANK) and 0 < fault.mark.line <= len(lines):
+        return _repaired(fault, lines)
     hint = _NEW.search(fault.hint) or _NEW.search(fault.message)
     if hint is None:
         return None
@@ -44,6 +47,13 @@ def quick_fix(fault: Diagnostic, lines: list[str]) -> Edit | None:
         if at is not None and word != new:
             return Edit(Span(Place(row, at), Place(row, at + len(word))), new)
     return None
+
+
+def _repaired(fault: Diagnostic, lines: list[str]) -> Edit | None:
+    """Replace the characters of a typing slip by those that are meant."""
+    row = fault.mark.line - 1
+    slip = slip_at(lines, row, fault.mark.column - 1, fault.message)
+    return slip and Edit(Span(Place(row, slip.start), Place(row, slip.end)), slip.meant)
 
 
 def _reference(fault: Diagnostic, lines: list[str], new: str) -> Edit | None:

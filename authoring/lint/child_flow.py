@@ -268,6 +268,8 @@ class ChildWalk:
             else:
                 known = reasons if before is None or reasons is None else decisive(before, reasons)
                 self._arriving[lead].add(status, (state,), known)
+                if self._flow.pauses and lead < len(self._parts):
+                    self._ends.add(RUNNING, (state,))
 
     def _run_on(self, state: FlowState) -> None:
         self._runs_on = True
@@ -320,8 +322,7 @@ class ChildWalk:
         if any(pattern in (internal.ERROR.name, str(internal.ANY)) for _, pattern in self._handlers.values()):
             # It may happen in any node, at any time.
             fault = self._walk.fails(self._spec, 0, self._walk.causes.matching(str(internal.ANY)))
-            for state in tidy(frozenset((*states, *outcomes.everywhere))):
-                at = state.in_doubt()
+            for at in {state.in_doubt() for state in tidy((*states, *outcomes.everywhere))}:
                 found[at] = joined((found[at], fault)) if at in found else fault
         return found
 
@@ -391,8 +392,7 @@ class ChildWalk:
             over = self._pass(order, Outcomes(skipped=frozenset((entry,))))
             whole = len(order) == len(parts)
             ends.fail(over.failure)
-            if whole:
-                ends.add(SKIPPED, over.skipped)
+            ends.add(SKIPPED, over.skipped if whole else NONE)
             if self._runs_on or not whole:
                 ends.add(FAILURE, over.skipped, NO_REPORT)
             if wraps and self._runs_on:

@@ -6,10 +6,11 @@ from functools import reduce
 
 from ...files.expressions.expression import Expression
 from ...trees.declaration import PRECONDITIONS, NodeDeclaration
-from ...trees.flow import FAILURE, RUNNING, SKIPPED, SUCCESS, AtOnce, ChildFlow, Hand, LeafFlow
+from ...trees.flow import FAILURE, RUNNING, SKIPPED, SUCCESS, AtOnce, ChildFlow, CleanUp, Hand, LeafFlow
 from ...trees.mission import Mission, NodeSpec, TreeSpec, bottom_up
 from ...trees.values.references import Reference
 from .child_flow import ChildWalk
+from .clean_up_flow import clean_up_outcomes
 from .failure_reasons import NO_REPORT, UNREPORTED, FailureReasons, joined
 from .flow_walk import FlowWalk, WiredTree
 from .keys import KeyBits, lay_out
@@ -152,6 +153,8 @@ class FlowAnalysis(FlowWalk):
         match node.flow:
             case AtOnce() as flow:
                 return ParallelWalk(spec, flow, self, entry).outcomes()
+            case CleanUp() as flow:
+                return clean_up_outcomes(spec, flow, entry, self)
             case ChildFlow() as flow:
                 return ChildWalk(spec, flow, self).outcomes(entry)
             case None if spec.children:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain
 
 from ...files.expressions.expression import Expression, ExpressionError
 from ...files.expressions.syntax_tree import (
@@ -20,8 +21,8 @@ from ...files.expressions.syntax_tree import (
 )
 from ...files.expressions.syntax_tree import children as parts_of
 from ...trees.flow import Once, Pipeline, Resumed, Turns
-from ...trees.mission import MAIN, TreeSpec
-from ...trees.values.references import ROOT_KEY
+from ...trees.mission import MAIN, NodeSpec, TreeSpec
+from ...trees.values.references import ROOT_KEY, Reference
 from ...trees.wiring.key_writers import KeyUse, uses_of
 
 
@@ -34,6 +35,8 @@ class KeyUsage:
         for spec in tree.root.iterate():
             for use in uses_of(spec, trees):
                 self._add(use.key, use)
+            for use in _read_inside(spec, trees):
+                self._add(use.key, use)
         for other in trees.values() if tree.name == MAIN else ():
             for use in (use for spec in other.root.iterate() for use in uses_of(spec, trees)):
                 if use.key.startswith(ROOT_KEY):
@@ -41,6 +44,18 @@ class KeyUsage:
 
     def _add(self, key: str, use: KeyUse) -> None:
         (self.writes if use.writes else self.reads).setdefault(key, []).append(use)
+
+
+def _read_inside(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> Iterator[KeyUse]:
+    """Yield the keys at outputs of a sub-tree that reads them, too, by itself or further below."""
+    tree = trees.get(spec.id) if spec.node is None else None
+    for port in tree.ports if tree is not None else ():
+        bound = spec.ports.get(port.key)
+        if tree is not None and port.direction == "out" and isinstance(bound, Reference):
+            below = (use for each in tree.root.iterate() for use in uses_of(each, trees))
+            inside = (use for each in tree.root.iterate() for use in _read_inside(each, trees))
+            if any(use.key == port.key and not use.writes for use in chain(below, inside)):
+                yield KeyUse(spec, port.key, bound.key, port, writes=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, Literal, TypeAlias, cast
 
@@ -25,6 +25,7 @@ from .syntax_tree import (
     Part,
     Sign,
 )
+from .syntax_tree import children as parts_of
 
 Kind: TypeAlias = Literal[
     "any", "null", "bool", "int", "float", "number", "text", "word", "object", "place", "list", "mapping"
@@ -140,6 +141,39 @@ def check_types(
     `attributes` are those of an object. A name that is not in `names` is unknown.
     """
     return _Typing(names, attributes).of(expression.root)
+
+
+def unlike_sides(
+    expression: Expression, names: Mapping[str, ValueType], attributes: Mapping[str, ValueType]
+) -> ExpressionError | None:
+    """Return why an `==` or `!=` fails with such names, whatever the values are; None where none does."""
+    typing = _Typing(names, attributes)
+    for first, link in _always_compared(expression.root):
+        try:
+            left, right = typing.of(first), typing.of(link.operand)
+        except ExpressionError:
+            continue
+        if not comparable(left, right):
+            return _never_equal(link.at, left, right)
+    return None
+
+
+def _always_compared(part: Part) -> Iterator[tuple[Part, ComparisonLink]]:
+    match part:
+        case Logic(parts=(first, *_)):
+            yield from _always_compared(first)
+        case Conditional(test=test):
+            yield from _always_compared(test)
+        case ComparisonChain(first=first, rest=(link, *_)):
+            if link.relation in ("==", "!="):
+                yield first, link
+            yield from (found for side in (first, link.operand) for found in _always_compared(side))
+        case _:
+            yield from (found for below in parts_of(part) for found in _always_compared(below))
+
+
+def _never_equal(at: int, left: ValueType, right: ValueType) -> ExpressionError:
+    return ExpressionError(f"{_WORDS[left.kind]} and {_WORDS[right.kind]} are never equal", at)
 
 
 class _Typing:
@@ -261,8 +295,7 @@ def _related(related: ComparisonLink, left: ValueType, right: ValueType) -> None
     match relation:
         case "==" | "!=":
             if not comparable(left, right):
-                words = f"{_WORDS[left.kind]} and {_WORDS[right.kind]}"
-                raise ExpressionError(f"{words} are never equal", related.at)
+                raise _never_equal(related.at, left, right)
         case "in" | "not in":
             _check_container(related, left, right)
         case _:

@@ -14,7 +14,7 @@ import yaml
 
 from ..marks import MAX_FAULTS, Diagnostic, FileError, Location, Mark, too_many, where
 from .file_text import check_characters
-from .slips import PlainText, joined_key, look_alike, spoilt_key
+from .slips import COMMA, PlainText, joined_key, look_alike, spoilt_key
 from .syntax_faults import syntax_faults
 
 Value: TypeAlias = "dict[str, Value] | list[Value] | str | int | float | bool | None"
@@ -211,7 +211,7 @@ class _Reader:
             return False
         meant = f"{before['number']}.{text}"
         at = Mark(mark.file, mark.line, mark.column - 1)
-        self._fault(at, where(self._loc()), "a ',' in a number ends the value", f"write {meant}", code="P127")
+        self._fault(at, where(self._loc()), COMMA, f"write {meant}", code="P127")
         key = next(reversed(parent.node.entries))
         node = YamlNode(resolve(meant), parent.node.entries[key].mark)
         parent.node.entries[key] = node

@@ -7,7 +7,7 @@ repair: the text with what is meant in its place is read further than the text a
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,6 +15,8 @@ import yaml
 
 LOOK_ALIKE: Final = "P127"
 NO_BLANK: Final = "P128"
+COMMA: Final = "a ',' in a number ends the value"
+"""Message of a decimal comma in braces."""
 
 _BLANKS: Final = "\u00a0\u1680\u2000-\u200a\u202f\u205f\u3000"
 _WIDTHLESS: Final = "\u200b-\u200d\u2060\u00ad"
@@ -214,6 +216,23 @@ def slips_behind(text: str, error: yaml.YAMLError) -> Iterator[Slip]:
             return
         yield found
         text, current = found.repair(text), after
+
+
+def slip_at(lines: Sequence[str], row: int, column: int, message: str) -> Slip | None:
+    """Return the slip of that message at a place, with its columns in that line; None where its repair takes
+    more than one line. All count from 0.
+    """
+    line = lines[row]
+    found = [slip for slip in _slips_of_line(line) if (slip.start, slip.message) == (column, message)]
+    if not found and message == COMMA and line[column : column + 1] == ",":
+        return Slip(column, column + 1, ".", message, "", LOOK_ALIKE)
+    if not found:
+        below = next((each for each in lines[row + 1 :] if each.strip()), "")
+        inside = len(below) - len(below.lstrip()) > column
+        before = sum(map(len, lines[:row]))
+        found = [] if inside else [slip.moved(-before) for slip in _missing_dash(list(lines), row)]
+        found = [slip for slip in found if (slip.start, slip.message) == (column, message)]
+    return found[0] if found else None
 
 
 def _index(error: yaml.YAMLError) -> int:

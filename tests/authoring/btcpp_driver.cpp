@@ -3,11 +3,14 @@
 //   node KIND ID          register a node; its ports follow
 //   port DIR NAME TYPE    a port of the last node; TYPE is a C++ type of <TreeNodesModel>
 //   load FILE             make the tree of that file: `loaded`, or `refused: why`; forgets the nodes afterwards
+//   file FILE             a file of the next `make`
+//   make ID               make that tree of these files, as `load`; nodes of the library's own stay its own
 //   set KEY TYPE VALUE    write to the root's blackboard; TYPE is double or string
 //   halt                  halt the tree
 //   tick LETTERS          one tick; the leaves answer S, F, R, K by name: `A=S B=R`
+//   ticks LETTERS         one tick; the leaves answer by their number, in the order of their creation: `SFR`
 //
-// `tick` and `halt` are answered by what the leaves did, `->`, and the root's status.
+// `tick`, `ticks` and `halt` are answered by what the leaves did, `->`, and the root's status.
 
 #include <behaviortree_cpp/bt_factory.h>
 
@@ -22,6 +25,7 @@ using BT::NodeStatus;
 
 static std::vector<std::string> trace;
 static std::map<std::string, std::vector<char>> answers;
+static std::string by_number;
 
 static NodeStatus status_of(char letter)
 {
@@ -38,8 +42,17 @@ class Leaf : public BT::ActionNodeBase
 {
 public:
   using BT::ActionNodeBase::ActionNodeBase;
+  std::size_t number = 0;
+  int ticked = 0;
   NodeStatus tick() override
   {
+    if(!by_number.empty())
+    {
+      // A loop without end in one tick is interrupted.
+      const char given = ++ticked > 9 ? 'R' : by_number[number % by_number.size()];
+      trace.push_back(std::to_string(number) + ":" + given);
+      return status_of(given);
+    }
     auto& mine = answers[name()];
     const char letter = mine.empty() ? '?' : mine.front();
     if(!mine.empty())
@@ -53,7 +66,7 @@ public:
   {
     if(status() == NodeStatus::RUNNING)
     {
-      trace.push_back("halt " + name());
+      trace.push_back("halt " + (by_number.empty() ? name() : std::to_string(number)));
     }
     resetStatus();
   }
@@ -129,6 +142,7 @@ static void answer(const BT::Tree& tree)
 int main()
 {
   std::vector<BT::TreeNodeManifest> manifests;
+  std::vector<std::string> files;
   auto factory = std::make_unique<BT::BehaviorTreeFactory>();
   BT::Tree tree;
   auto* const shown = std::cout.rdbuf();
@@ -142,7 +156,8 @@ int main()
     {
       if(word == "node")
       {
-        words >> first >> second;
+        words >> first >> std::ws;
+        std::getline(words, second);
         manifests.push_back({ BT::convertFromString<BT::NodeType>(first), second, {}, {} });
       }
       else if(word == "port")
@@ -154,10 +169,18 @@ int main()
                                                   BT::PortDirection::INOUT;
         manifests.back().ports.insert(port(way, second, rest));
       }
-      else if(word == "load")
+      else if(word == "file")
       {
         words >> std::ws;
         std::getline(words, rest);
+        files.push_back(rest);
+      }
+      else if(word == "load" || word == "make")
+      {
+        words >> std::ws;
+        std::getline(words, rest);
+        const auto parts = word == "load" ? std::vector<std::string>{ rest } : std::move(files);
+        files.clear();
         tree = BT::Tree();
         factory = std::make_unique<BT::BehaviorTreeFactory>();
         auto nodes = std::move(manifests);
@@ -165,6 +188,10 @@ int main()
         std::cout.rdbuf(hidden.rdbuf());  // the library lists its blackboard before it refuses
         for(const auto& manifest : nodes)
         {
+          if(word == "make" && factory->manifests().count(manifest.registration_ID) != 0)
+          {
+            continue;
+          }
           switch(manifest.type)
           {
             case BT::NodeType::CONTROL: add<Flow>(*factory, manifest); break;
@@ -172,15 +199,26 @@ int main()
             default: add<Leaf>(*factory, manifest);
           }
         }
-        factory->registerBehaviorTreeFromFile(rest);
+        for(const auto& part : parts)
+        {
+          factory->registerBehaviorTreeFromFile(part);
+        }
         const auto names = factory->registeredBehaviorTrees();
-        const bool main = std::find(names.begin(), names.end(), "Main") != names.end();
-        for(const auto& name : main ? std::vector<std::string>{ "Main" } : names)
+        const std::string first_tree = word == "make" ? rest : "Main";
+        const bool main = std::find(names.begin(), names.end(), first_tree) != names.end();
+        for(const auto& name : main ? std::vector<std::string>{ first_tree } : names)
         {
           tree = factory->createTree(name);
         }
         // Without a signal to wake up, SequenceWithMemory does not end the tick between two children.
-        tree.applyVisitor([](BT::TreeNode* node) { (node->*Sleeper::wake_up)(nullptr); });
+        std::size_t count = 0;
+        tree.applyVisitor([&count](BT::TreeNode* node) {
+          (node->*Sleeper::wake_up)(nullptr);
+          if(auto* const leaf = dynamic_cast<Leaf*>(node))
+          {
+            leaf->number = count++;
+          }
+        });
         std::cout.rdbuf(shown);
         std::cout << "loaded" << std::endl;
       }
@@ -206,10 +244,24 @@ int main()
       else if(word == "tick")
       {
         answers.clear();
+        by_number.clear();
         for(std::string given; words >> given;)
         {
           answers[given.substr(0, given.find('='))].push_back(given.back());
         }
+        const auto status = tree.tickExactlyOnce();
+        answer(tree);
+        std::cout << "-> " << BT::toStr(status) << std::endl;
+      }
+      else if(word == "ticks")
+      {
+        words >> by_number;
+        tree.applyVisitor([](BT::TreeNode* node) {
+          if(auto* const leaf = dynamic_cast<Leaf*>(node))
+          {
+            leaf->ticked = 0;
+          }
+        });
         const auto status = tree.tickExactlyOnce();
         answer(tree);
         std::cout << "-> " << BT::toStr(status) << std::endl;
@@ -219,7 +271,8 @@ int main()
     {
       std::cout.rdbuf(shown);
       trace.clear();
-      std::cout << (word == "load" ? "refused: " : "threw: ") << one_line(error.what()) << std::endl;
+      files.clear();
+      std::cout << (word == "load" || word == "make" ? "refused: " : "threw: ") << one_line(error.what()) << std::endl;
     }
   }
 }

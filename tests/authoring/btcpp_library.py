@@ -71,26 +71,31 @@ class Driver:
         path.write_text(xml, encoding="utf-8")
         for model in ET.fromstring(xml).iterfind("TreeNodesModel/*"):
             if model.tag in _KINDS:
-                self._say(f"node {model.tag} {model.get('ID')}")
+                self.say(f"node {model.tag} {model.get('ID')}")
                 for port in model:
-                    self._say(f"port {port.tag} {port.get('name')} {port.get('type', 'BT::AnyTypeAllowed')}")
+                    self.say(f"port {port.tag} {port.get('name')} {port.get('type', 'BT::AnyTypeAllowed')}")
         return self.ask(f"load {path}")
 
     def write(self, key: str, value: object) -> None:
         """Write to the root's blackboard. Truth values are numbers in scripts."""
         if isinstance(value, str):
-            self._say(f"set {key} string {value}")
+            self.say(f"set {key} string {value}")
         else:
-            self._say(f"set {key} double {float(value)}")  # type: ignore[arg-type]
+            self.say(f"set {key} double {float(value)}")  # type: ignore[arg-type]
 
     def ask(self, line: str) -> str:
-        self._say(line)
+        self.say(line)
         assert self._process.stdout is not None
         answer = self._process.stdout.readline()
         assert answer, f"BehaviorTree.CPP crashed at: {line}"
         return answer.rstrip("\n")
 
-    def _say(self, line: str) -> None:
+    def kill(self) -> None:
+        """End the process. A question that waits is answered by AssertionError."""
+        self._process.kill()
+
+    def say(self, line: str) -> None:
+        """Send a line that has no answer."""
         assert self._process.stdin is not None
         self._process.stdin.write(line + "\n")
         self._process.stdin.flush()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from .linting import lint
@@ -182,3 +184,61 @@ def test_a_clean_up_on_a_halt_uses_no_robot() -> None:
         "(move in what comes after the TryCatch, as in a Recover around it)"
     ]
     assert lint(text.format("false"), "P334") == []
+
+
+WAVE = """
+from picktree.trees.skill import ARM, Skill
+
+
+class Wave(Skill):
+    \"\"\"Waves.\"\"\"
+
+    uses = (ARM,)
+
+    def run(self, world):
+        yield
+
+
+class Beep(Skill):
+    \"\"\"Beeps.\"\"\"
+
+    def run(self, world):
+        yield
+
+
+NODES = (Wave, Beep)
+"""
+
+
+@pytest.mark.parametrize(("node", "named"), [("Wave", "Clean"), ("Beep", "")])
+def test_a_clean_up_on_a_halt_is_followed_into_sub_trees_and_plug_ins(
+    node: str, named: str, tmp_path: Path
+) -> None:
+    (tmp_path / "waving.py").write_text(WAVE)
+    text = f"""
+    plugins: [waving.py]
+    trees:
+      Main: {{Sequence: [Work]}}
+      Work:
+        TryCatch: {{catch_on_halt: "{{= 1 < 2}}", do: [{{GoTo: {{pose: home}}}}, Clean]}}
+      Clean: {{Fallback: [{{Condition: {{if: holding}}}}, Deeper]}}
+      Deeper: {{ForceSuccess: {node}}}
+    """
+    hint = "(move in what comes after the TryCatch, as in a Recover around it)"
+    assert lint(text, "P334", folder=tmp_path) == [
+        f"P334 5:71 Work/TryCatch/{each}: a halt ticks {each} once, when others have the arm that it uses "
+        f"{hint}"
+        for each in ([named] if named else [])
+    ]
+
+
+def test_the_end_of_a_clean_up() -> None:
+    text = """
+    trees:
+      Main: {TryCatch: [{Grasp: {object: a}}, %s]}
+    """
+    # Whatever the last child does, the mission fails, and with what was there before.
+    assert lint(text % "{Place: {object: a, into: red_bin}}", "P330", "P333") == [
+        "P330 2:22 Main/TryCatch/Grasp: the mission may end with what Grasp took still in the hand, when it "
+        "succeeds (on the way out, place it, or let 'SafeRetreat: {hand: open}' see to it)"
+    ]

@@ -266,6 +266,20 @@ def test_keys_of_the_root_are_written_somewhere_in_the_mission() -> None:
         lint(text.replace("@m := @n", "@m := @q"))
 
 
+def test_an_output_of_a_tree_that_reads_it_is_read_by_the_call() -> None:
+    text = """
+    trees:
+      Main:
+        Sequence:
+          - Script: {code: "total := 0"}
+          - Outer: {n: "{total}"}
+      Outer: {ports: {n: {type: any, direction: out}}, Sequence: [Inner: {m: "{n}"}]}
+      Inner: {ports: {m: {type: any, direction: out}}, Script: {code: "m %s 1"}}
+    """
+    assert lint(text % "+=") == []
+    assert [finding[:9] for finding in lint(text % ":=")] == ["P303 4:24"]
+
+
 SHARING = """
 trees:
   Main:

@@ -11,11 +11,12 @@ from pathlib import Path
 
 import pytest
 
+from picktree.authoring.xml.export.mission_export import mission_to_xml
 from picktree.authoring.xml.importing.mission_import import ImportedMission, ImportOptions, import_xml
 from picktree.authoring.xml.importing.source import XmlText
 from picktree.files.marks import FileError
 
-from .xml_missions import registry
+from .xml_missions import parsed, registry
 
 HERE = Path("tree.xml")
 _CASE = re.compile(
@@ -90,3 +91,43 @@ def test_names_of_numbers() -> None:
     assert found.text.endswith(
         '  Main:\n    Sequence:\n      - Script: {code: "c := 2"}\n      - AlwaysSuccess: {_skipIf: c != 2}\n'
     )
+
+
+def test_comments_come_out_where_they_came_in() -> None:
+    xml = CASES["comments above the only child"].xml
+    again = mission_to_xml(parsed(imported(xml).text))
+    trees = again.partition("main_tree_to_execute")[2].partition("  <TreeNodesModel>")[0]
+    assert trees == xml.partition("main_tree_to_execute")[2].removesuffix("</root>")
+
+
+def test_comments_above_slots_belong_to_what_stands_in_them() -> None:
+    mission = """
+picktree: 1
+kind: mission
+trees:
+  Main:
+    Switch:
+      variable: red
+      # all
+      cases:
+        # one
+        red:
+          # inverted
+          Inverter: AlwaysSuccess
+      # else
+      default:
+        Inverter: AlwaysSuccess
+"""
+    lines = [line.strip() for line in mission_to_xml(parsed(mission)).splitlines()]
+    assert lines[3:13] == [
+        '<Switch1 variable="red" case_1="red">',
+        "<!-- all -->",
+        "<!-- one -->",
+        "<!-- inverted -->",
+        "<Inverter>",
+        "<AlwaysSuccess/>",
+        "</Inverter>",
+        "<!-- else -->",
+        "<Inverter>",
+        "<AlwaysSuccess/>",
+    ]

@@ -298,18 +298,6 @@ REFUSED = {
         '<BehaviorTree ID="A"><AlwaysSuccess/></BehaviorTree></root>',
         ["P905 2:19: A: the tree 'A' is given twice (first at 1:24)"],
     ),
-    "a path that leads away": (
-        f'{HEAD}<include path="../other.xml"/><BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>',
-        ["P912 2:16: root: '../other.xml' lies outside of the file's folder (copy it beside this file)"],
-    ),
-    "a package of ROS": (
-        f'{HEAD}<include ros_pkg="nav" path="a.xml"/>'
-        '<BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>',
-        [
-            "P912 2:19: root: <include ros_pkg> is not followed: it leads to where ROS is installed "
-            "(copy the file beside this one)"
-        ],
-    ),
 }  # fmt: skip
 
 

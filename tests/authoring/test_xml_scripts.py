@@ -15,7 +15,7 @@ from picktree.authoring.xml.export.script_export import (
     expression_text,
     script,
 )
-from picktree.authoring.xml.importing.script_import import ScriptError, read_expression, read_statements
+from picktree.authoring.xml.importing.script_import import ScriptError, read_expression, read_parts
 from picktree.files.expressions.expression import Expression
 from picktree.files.expressions.syntax_tree import (
     Arithmetic,
@@ -157,9 +157,9 @@ def test_assignments() -> None:
     ours = parse_assignments("a := 1; b = a + 1; c := 'x;y'")
     theirs = assignments_script(ours)
     assert theirs == "a := 1; b = a + 1; c := 'x;y'"
-    assert [s.text() for s in read_statements(theirs)] == ["a := 1", "b = a + 1", "c := 'x;y'"]
-    assert [s.text() for s in read_statements("in := 4")] == ["in := 4"]
-    assert [s.text() for s in read_statements("n += 1; m *= 2 + k")] == ["n = n + 1", "m = m * (2 + k)"]
+    assert [s.text() for s in read_parts(theirs)] == ["a := 1", "b = a + 1", "c := 'x;y'"]
+    assert [s.text() for s in read_parts("in := 4")] == ["in := 4"]
+    assert [s.text() for s in read_parts("n += 1; m *= 2 + k")] == ["n = n + 1", "m = m * (2 + k)"]
 
 
 PLACE = st.just(0)

@@ -134,3 +134,39 @@ def test_a_tree_that_no_file_has_is_a_node() -> None:
     assert '- Look_around: {to: "{pose}"}' in found.text
     assert "to: Out[object]" in found.stubs
     assert found.notes[0].message == "there is no tree 'Look around'; it is a node here"
+
+
+def test_texts_that_a_node_fills_in_and_nodes_that_only_share_a_name(tmp_path: Path) -> None:
+    xml = (
+        '<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence><Script code="x := 1"/>'
+        '<Tell what="at {x} of {y}"/><Tell what="5"/><Place item="a"/><Log message="so"/></Sequence>'
+        "</BehaviorTree></root>"
+    )
+    (tmp_path / "tree.xml").write_text(xml)
+    files = read_files([tmp_path / "tree.xml"])
+    found = convert_all(files, ImportOptions(stubs="nodes.py"))
+    assert found.text.endswith(
+        '      - Script: {code: "x := 1"}\n      - Tell: {what: "at {x} of {y}"}\n      - Tell: {what: "5"}\n'
+        "      - OwnPlace: {item: a}\n      - Log: {message: so}\n"
+    )
+    assert 'what: In[str] = port("what of Tell", takes="template")' in found.stubs
+    (tmp_path / "nodes.py").write_text(found.stubs)
+    (tmp_path / "mission.yaml").write_text(found.text)
+    assert load_mission(tmp_path / "mission.yaml").trees["Main"].root.children[3].id == "OwnPlace"
+    # Without stubs a port too many is a mistake.
+    with pytest.raises(FileError) as caught:
+        convert_all(files, ImportOptions())
+    assert "P908" in [fault.code for fault in caught.value.faults]
+
+
+def test_directions_follow_from_names_and_from_the_order_of_the_sub_trees() -> None:
+    xml = (
+        '<root BTCPP_format="4" main_tree_to_execute="A"><BehaviorTree ID="A"><Sequence>'
+        '<IsThere what="{o}"/><SubTree ID="See" pose="{p}"/><Turn input_pose="{p}" output_pose="{p}"/>'
+        '<Drive to="{p}"/></Sequence>'
+        '</BehaviorTree><BehaviorTree ID="See"><Look at="{pose}"/></BehaviorTree></root>'
+    )
+    stubs = convert_all([XmlText(xml, Path("tree.xml"))], ImportOptions(stubs="nodes.py")).stubs
+    lines = [line.strip().partition(" = ")[0] for line in stubs.splitlines() if ": Out[" in line]
+    assert sorted(lines) == ["at: Out[object]", "output_pose: Out[object]"]
+    assert "class IsThere(ConditionNode)" in stubs

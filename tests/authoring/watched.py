@@ -14,6 +14,7 @@ from picktree.authoring.lint.keys import KeyBits
 from picktree.authoring.lint.outcomes import EMPTY, OUTER, FlowState
 from picktree.recovery.recover import Recover, RecoveryControl
 from picktree.trees.controls import (
+    AsyncFallback,
     Fallback,
     PipelineSequence,
     ReactiveFallback,
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from picktree.skill_world.world import World
 
 
-TRIES = (Fallback, ReactiveFallback, RoundRobin, RetryUntilSuccessful, RecoveryControl)
+TRIES = (Fallback, AsyncFallback, ReactiveFallback, RoundRobin, RetryUntilSuccessful, RecoveryControl)
 """Nodes that try something against a failure below them."""
 
 
@@ -211,6 +212,13 @@ class _Watch:
         wired = (frame.rooted for frame in self._walk.frames_of(tree))
         return reduce(int.__or__, wired, self._walk.layout_of(tree).rooted)
 
+    def _may_be_rooted(self, tree: str, name: str) -> bool:
+        """Whether other trees may write the key, or another one that the caller's wires make the same."""
+        layout = self._walk.layout_of(tree)
+        bit = layout.keys.get(name, 0)
+        frames = self._walk.frames_of(tree)
+        return any(frame.same.get(bit, bit) & frame.rooted for frame in frames) or bit & layout.rooted != 0
+
     def _doubted(self, place: _Place, name: str) -> bool:
         """Whether the node is reached with the key unwritten in a way of which nothing is reported."""
         return any(
@@ -267,7 +275,7 @@ class _Watch:
             return
         name = key
         while True:
-            if self._walk.layout_of(place.tree).keys.get(name, 0) & self._rooted(place.tree):
+            if self._may_be_rooted(place.tree, name):
                 return
             for read in self._walk.reads.values():
                 if read.spec is place.spec and read.key == name and read.missing:

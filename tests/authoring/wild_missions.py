@@ -48,7 +48,8 @@ class Writer:
             *(self._listed(name) for name in ("Sequence", "Sequence", "Fallback", "Fallback")),
             *(self._listed(name) for name in ("ReactiveSequence", "ReactiveFallback", "Muddle")),
             *(self._listed(name) for name in ("SequenceWithMemory", "PipelineSequence")),
-            self._watching, self._rated, self._parallel_all,
+            *(self._listed(name) for name in ("AsyncSequence", "AsyncFallback")),
+            self._try_catch, self._try_catch, self._watching, self._rated, self._parallel_all,
             *(self._wrapped(name) for name in ("Inverter", "ForceSuccess", "ForceFailure")),
             self._wrapped("KeepRunningUntilFailure"),
             self._repeat, self._retry, self._timed, self._once, self._for_each, self._for_each,
@@ -210,6 +211,10 @@ class Writer:
         parts = self._children(depth, 1, 4)
         ports: dict[str, _Json] = {"max_failures": self._count(len(parts))} if self._with(0.5) else {}
         return {"ParallelAll": {**ports, "do": parts}}
+
+    def _try_catch(self, depth: int) -> _Json:
+        ports: dict[str, _Json] = {"catch_on_halt": self._with(0.5)} if self._with(0.7) else {}
+        return {"TryCatch": {**ports, "do": self._children(depth, 2)}}
 
     def _watching(self, depth: int) -> _Json:
         name = self._chance.choice(("SkipUnlessUpdated", "WaitValueUpdate"))

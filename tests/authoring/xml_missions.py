@@ -42,7 +42,8 @@ NAMES = st.text(
     min_size=1,
     max_size=9,
 )
-NUMBERS = st.integers(-1000, 1000) | st.floats(-1e6, 1e6)
+BEYOND = [2**53 - 1, 2**53, 2**53 + 1, -(2**53) - 1, 10**17 + 1]
+NUMBERS = st.integers(-1000, 1000) | st.floats(-1e6, 1e6) | st.sampled_from(BEYOND)
 PLAIN = st.recursive(
     TEXTS | NUMBERS | st.booleans() | st.none(), lambda inner: st.lists(inner, max_size=3), max_leaves=4
 )
@@ -63,7 +64,8 @@ CONDITIONS = st.sampled_from(
     [
         "a > 3", "not done", "done and (a == 1 or not done)", "colour == 'red'", "a < b <= 3", "true",
         "thing.colour == 'red'", "items_left", "len(things) > 1 and holding", "a in [1, 2]", "x == null",
-        "done if a > b else a == 2", "-a * 2 < b", "colour == 'grün'", "@a > 3 and not @done",
+        "done if a > b else a == 2", "-a * 2 < b", "colour == 'grün'", "colour == \"it's red\"",
+        "a < 9007199254740993", "@a > 3 and not @done",
     ]
 )  # fmt: skip
 ASSIGNMENTS = st.sampled_from(
@@ -73,6 +75,8 @@ ASSIGNMENTS = st.sampled_from(
         "last := thing.colour",
         "count := items_to_do",
         "text := 'a;b'",
+        'text := "operator\'s bin"',
+        "n := 9007199254740993; m := -9007199254740993",
         "@m := a; @m += 2",
     ]
 )

@@ -304,8 +304,16 @@ def test_an_open_file_counts_before_the_one_on_the_disk(editor: Editor, tmp_path
         ("Condition: {if: time > 3 && holding}", "Condition: {if: time > 3 and holding}"),
         ("Grasp: {object: {items}}", 'Grasp: {object: "{items}"}'),
         ("Grasp: {object: '{itms}'}", "Grasp: {object: '{items}'}"),
+        ("Grasp: {object: “{items}”}", 'Grasp: {object: "{items}"}'),
+        ("GoTo:\u00a0{pose: home}", "GoTo: {pose: home}"),
+        ("GoTo: {pose：home}", "GoTo: {pose: home}"),
+        ("GoTo: {pose:home}", "GoTo: {pose: home}"),
+        ("GoTo:{pose: home}", "GoTo: {pose: home}"),
+        ("Sleep: {msec: 0,5 s}", "Sleep: {msec: 0.5 s}"),
+        ("GoTo: {pose: home}\n      Observe: {camera: overhead}",
+         "GoTo: {pose: home}\n      - Observe: {camera: overhead}"),
     ],
-)
+)  # fmt: skip
 def test_a_quick_fix_writes_what_the_hint_names(editor: Editor, wrong: str, right: str) -> None:
     assert editor.fixed(f"{MAIN}      - {wrong}") == f"{MAIN}      - {right}"
 

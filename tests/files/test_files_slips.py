@@ -87,6 +87,8 @@ LEAVE_OUT = "leave it out, or put a text with it in quotes"
         (" Main: {Sleep: {msec: 1_000}}",
          "P220 1:23 port 'msec': '1_000': unknown unit '_000' (s, ms, us, min, h) (write 1000)"),
         (" Main: {Sleep: {msec: '٣'}}", "P220 1:23 port 'msec': '٣' is not a time (as 500 ms) (write 3)"),
+        (" Main: {Sleep: {msec: '１０'}}",
+         "P220 1:23 port 'msec': '１０' is not a time (as 500 ms) (write 10)"),
         (" Main: {Log: {message: '{a} of {b}'}}",
          "P221 1:24 port 'message': {a} is a part of the text '{a} of {b}', and stays as it is there "
          '(a reference is the whole value: write "{a}")'),

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 from ...world.causes import FailureReport
-from ..flow import NEXT, ChildFlow
+from ..flow import NEXT, ChildFlow, CleanUp
 from ..node import ControlNode
 from ..ports import In, children, port
 from ..status import NodeStatus
@@ -14,28 +16,25 @@ from .sequence import OrderedNode
 class _AsyncNode(OrderedNode, abstract=True):
     """Node whose tick ends behind each child that has ended at once, so that it can be halted there."""
 
-    flow = None
-    order: ChildFlow
-    """Results that lead to the next child."""
-
     def on_tick(self) -> NodeStatus:
+        flow = cast("ChildFlow", self.flow)
         while self._index < len(self.parts):
             part = self.parts[self._index]
             fresh = part.state is NodeStatus.IDLE
             state = part.step()
-            if self.order.of(state) is not NEXT:
+            if flow.of(state) is not NEXT:
                 return self.fail_with(part.failure) if state is NodeStatus.FAILURE else state
             self._skipped += state is NodeStatus.SKIPPED
             self._index += 1
             if fresh and state is not NodeStatus.SKIPPED and self._index < len(self.parts):
                 return NodeStatus.RUNNING
-        return self.past_the_last(self.order)
+        return self.past_the_last(flow)
 
 
 class AsyncSequence(_AsyncNode):
     """A Sequence that can be halted between two children: the tick ends behind each that succeeds at once."""
 
-    order = ChildFlow(success=NEXT, skipped=NEXT)
+    flow = ChildFlow(success=NEXT, skipped=NEXT, pauses=True)
     example = """
     AsyncSequence:
       - Log: {message: first}
@@ -48,7 +47,7 @@ class AsyncSequence(_AsyncNode):
 class AsyncFallback(_AsyncNode):
     """A Fallback that can be halted between two children: the tick ends behind each that fails at once."""
 
-    order = ChildFlow(failure=NEXT, skipped=NEXT)
+    flow = ChildFlow(failure=NEXT, skipped=NEXT, pauses=True)
     example = """
     AsyncFallback:
       - Condition: {if: holding}
@@ -65,7 +64,7 @@ class TryCatch(ControlNode):
     halt also ticks the last child, once; nothing that takes longer may stand there, and nothing that moves.
     """
 
-    flow = None
+    flow = CleanUp(success=NEXT, skipped=NEXT, on_halt="catch_on_halt")
     example = """
     TryCatch:
       catch_on_halt: true

@@ -26,6 +26,7 @@ from ..values.port_types import show
 from ..values.references import ExpressionLocator
 from ..wiring.circuit import ValueFlow
 from ..wiring.key_writers import FACT_TYPES
+from ..wiring.unlike_values import unlike_comparisons
 from ..wiring.wiring_faults import expression_faults, wiring_faults
 from .registry import NodeRegistry
 from .tree_set import IncludeReader, TreeSetReader
@@ -279,7 +280,8 @@ class _Reader:
         # Nodes that could not be read may write further keys.
         unfinished = [name for name in trees if self._faults.within(name)]
         circuit = ValueFlow(trees, self._facts)
-        for fault in (*wiring_faults(circuit), *expression_faults(circuit, pointer, unfinished)):
+        found = (*wiring_faults(circuit), *expression_faults(circuit, pointer, unfinished))
+        for fault in found or unlike_comparisons(circuit, pointer):
             self._faults.add(fault)
         return circuit
 

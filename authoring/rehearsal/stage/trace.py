@@ -11,7 +11,7 @@ from ....files.node_patterns import node_matches
 from ....trees.blackboard import BlackboardWrite
 from ....trees.controls import NODES
 from ....trees.declaration import Resource
-from ....trees.flow import NEXT, ChildFlow, Recovery
+from ....trees.flow import NEXT, ChildFlow, CleanUp, Recovery
 from ....trees.mission import Mission, NodeSpec
 from ....trees.node import Node
 from ....trees.ports import PortDeclaration
@@ -94,15 +94,17 @@ def _walk(
     for slot, filled in spec.slots.items():
         for index, (label, child) in enumerate(filled):
             below = f"{slot} {label}".strip() if label or slot != "do" else ""
-            recovers = node is not None and _runs_after_failure(node, slot, index)
+            recovers = node is not None and _runs_after_failure(node, slot, index, len(filled))
             yield from _walk(mission, child, role.path, role.text, below, recovers=recovers)
 
 
-def _runs_after_failure(parent: type[Node], slot: str, index: int) -> bool:
+def _runs_after_failure(parent: type[Node], slot: str, index: int, count: int) -> bool:
     """Whether that child starts only when another child has failed."""
     flow = parent.flow
     if isinstance(flow, Recovery):
         return slot != "do" or index > 0
+    if isinstance(flow, CleanUp):
+        return index == count - 1
     return type(flow) is ChildFlow and flow.failure == NEXT and index > 0
 
 

@@ -10,6 +10,8 @@ from typing import Final
 from ....files.marks import Mark
 from .btcpp_vocabulary import ELEMENTS
 
+_SLOT = re.compile(r" *[a-z_][\w.*]*: *", re.ASCII)
+"""Line with nothing but the key of a slot: `do:`, `otherwise:`, a case."""
 _COMMENT = re.compile(r"\s*#+\s?(.*?)\s*")
 _UNFIT = re.compile(r"[^\t -~\u00a0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
 
@@ -33,13 +35,16 @@ class Comments:
         return tuple(filter(None, found))
 
     def above(self, line: int) -> tuple[str, ...]:
-        """Return the comments directly above a line, which counts from 1.
+        """Return the comments directly above a line, which counts from 1, or above the slot that holds it.
 
         One that is indented further belongs to what ends there.
         """
         found: list[str] = []
         indent = _indent(self._lines[line - 1]) if 0 < line <= len(self._lines) else 0
         for index in range(line - 2, -1, -1):
+            if index < len(self._lines) and _SLOT.fullmatch(self._lines[index]):
+                indent = _indent(self._lines[index])
+                continue
             match = _COMMENT.fullmatch(self._lines[index]) if index < len(self._lines) else None
             if match is None or index in self._given or _indent(self._lines[index]) > indent:
                 break

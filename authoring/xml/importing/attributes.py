@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from ....files.expressions.syntax_tree import LiteralValue
+from ....files.expressions.syntax_tree import LiteralValue, Name, walk
 from ....files.marks import Mark
 from ....files.value_wording import suggest_name
 from ....files.yaml.writer import MarkedValue, Scalar, from_value
@@ -19,7 +19,7 @@ from ..format.element import Element, one_line
 from ..format.literal_text import is_pointer, read_value
 from .import_faults import ImportFaults
 from .renaming import MAX_NAME_LENGTH, node_name
-from .script_import import ScriptError, read_expression, read_statements
+from .script_import import ScriptError, Statement, read_expression, read_parts
 
 CONDITIONS = (*PRECONDITIONS, *POSTCONDITIONS)
 
@@ -75,6 +75,21 @@ class NodeDraft:
         return whole
 
 
+def alone(child: MarkedValue) -> MarkedValue:
+    """Return a child that stands where one node can stand: its comments go above its ID."""
+    if not child.comments or child.items is not None:
+        return child
+    if child.entries is None:
+        whole = MarkedValue.mapping(child.mark)
+        whole.put(str(child.scalar), MarkedValue.mapping(child.mark), child.mark)
+    else:
+        whole = child
+    assert whole.entries is not None
+    first = whole.entries[0].value
+    first.comments, child.comments = (*child.comments, *first.comments), ()
+    return whole
+
+
 COMMON = (
     "name",
     btcpp_vocabulary.OWN_NAME,
@@ -111,6 +126,11 @@ class ElementReader(ABC):
         """Whether anything reads a key of the present tree."""
         ...
 
+    @abstractmethod
+    def is_created(self, key: str) -> bool:
+        """Whether anything makes a key of the present tree."""
+        ...
+
     def slot_value(self, child: Element, label: str, trail: str) -> MarkedValue:
         """Return a child in a slot; a Sequence with the slot's name is written as a list."""
         if child.name == "Sequence" and dict(child.attributes) == {"name": label} and child.children:
@@ -119,7 +139,7 @@ class ElementReader(ABC):
             return MarkedValue(
                 child.mark, items=items, comments=child.comments, end_comments=child.end_comments
             )
-        return self.node(child, trail).written()
+        return alone(self.node(child, trail).written())
 
     def fault(self, mark: Mark, trail: str, message: str, hint: str = "", *, code: str) -> None:
         self.faults.fault(mark, trail, message, hint, code=code)
@@ -190,8 +210,9 @@ class ElementReader(ABC):
             if key in element.attributes:
                 draft.put(key, self.condition(element, key, trail), element.place(key))
         for key in POSTCONDITIONS:
-            if key in element.attributes:
-                draft.put(key, self.assignments(element, key, trail), element.place(key))
+            code = self.assignments(element, key, trail) if key in element.attributes else ""
+            if code:
+                draft.put(key, code, element.place(key))
         if btcpp_vocabulary.BREAKPOINT in element.attributes:
             draft.put(
                 "breakpoint",
@@ -223,11 +244,30 @@ class ElementReader(ABC):
 
     def assignments(self, element: Element, attribute: str, trail: str) -> str:
         try:
-            statements = read_statements(element.get(attribute), self.enums)
-            return "; ".join(statement.text() for statement in statements)
+            return "; ".join(each.text() for each in self.statements(element, attribute, trail))
         except ScriptError as error:
             self.script_fault(element, attribute, error, trail)
-            return "nothing := 0"
+            return ""
+
+    def statements(self, element: Element, attribute: str, trail: str) -> tuple[Statement, ...]:
+        """Return the assignments of a script; values that nothing gets are left out. Raises ScriptError."""
+        statements = read_parts(element.get(attribute), self.enums)
+        for bare in (each for each in statements if not each.key):
+            message = (
+                f"{attribute}: nothing gets the value of '{expression_text(bare.value)}'; it is left out"
+            )
+            mark, hint = element.place(attribute), "an assignment is written with ':='"
+            self.faults.note(mark, trail, message, hint, code="P910")
+        return tuple(self._created(each, element, attribute, trail) for each in statements if each.key)
+
+    def _created(self, statement: Statement, element: Element, attribute: str, trail: str) -> Statement:
+        """Return a statement that creates its key where only the program could have done so."""
+        names = (part.name for part in walk(statement.value) if isinstance(part, Name))
+        if statement.new or self.is_created(statement.key) or statement.key in names:
+            return statement
+        message = f"the program makes the key {statement.key!r}; it is made here"
+        self.faults.note(element.place(attribute), trail, message, code="P918")
+        return replace(statement, new=True)
 
     def script_fault(self, element: Element, attribute: str, error: ScriptError, trail: str) -> None:
         text = element.get(attribute)

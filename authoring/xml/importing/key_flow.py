@@ -55,6 +55,8 @@ class KeyGroup:
     """Keys of several trees that are one entry, as ports of sub-trees connect them."""
 
     written: bool = False
+    created: bool = False
+    """Whether something else than an `=`, which needs the key, writes it."""
     compared_with_text: bool = False
     listed: PortType | None = None
     """Type of the list that a node wants there; None: none does."""
@@ -88,9 +90,8 @@ class KeyFlow:
         self.undecided: list[UndecidedPort] = []
         self.watched: set[str] = set()
         """Keys that nodes wait for, or ask whether they have changed: these need no value."""
-        for name, tree in trees.items():
-            for element in tree.iterate():
-                self._element(name, element)
+        for name, element in self._in_order():
+            self._element(name, element)
         more = True
         while more:
             more = False
@@ -109,6 +110,26 @@ class KeyFlow:
         """Return the group of one tree's key."""
         return self._groups.setdefault(self._root(tree, key), KeyGroup())
 
+    def _in_order(self) -> Iterator[tuple[str, Element]]:
+        """Yield all elements in the order in which they run: sub-trees where they are called first."""
+        seen: set[str] = set()
+        for first in (self._main, *self._trees):
+            if first in seen or first not in self._trees:
+                continue
+            seen.add(first)
+            open_ = [(first, self._trees[first].iterate())]
+            while open_:
+                name, rest = open_[-1]
+                element = next(rest, None)
+                if element is None:
+                    open_.pop()
+                    continue
+                yield name, element
+                called = element.get("ID") if element.name == "SubTree" else ""
+                if called in self._trees and called not in seen:
+                    seen.add(called)
+                    open_.append((called, self._trees[called].iterate()))
+
     # Elements.
 
     def _element(self, tree: str, element: Element) -> None:
@@ -120,7 +141,12 @@ class KeyFlow:
         for key, text in element.attributes.items():
             mark = element.place(key)
             if not ours and (_SCRIPTS.get(identity) == key or key in (*PRECONDITIONS, *POSTCONDITIONS)):
-                self._script(tree, text, mark)
+                self._script(
+                    tree,
+                    text,
+                    mark,
+                    asked=key not in (*POSTCONDITIONS, "code") or identity == "ScriptCondition",
+                )
             elif identity == "SetBlackboard" and key == "output_key":
                 self._write(tree, text)
                 if is_pointer(element.get("value")):
@@ -155,12 +181,13 @@ class KeyFlow:
             return PortUse("in")
         return self._ports(element, port)
 
-    def _script(self, tree: str, text: str, mark: Mark) -> None:
+    def _script(self, tree: str, text: str, mark: Mark, *, asked: bool) -> None:
+        """Read a script. `asked`: whether somebody wants the value of what is assigned to nothing."""
         try:
             parts = read_parts(text, self._enums)
         except ScriptError:
             return
-        for part in parts:
+        for part in (each for each in parts if asked or each.key):
             for name in (each.name for each in walk(part.value) if isinstance(each, Name)):
                 self._read(tree, name, mark)
             for name in _compared_with_text(part.value):
@@ -168,14 +195,14 @@ class KeyFlow:
             if part.key:
                 if not part.new:
                     self._read(tree, part.key, mark)
-                self._write(tree, part.key)
+                self._write(tree, part.key, creates=part.new)
 
     def _call(self, tree: str, element: Element) -> None:
         self._uses[tree].calls.append(element)
         called = element.get("ID")
         for key, text in element.attributes.items():
             if key in (*PRECONDITIONS, *POSTCONDITIONS):
-                self._script(tree, text, element.place(key))
+                self._script(tree, text, element.place(key), asked=key in PRECONDITIONS)
             elif key in ("ID", "name") or key.startswith("_"):
                 continue
             elif is_pointer(text):
@@ -183,7 +210,8 @@ class KeyFlow:
                 if bare:
                     self._join(tree, bare, called, key)
             else:
-                self.group(called, key).written = True
+                group = self.group(called, key)
+                group.written = group.created = True
 
     def _through_calls(self, tree: str) -> bool:
         """Carry reads and writes of sub-trees up to their callers; return whether anything is new."""
@@ -218,10 +246,12 @@ class KeyFlow:
         group = self.group(tree, key)
         group.read = group.read or mark
 
-    def _write(self, tree: str, key: str) -> None:
+    def _write(self, tree: str, key: str, *, creates: bool = True) -> None:
         tree, key = self._home(tree, key)
         self._uses[tree].writes.add(key)
-        self.group(tree, key).written = True
+        group = self.group(tree, key)
+        group.written = True
+        group.created = group.created or creates
 
     def decide(self, port: UndecidedPort, direction: Direction) -> None:
         """Settle the direction of one wire."""
@@ -250,6 +280,7 @@ class KeyFlow:
         lost = self._groups.pop(second, KeyGroup())
         self._above[second] = first
         kept.written |= lost.written
+        kept.created |= lost.created
         kept.compared_with_text |= lost.compared_with_text
         kept.listed = kept.listed or lost.listed
         kept.read = kept.read or lost.read

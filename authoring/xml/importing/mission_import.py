@@ -22,10 +22,10 @@ from ...check import check_mission
 from ..export.mission_export import XmlExporter
 from ..format import btcpp_vocabulary
 from ..format.element import Element, one_line
-from .attributes import NodeDraft
+from .attributes import NodeDraft, alone
 from .import_faults import ImportFaults
 from .node_import import ImportContext, XmlNodeReader
-from .port_import import PortsOfTrees, TreePort
+from .port_import import PortsOfTrees, TreePort, fill_in_wires
 from .renaming import rename_keys, rename_trees
 from .source import XmlText, read_source
 from .stub_text import stub_text
@@ -117,9 +117,16 @@ class _Importer:
         self._load_plugins()
         if self._options.stubs or self._options.plugins:
             stub_missing_trees(self._source, self._faults)
+        fill_in_wires(self._source)
         rename_trees(self._source, self._registry, self._faults)
         rename_keys(self._source, self._faults)
-        finder = StubFinder(self._source, self._registry, self._faults, self._options.enums)
+        finder = StubFinder(
+            self._source,
+            self._registry,
+            self._faults,
+            self._options.enums,
+            lenient=bool(self._options.stubs),
+        )
         stubs, flow = finder.find()
         ports = PortsOfTrees(self._source, flow, self._faults).find()
         context = ImportContext(
@@ -266,7 +273,8 @@ def _tree(root: NodeDraft, ports: tuple[TreePort, ...], element: Element, doc: s
     """Return the body under the tree's name."""
     written = root.written()
     if not ports and not doc:
-        written.comments = (*element.comments, *written.comments)
+        written = alone(written)
+        written.comments = element.comments
         written.end_comments = (*written.end_comments, *element.end_comments)
         return written
     body = MarkedValue.mapping(element.mark)

@@ -16,7 +16,7 @@ from ..format import btcpp_vocabulary
 from ..format.btcpp_vocabulary import SlotRow, read_indexes, read_table
 from ..format.element import Element
 from ..format.literal_text import is_pointer
-from .attributes import COMMON, ElementReader, NodeDraft
+from .attributes import COMMON, ElementReader, NodeDraft, alone
 from .import_faults import ImportFaults
 from .key_flow import FALSE_WORDS, TRUE_WORDS, KeyFlow
 from .port_import import TreePort, literal_type
@@ -68,6 +68,8 @@ class XmlNodeReader(ElementReader):
         self.enums = context.enums
         self._translations = Translations(self, context.enums)
         self.switches = self._translations.switches
+        self._made = set[str]()
+        """Keys that the import has made."""
 
     def literal_type(self, tree: str, key: str, declared: PortType) -> PortType:
         """Return the type with which a literal for a key of a tree is read."""
@@ -76,6 +78,10 @@ class XmlNodeReader(ElementReader):
     def is_read(self, key: str) -> bool:
         """Whether anything reads a key of the present tree."""
         return self._context.flow.group(self.tree, key).read is not None
+
+    def is_created(self, key: str) -> bool:
+        """Whether anything makes a key of the present tree."""
+        return self._context.ours or self._context.flow.group(self.tree, key).created
 
     def tree_root(self, name: str, element: Element) -> NodeDraft:
         """Read the root node of a tree."""
@@ -201,7 +207,7 @@ class XmlNodeReader(ElementReader):
         if main is not None and main.arity == "one":
             self.count(element, declaration.id, 1 if main.required else 0, 1, trail, len(free))
             if free:
-                draft.put("do", self.node(free[0], trail).written())
+                draft.put("do", alone(self.node(free[0], trail).written()))
         elif main is not None and free:
             items = [self.node(child, trail).written() for child in free]
             draft.put("do", MarkedValue(element.mark, items=items))
@@ -265,7 +271,17 @@ class XmlNodeReader(ElementReader):
         ports = {port.key: port for port in self._trees[identity]}
         left_out = element.get(btcpp_vocabulary.LEFT_OUT).split()
         draft = NodeDraft.of(self._context.source.called(identity), element.mark)
+        begins: list[MarkedValue] = []
+        remapping = self._autoremap(element, trail)
+        for key, port in ports.items() if not self._context.ours else ():
+            value = self._initial(element, identity, port, trail, shared=remapping)
+            if value is not None:
+                begins.append(self._begin(draft, identity, key, value))
         for key in element.attributes:
+            if key in ports and draft.body.get(key) is not None:
+                continue
+            if key in ports and ports[key].direction == "out" and not is_pointer(element.get(key)):
+                continue
             if key in ports and key not in left_out:
                 kind = self.literal_type(identity, key, ports[key].kind)
                 self.port(draft, key, kind, element, key, trail)
@@ -273,13 +289,39 @@ class XmlNodeReader(ElementReader):
                 self._context.ours or self.faults.strict or key.startswith("_")
             ):
                 self.no_port(element, key, f"the tree {identity!r}", (*ports, "name"), trail)
-        remapping = self._autoremap(element, trail)
         if remapping:
             draft.put(AUTOREMAP, True, element.place(AUTOREMAP))
         for key, port in ports.items():
             if key not in element.attributes and port.remapped and not remapping:
                 draft.put(key, port.remapped, element.mark)
-        return draft
+        return _begun(draft, begins) if begins else draft
+
+    def _initial(
+        self, element: Element, tree: str, port: TreePort, trail: str, *, shared: bool
+    ) -> MarkedValue | None:
+        """Return the value with which a tree's own key begins: the literal at a port that the tree writes."""
+        key = port.key
+        if port.direction == "in" or is_pointer(element.get(key)):
+            return None
+        if key not in element.attributes:
+            return None if shared else port.initial
+        if key in self._context.flow.reads(tree):
+            return self.value(element, key, self.literal_type(tree, key, port.kind), trail)
+        message = f"the tree {tree!r} writes its port {key!r}, and does not read {element.get(key)[:30]!r}"
+        self.faults.note(element.place(key), trail, f"{message}; it is left out", code="P918")
+        return None
+
+    def _begin(self, draft: NodeDraft, tree: str, key: str, value: MarkedValue) -> MarkedValue:
+        """Wire a tree's port to a key of its own at this call; return the node that gives it its value."""
+        flow = self._context.flow
+        self._made.update(flow.reads(self.tree), flow.writes(self.tree))
+        own = identifier(f"{tree}_{key}", self._made)
+        self._made.add(own)
+        draft.put(key, f"{{{own}}}", value.mark)
+        setter = NodeDraft.of("SetBlackboard", value.mark)
+        setter.put("value", value, value.mark)
+        setter.put("output_key", f"{{{own}}}", value.mark)
+        return setter.written()
 
     def _autoremap(self, element: Element, trail: str) -> bool:
         text = element.get(AUTOREMAP, "false")
@@ -289,3 +331,16 @@ class XmlNodeReader(ElementReader):
             message = f"{AUTOREMAP!r} is true or false, not {text!r}"
             self.fault(element.place(AUTOREMAP), trail, message, code="P911")
         return False
+
+
+def _begun(call: NodeDraft, begins: list[MarkedValue]) -> NodeDraft:
+    """Return a call whose own keys get their values before it runs for the first time, and only then.
+
+    BehaviorTree.CPP sets them when it makes the tree.
+    """
+    once = NodeDraft.of("RunOnce", call.mark)
+    once.put("then_skip", False)
+    once.put("do", begins[0] if len(begins) == 1 else MarkedValue(call.mark, items=begins))
+    both = NodeDraft.of("IfThenElse", call.mark)
+    both.put("do", MarkedValue(call.mark, items=[once.written(), call.written()]))
+    return both

@@ -36,6 +36,8 @@ class TreePort:
     doc: str = ""
     unit: str = ""
     choices: MarkedValue | None = None
+    initial: MarkedValue | None = None
+    """Value with which an output begins where a call does not wire it."""
 
     @property
     def kind(self) -> PortType:
@@ -56,6 +58,34 @@ class TreePort:
         if self.doc:
             entry.put("doc", self.doc)
         return entry
+
+
+def fill_in_wires(source: XmlSource) -> None:
+    """Write the keys of callers that models of trees name as defaults into the calls without a wire.
+
+    BehaviorTree.CPP does the same.
+    """
+    if source.said("picktree"):
+        return
+    wires = {name: dict(_wires(model)) for name, model in source.models.items()}
+
+    def filled(element: Element) -> Element:
+        inside = tuple(map(filled, element.children))
+        lacking = wires.get(element.get("ID"), {}) if element.name == "SubTree" else {}
+        if element.get(AUTOREMAP) in TRUE_WORDS:
+            lacking = {}
+        lacking = {key: wire for key, wire in lacking.items() if key not in element.attributes}
+        return replace(element, children=inside, attributes={**element.attributes, **lacking})
+
+    source.trees = {name: filled(tree) for name, tree in source.trees.items()}
+
+
+def _wires(model: Element) -> Iterator[tuple[str, str]]:
+    for port in model.children:
+        default, key = port.get("default").strip(" "), port.get("name")
+        usable = port.name in _PORTS and key and not key.startswith("_")
+        if usable and is_pointer(default) and not default.startswith("{=") and default != "{}":
+            yield key, default
 
 
 class PortsOfTrees:
@@ -79,9 +109,13 @@ class PortsOfTrees:
             if not self._ours:
                 ports = {key: self._completed(name, port, mine) for key, port in ports.items()}
             found[name] = tuple(ports.values())
-        main = self._source.main
-        if main in found and not (self._ours or self._faults.strict):
-            found[main] = (*found[main], *self._of_the_program(main, {port.key for port in found[main]}))
+        called = {call.get("ID") for call in calls}
+        for name in found if not (self._ours or self._faults.strict) else ():
+            if name == self._source.main or name not in called:
+                given = self._of_the_program(name, {port.key for port in found[name]})
+                # Other trees that call this one know nothing of the program.
+                default = MarkedValue(self._source.root.mark, None) if name in called else None
+                found[name] = (*found[name], *(replace(port, default=default) for port in given))
         return found
 
     def _calls(self) -> Iterator[Element]:
@@ -168,12 +202,14 @@ class PortsOfTrees:
     def _completed(self, tree: str, port: TreePort, calls: list[Element]) -> TreePort:
         """Return the port with the direction of its uses, and a default where a call leaves it out."""
         if port.key in self._flow.writes(tree):
-            port = replace(port, direction="out", default=None)
+            port = replace(port, direction="out", default=None, initial=port.default)
         if port.direction == "out":
             return port
-        listed = self._flow.group(tree, port.key).listed
-        if port.type == "any" and listed is not None and listed.name != "any":
-            port = replace(port, type=str(listed))
+        group = self._flow.group(tree, port.key)
+        if port.type == "any" and group.listed is not None and group.listed.name != "any":
+            port = replace(port, type=str(group.listed))
+        elif port.type == "any" and group.compared_with_text:
+            port = replace(port, type="string")
         lacking = [
             call
             for call in calls
@@ -186,17 +222,19 @@ class PortsOfTrees:
             port = replace(port, type="any", default=MarkedValue(port.mark, None))
         return port
 
-    def _of_the_program(self, main: str, known: set[str]) -> Iterator[TreePort]:
-        """Yield a parameter for each key that the first tree reads and nothing in the files writes."""
-        for key, mark in self._flow.reads(main).items():
-            written = key in FACTS or self._flow.group(main, key).written
+    def _of_the_program(self, tree: str, known: set[str]) -> Iterator[TreePort]:
+        """Yield a port for each key that a tree reads, which no tree calls, and that nothing writes."""
+        for key, mark in self._flow.reads(tree).items():
+            written = key in FACTS or self._flow.group(tree, key).written
             if written or key in known or key in self._flow.watched or key.startswith("_"):
                 continue
-            message = f"nobody writes the key {key!r}; it becomes a parameter of {MAIN}"
-            hint = f"`picktree run --set {key}=…` gives it"
+            main = tree == self._source.main
+            of = f"parameter of {MAIN}" if main else f"port of {self._source.called(tree)}"
+            message = f"nobody writes the key {key!r}; it becomes a {of}"
+            hint = f"`picktree run --set {key}=…` gives it" if main else "what calls the tree gives it"
             if key.isupper():
                 hint += f"; if it is an enum of the program, `convert --enum {key}=0` says its number"
-            self._faults.note(mark, MAIN, message, hint, code="P918")
+            self._faults.note(mark, self._source.called(tree), message, hint, code="P918")
             yield TreePort(key, mark)
 
 

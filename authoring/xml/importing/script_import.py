@@ -104,15 +104,6 @@ def read_parts(script: str, enums: Mapping[str, int] | None = None) -> tuple[Sta
     return _Parser(script, enums or {}).statements()
 
 
-def read_statements(script: str, enums: Mapping[str, int] | None = None) -> tuple[Statement, ...]:
-    """Return the script's assignments. Raises ScriptError."""
-    statements = _Parser(script, enums or {}).statements()
-    for statement in statements:
-        if not statement.key:
-            raise ScriptError("an expression that is assigned to nothing does nothing", 0)
-    return statements
-
-
 def names_in(script: str) -> tuple[str, ...]:
     """Return the names in a script; none when it cannot be read."""
     try:

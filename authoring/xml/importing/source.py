@@ -227,7 +227,7 @@ class _Reader:
         if "ros_pkg" in element.attributes:
             message = "<include ros_pkg> is not followed: it leads to where ROS is installed"
             hint = "copy the file beside this one"
-            self._faults.fault(element.place("ros_pkg"), "root", message, hint, code="P912")
+            self._faults.note(element.place("ros_pkg"), "root", message, hint, code="P912")
             return
         if not name or "\x00" in name:
             self._faults.fault(element.mark, "root", "<include> needs the attribute 'path'", code="P912")
@@ -235,15 +235,15 @@ class _Reader:
         found = path.parent / name
         place, relative = os.path.abspath(found), os.path.relpath(found, self._folder)
         if not _inside(found, self._folder) and place not in self._texts:
-            message = f"{name!r} lies outside of the file's folder"
-            self._faults.fault(at, "root", message, "copy it beside this file", code="P912")
+            message = f"{name!r} lies outside of the file's folder, and is not read"
+            self._faults.note(at, "root", message, "copy it beside this file", code="P912")
         elif relative in trail:
             message = f"the files include each other in a circle: {' → '.join((*trail, relative))}"
             self._faults.fault(at, "root", message, code="P912")
         elif len(self._known) >= MAX_FILES:
             self._faults.fault(at, "root", f"more than {MAX_FILES} files are included", code="P912")
         elif not is_file(found):
-            self._faults.fault(at, "root", f"there is no file {name!r} beside this one", code="P912")
+            self._faults.note(at, "root", f"there is no file {name!r} beside this one", code="P912")
         elif place not in self._known:
             self._known[place] = None
             self._follow(found, (*trail, relative))

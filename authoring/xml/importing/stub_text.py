@@ -99,6 +99,8 @@ def _port(port: StubPort) -> Iterator[str]:
         given.append(f"default={_value(port.default)}")
     if port.attribute != port.key:
         given.append(f"key={_quoted(port.key)}")
+    if port.template:
+        given.append('takes="template"')
     start = f"    {port.attribute}: {way}[{_type(port.type)}] = port("
     line = f"{start}{', '.join(given)})"
     if len(line) <= _LINE:

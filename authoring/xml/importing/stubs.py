@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import keyword
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias, cast
@@ -14,10 +15,11 @@ from ....trees.controls.leaves import ConditionNode
 from ....trees.declaration import AUTOREMAP, COMMON_KEYS, IDENTIFIER, NodeDeclaration, reserved_names
 from ....trees.loading.registry import NodeRegistry
 from ....trees.node import ControlNode, Node
-from ....trees.ports import REQUIRED, In, Out, children, port
+from ....trees.ports import REQUIRED, In, Out, Takes, children, port
 from ....trees.skill import Skill, Steps
 from ....trees.status import NodeStatus
 from ....trees.values.port_types import PortType, convert_literal
+from ....trees.values.references import REFERENCE_IN_TEXT
 from ....world.causes import Cause, Failure, register_cause
 from ....world.values import ObjectId
 from ..format import btcpp_vocabulary
@@ -38,6 +40,8 @@ _DIRECTIONS: Mapping[str, Direction | None] = {
 PYTHON_TYPES = {
     "string": str, "int": int, "float": float, "bool": bool, "object": ObjectId, "any": object,
 }  # fmt: skip
+_QUESTION = re.compile(r"(?:Is|Are|Has|Would|Can|Should)[A-Z]")
+"""Beginning of the names of conditions, where nothing says what a node is."""
 _NO_PORT = ("ID", *COMMON_KEYS)
 
 
@@ -53,6 +57,8 @@ class StubPort:
     default: object = REQUIRED
     remapped: str = ""
     """Reference that stands where a use leaves the port out; empty: none."""
+    template: bool = False
+    """Whether a use has references inside a longer text, which the node fills in."""
 
     @property
     def attribute(self) -> str:
@@ -82,13 +88,22 @@ class StubFinder:
     """Finder of the unknown nodes of a source, with what is known of their ports."""
 
     def __init__(
-        self, source: XmlSource, registry: NodeRegistry, faults: ImportFaults, enums: Mapping[str, int]
+        self,
+        source: XmlSource,
+        registry: NodeRegistry,
+        faults: ImportFaults,
+        enums: Mapping[str, int],
+        *,
+        lenient: bool = False,
     ) -> None:
+        """`lenient`: a use that does not fit picktree's own node of that name is one of another node."""
         self._source = source
         self._enums = enums
         self._registry = registry
         self._faults = faults
         self._ours = bool(source.said("picktree"))
+        self._lenient = lenient and not self._ours
+        self._others = self._misfits(registry) if self._lenient else frozenset[str]()
         self.aliases: dict[str, str] = {}
         """IDs of nodes of plug-ins by the ID in XML, which is no ID in a mission or picktree's own."""
         self._elements: dict[str, list[Element]] = {}
@@ -102,12 +117,12 @@ class StubFinder:
         flow = KeyFlow(self._source.trees, self.port_use, self._source.main, self._enums)
         settled: dict[tuple[str, str], Direction] = {}
         for wire in flow.undecided:
-            if settled.get((wire.node, wire.port)) == "out":
-                flow.decide(wire, "out")
-        for wire in flow.undecided:
+            named = _named_direction(wire.port)
+            if self._kind(self._source.node_models.get(wire.node), self._elements[wire.node]) == "Condition":
+                named = named or "in"
             # The first node that names a key, which nobody writes, writes it.
             known = flow.group(wire.tree, wire.key).written
-            direction = settled.setdefault((wire.node, wire.port), "in" if known else "out")
+            direction = settled.setdefault((wire.node, wire.port), named or ("in" if known else "out"))
             flow.decide(wire, direction)
         stubs = {name: self._stub(name, uses, settled) for name, uses in self._elements.items()}
         found = {name: stub for name, stub in stubs.items() if stub is not None}
@@ -156,10 +171,26 @@ class StubFinder:
     def _fits(self, identity: str, declaration: NodeDeclaration, element: Element) -> bool:
         """Whether picktree's node of that name may be the one that the file's model declares."""
         model = self._source.node_models.get(identity)
+        if identity in self._others:
+            return False
         if model is None or identity == "ForEach":
             return True
         names = {each.get("name") for each in model.children if each.name in _DIRECTIONS}
         return names <= set(declaration.keys) and bool(element.children) == bool(declaration.slots)
+
+    def _misfits(self, registry: NodeRegistry) -> frozenset[str]:
+        """Return the IDs of nodes of picktree's own that some use cannot mean."""
+        found: set[str] = set()
+        for element in (each for tree in self._source.trees.values() for each in tree.iterate()):
+            node = None if element.identity in btcpp_vocabulary.BUILT_IN else registry.find(element.identity)
+            if node is None or not node.__module__.startswith("picktree.") or element.identity == "ForEach":
+                continue
+            needed = {port.key for port in node.declaration.ports if port.required}
+            given = {key for key in element.attributes if key not in _NO_PORT and key[:1] != "_"}
+            known = {*node.declaration.keys, *(slot.key for slot in node.declaration.slots)}
+            if needed - given or given - known or bool(element.children) != bool(node.declaration.slots):
+                found.add(element.identity)
+        return frozenset(found)
 
     def _model_port(self, identity: str, key: str) -> Element | None:
         model = self._source.node_models.get(identity)
@@ -203,6 +234,8 @@ class StubFinder:
                 leaf = kind in ("Action", "Condition")
                 if leaf == (most == 0) and (kind != "Decorator" or most == 1):
                     return kind
+        if most == 0 and _QUESTION.match(uses[0].identity):
+            return "Condition"
         return "Action" if most == 0 else "Decorator" if most == least == 1 else "Control"
 
     def _port(
@@ -224,6 +257,8 @@ class StubFinder:
             return StubPort(name, key, "out", kind, doc)
         default = model.attributes.get("default") if model is not None else None
         kind = kind if all(_reads(text, kind) for text in literals) else PortType("any")
+        template = any(map(_has_references, literals))
+        kind = PortType("string") if template else kind
         remapped, value = "", REQUIRED
         if default is not None and is_pointer(default):
             remapped = f"{{{name}}}" if default.strip() == "{=}" else default.strip(" ")
@@ -233,7 +268,7 @@ class StubFinder:
             value = convert_literal(read_value(default, kind), kind)
         elif len(texts) < len(uses):
             value, kind = None, replace(kind, optional=True)
-        return StubPort(name, key, "in", kind, doc, value, remapped)
+        return StubPort(name, key, "in", kind, doc, value, remapped, template)
 
 
 def stub_missing_trees(source: XmlSource, faults: ImportFaults) -> None:
@@ -272,12 +307,24 @@ def _type_of(literals: list[str], uses: int) -> PortType:
     return PortType("string")
 
 
+def _named_direction(port: str) -> Direction | None:
+    """Return the direction that the name of a port says, as `input_pose`; None where it says none."""
+    words = port.lower().split("_")
+    if {"out", "output"} & {words[0], words[-1]}:
+        return "out"
+    return "in" if {"in", "input"} & {words[0], words[-1]} else None
+
+
 def _reads(text: str, kind: PortType) -> bool:
     try:
         convert_literal(read_value(text, kind), kind)
     except ValueError:
         return False
     return True
+
+
+def _has_references(text: str) -> bool:
+    return REFERENCE_IN_TEXT.search(text) is not None
 
 
 def stub_class(stub: StubNode) -> type[Node]:
@@ -295,7 +342,8 @@ def stub_class(stub: StubNode) -> type[Node]:
         way = In if each.direction == "in" else Out
         annotations[each.attribute] = cast("Any", way)[_annotation(each.type)]
         default = each.default if each.direction == "in" else REQUIRED
-        body[each.attribute] = port(each.doc, default=default, key=each.key)
+        takes: Takes = "template" if each.template else "value"
+        body[each.attribute] = port(each.doc, default=default, key=each.key, takes=takes)
     body["__annotations__"] = annotations
     try:
         return cast("type[Node]", cast("Any", type(base))(stub.id, (base,), body))

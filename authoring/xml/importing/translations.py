@@ -14,9 +14,9 @@ from ..export.script_export import expression_text
 from ..format import btcpp_vocabulary
 from ..format.element import Element
 from ..format.literal_text import is_pointer
-from .attributes import COMMON, ElementReader, NodeDraft
+from .attributes import COMMON, ElementReader, NodeDraft, alone
 from .key_flow import LOOPS
-from .script_import import ScriptError, Statement, read_expression, read_parts, read_statements
+from .script_import import ScriptError, Statement, read_expression, read_parts
 
 Translation: TypeAlias = Callable[[Element, str], NodeDraft]
 _ANY = PortType("any")
@@ -84,7 +84,7 @@ class Translations:
         self._reader.count(element, element.identity, 0, 0, trail)
         code, mark = self._reader.needed(element, "code", trail), element.place("code")
         try:
-            statements = read_statements(code, self._enums) if code else ()
+            statements = self._reader.statements(element, "code", trail) if code else ()
         except ScriptError as error:
             self._reader.script_fault(element, "code", error, trail)
             return NodeDraft.of("AlwaysSuccess", element.mark)
@@ -97,6 +97,8 @@ class Translations:
             draft.put("value", MarkedValue(mark, constant), mark)
             draft.put("output_key", f"{{{first.key}}}", mark)
             return draft
+        if not statements:
+            return NodeDraft.of("AlwaysSuccess", element.mark)
         draft = NodeDraft.of("Script", element.mark)
         draft.put("code", "; ".join(statement.text() for statement in statements), mark)
         return draft
@@ -178,7 +180,7 @@ class Translations:
         self._reader.port(draft, "out", _ANY, element, "out", trail)
         child = self._child(element, trail)
         if child is not None:
-            draft.put("do", child.written())
+            draft.put("do", alone(child.written()))
         return draft
 
     def _loop(self, element: Element, trail: str) -> NodeDraft:
@@ -190,7 +192,7 @@ class Translations:
         self._reader.port(draft, "out", _ANY, element, "value", trail)
         child = self._child(element, trail)
         if child is not None:
-            draft.put("do", child.written())
+            draft.put("do", alone(child.written()))
         return self._ended(element, draft, trail)
 
     def _ended(self, element: Element, loop: NodeDraft, trail: str) -> NodeDraft:
@@ -200,7 +202,7 @@ class Translations:
                 return loop
             case "FAILURE":
                 outer = NodeDraft.of("ForceFailure", element.mark)
-                outer.put("do", loop.written())
+                outer.put("do", alone(loop.written()))
             case "SKIPPED":
                 skipped = NodeDraft.of("AlwaysSuccess", element.mark)
                 skipped.put("_skipIf", True)
