@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -45,14 +46,16 @@ _SIZES: Final = {
     "capsule": ("radius", "length"),
 }
 """Attributes of each primitive."""
+MAX_MARKER_SIZE = 0.02
+"""Greatest size of a marker, m."""
 _SHAPES = "one of <mesh>, <box>, <cylinder>, <sphere>, <capsule>"
 
 
 def link_geometry(urdf: str, which: Which) -> tuple[Geometry, ...]:
     """Return all visual or collision elements of a URDF file, in the order of the file.
 
-    A link that is seen and has no collision geometry collides as it is seen. A capsule is a cylinder with a
-    sphere at either end. Raises PicktreeError at the first that cannot be used.
+    A link that is seen and has no collision geometry collides as it is seen, unless it is a marker. A capsule
+    is a cylinder with a sphere at either end. Raises PicktreeError at the first that cannot be used.
     """
     found: list[Geometry] = []
     for link, element in _elements(_root(urdf), which):
@@ -78,9 +81,50 @@ def mesh_paths(urdf: str, *which: Which) -> tuple[str, ...]:
 
 
 def links_seen_only(urdf: str) -> tuple[str, ...]:
-    """Return the links that have visual and no collision geometry, in the order of the file."""
-    links = [link for link in _root(urdf).findall("link") if link.find("collision") is None]
-    return tuple(link.get("name", "") for link in links if link.find("visual") is not None)
+    """Return the links that collide as they are seen, in the order of the file: those without collision
+    geometry, but for markers."""
+    root = _root(urdf)
+    seen = [
+        link
+        for link in root.findall("link")
+        if link.find("collision") is None and link.find("visual") is not None
+    ]
+    markers = _markers(root)
+    return tuple(name for link in seen if (name := link.get("name", "")) not in markers)
+
+
+def _markers(root: ElementTree.Element) -> frozenset[str]:
+    """Return the links that show a frame, as a small ball at the tool's: no bodies.
+
+    Such a link has neither mass nor collision geometry, but one primitive of MAX_MARKER_SIZE at most. It is
+    fixed to another link and carries none.
+    """
+    fixed, carriers = set[str](), set[str]()
+    for joint in root.findall("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if parent is not None and child is not None:
+            carriers.add(parent.get("link", ""))
+            if joint.get("type") == "fixed":
+                fixed.add(child.get("link", ""))
+    return frozenset(
+        name
+        for link in root.findall("link")
+        if (name := link.get("name", "")) in fixed - carriers
+        and link.find("inertial") is None
+        and link.find("collision") is None
+        and all(map(_is_small, link.findall("visual")))
+    )
+
+
+def _is_small(element: ElementTree.Element) -> bool:
+    """Return whether a visual is a primitive of MAX_MARKER_SIZE at most."""
+    shape = element.find("geometry/*")
+    if shape is None or shape.tag not in _SIZES:
+        return False
+    sizes = {key: numbers_of(shape.get(key, "")) or (math.inf,) for key in _SIZES[shape.tag]}
+    return all(
+        (2.0 if key == "radius" else 1.0) * max(each) <= MAX_MARKER_SIZE for key, each in sizes.items()
+    )
 
 
 def _root(urdf: str) -> ElementTree.Element:
@@ -91,7 +135,10 @@ def _root(urdf: str) -> ElementTree.Element:
 
 
 def _elements(root: ElementTree.Element, which: Which) -> Iterator[tuple[str, ElementTree.Element]]:
+    markers = _markers(root) if which == "collision" else frozenset[str]()
     for link in root.findall("link"):
+        if link.get("name", "") in markers:
+            continue
         seen_only = which == "collision" and link.find("collision") is None
         for element in link.findall("visual" if seen_only else which):
             yield link.get("name", ""), element

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import Protocol
 
@@ -16,6 +17,7 @@ from ...robots.urdf_tree import UrdfTree, read_skeleton
 from ...world.scene.description import MAX_HIDDEN_SHARE, SceneDescription
 from ...world.scene.loading.scene_loading import load_scene
 from ...world.values import Array, Pose, workspace_excess
+from .base_pose import YAWS, places
 
 SCENE = "sort_small"
 """Scene whose workspace contains the poses, and from whose cameras `home` does not hide the items."""
@@ -41,6 +43,12 @@ HALF_LINK_WIDTH = 0.08
 """Half of a link's width, as far as it hides the table from the camera, m."""
 HIDING_COST = 2.0
 """Cost of a `home` that hides the whole of that part, in units of a posture's value."""
+DETOUR_COST = 2.0
+"""Cost of a `home` whose posture has to change on the way to all items and bins, in units of its value."""
+MAX_POSTURE_CHANGE = 2.0
+"""Greatest change of a joint in one posture, rad: an elbow or a wrist that turns over changes by more."""
+MAX_DETOUR_CHECKS = 40
+"""Greatest number of postures whose detours are counted."""
 IK_SEED_COUNT = 4
 """Number of random configurations from which inverse kinematics starts."""
 OBSERVE_ROTATION = np.pi / 2
@@ -210,10 +218,39 @@ class _Search:
                         _Posture(q, self._value(q) - self._cost(q, folded=folded))
                         for q in self._solutions(self._foot @ tool)
                     ]
-        for posture in sorted(found, key=lambda p: (-p.value, tuple(p.q))):
-            if _in_workspace(self._model, posture.q) and self._space.free(posture.q):
-                return posture.q
-        return None
+        ranked = sorted(found, key=lambda p: (-p.value, tuple(p.q)))
+        free = (p for p in ranked if _in_workspace(self._model, p.q) and self._space.free(p.q))
+        if folded:
+            return next((posture.q for posture in free), None)
+        best = None
+        for posture in islice(free, MAX_DETOUR_CHECKS):
+            if best is not None and posture.value <= best.value:
+                break
+            value = posture.value - DETOUR_COST * self._detours(posture.q)
+            if best is None or value > best.value:
+                best = _Posture(posture.q, value)
+        return None if best is None else best.q
+
+    def _detours(self, q: Array) -> float:
+        """Return the share of items and bins of the scene that the arm reaches in another posture than at q.
+
+        What is out of reach counts, too. The first and the last joint turn hand and arm, and may turn freely.
+        """
+        axis = self._foot.position
+        here = np.array(self._model.tcp(q).position)
+        ahead = np.arctan2(here[1] - axis[1], here[0] - axis[0])
+        missed = 0
+        for place in places():
+            turned = q.copy()
+            turned[0] += np.arctan2(place.position[1] - axis[1], place.position[0] - axis[0]) - ahead
+            turned = np.clip(turned, self._model.planned_lower, self._model.planned_upper)
+            x, y, z = place.position.tolist()
+            ends = (self._ik.descend(Pose.from_rpy((x, y, z), (np.pi, 0.0, yaw)), turned) for yaw in YAWS)
+            missed += not any(
+                end is not None and float(np.abs(end - q)[1:-1].max(initial=0.0)) <= MAX_POSTURE_CHANGE
+                for end in ends
+            )
+        return missed / len(places())
 
     def anywhere(self) -> Array | None:
         """Return the free configuration of greatest value among random ones with the tool in front of the

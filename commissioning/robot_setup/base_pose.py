@@ -42,7 +42,7 @@ class TargetPlace:
 
 @dataclass(frozen=True, slots=True)
 class BaseProposal:
-    """Proposed base, its distance from the given one, m, and the places out of reach from there."""
+    """Proposed base, its distance from the given one, m, and the name of each place it does not reach."""
 
     at: Vector3
     moved: Vector3
@@ -99,7 +99,7 @@ def propose_base(
     if best is None:
         return None
     x, y, z = (round(a + b, 4) for a, b in zip(model.description.base_in_world.position, best, strict=True))
-    return BaseProposal((x, y, z), best, tuple(dict.fromkeys(least)), len(places()))
+    return BaseProposal((x, y, z), best, tuple(least), len(places()))
 
 
 def _moves() -> Iterator[Vector3]:

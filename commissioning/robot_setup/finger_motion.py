@@ -21,6 +21,9 @@ MIN_SNAP_COSINE = np.cos(np.radians(8.0))
 """Least cosine to an axis of the hand's frame from which a direction is set to that axis."""
 MIN_OUT_SNAP_COSINE = np.cos(np.radians(20.0))
 """The same for the direction out of the hand, which the middle of a one-sided palm leaves uncertain."""
+MIN_ROLL_COSINE = np.cos(np.radians(45.0))
+"""Least cosine between the direction out of a one-sided hand and the arm's last axis from which the direction
+is set to that axis."""
 MAX_ACROSS_COSINE = np.sin(np.radians(8.0))
 """Greatest cosine between the hinges of fingers and the closing direction that count as square."""
 
@@ -190,8 +193,24 @@ class FingerMotion:
         if float(np.linalg.norm(out)) < 1e-4:
             out = np.array([0.0, 0.0, 1.0]) - closing * float(closing[2])
         out = _snapped(_unit(out), MIN_OUT_SNAP_COSINE)
+        roll = self._roll_axis()
+        if roll is not None and float(np.abs(out).max()) < 1.0:
+            along = float(out @ roll)
+            if abs(along) > MIN_ROLL_COSINE and abs(float(roll @ closing)) < MAX_ACROSS_COSINE:
+                out = _snapped(np.sign(along) * roll)
         out = _unit(out - closing * float(out @ closing))
         return np.column_stack([np.cross(closing, out), closing, out])
+
+    def _roll_axis(self) -> Array | None:
+        """Return the direction (3,) of the arm's last axis in the palm's frame; None: it slides."""
+        palm = self._skeleton.pose(self._hand.palm, {}).rotation()
+        for name in reversed(self._skeleton.joints_to(self._hand.palm)):
+            joint = self._skeleton.joints[name]
+            if joint.type in MOVING:
+                turns = joint.type != "prismatic"
+                axis = palm.T @ self._skeleton.pose(joint.child, {}).rotation() @ np.array(joint.axis)
+                return _unit(axis) if turns else None
+        return None
 
     def static(self, link: str) -> Array:
         """Return a static link's points (n, 3) in the palm's frame, m."""

@@ -13,7 +13,7 @@ from ...world.shapes import Box
 from ...world.values import Array, Pose, Vector3
 from .finger_motion import FingerMotion
 from .joint_groups import HandGroup
-from .link_geometry import LinkGeometry, finger_box, hand_boxes
+from .link_geometry import LinkGeometry, finger_box, hand_boxes, inner_box
 
 MEASURED_OPENINGS = 9
 """Number of openings at which the fingers are measured."""
@@ -125,7 +125,9 @@ class GripperMeter:
         near, far = self._levels(positions[flat], axes)
         ends = [self._top(n, positions[flat], axes, level) for n, level in enumerate((near, far))]
         short = tips[flat] - max(ends)
-        tcp, comment = self._tcp(axes, max(tips) - short, max(tips) - min(tips), near, far)
+        pads = [self._pad_corners(n, axes, positions[flat], side) for n, side in enumerate((1.0, -1.0))]
+        middle = float(np.mean(pads, axis=(0, 1))[0])
+        tcp, comment = self._tcp(axes, middle, max(tips) - short, max(tips) - min(tips), near, far)
         shift = np.array(tcp.position) @ axes
         return self._described(axes, tcp, comment, shift, positions, widths, tips, positions[flat])
 
@@ -184,13 +186,13 @@ class GripperMeter:
         return opened
 
     def _tcp(
-        self, axes: Array, furthest: float, spread: float, near: _Level, far: _Level
+        self, axes: Array, x: float, furthest: float, spread: float, near: _Level, far: _Level
     ) -> tuple[Pose, str]:
         """Return the TCP in the palm's frame, with a comment.
 
-        `furthest` is where the pads end when they reach furthest, `spread` how far they retract, m. A frame
-        of the URDF is used when it stays between the pads at each opening: a tool frame at the tips of closed
-        fingers on hinges is in front of them once they open.
+        `x` is the pads' middle, `furthest` where they end when they reach furthest, `spread` how far they
+        retract, m. A frame of the URDF is used when it stays between the pads at each opening: a tool frame
+        at the tips of closed fingers on hinges is in front of them once they open.
         """
         low = (
             max(float(near.low[2]), float(far.low[2]))
@@ -201,7 +203,6 @@ class GripperMeter:
         # then.
         back = max(MAX_TCP_TIP_DISTANCE, spread + TCP_TIP_CLEARANCE)
         z = furthest - min(back, max((furthest - low) / 2, 0.002))
-        x = (float(near.low[0] + near.high[0]) + float(far.low[0] + far.high[0])) / 4
         y = (near.y + far.y) / 2
         comment, beyond = "Between the pads, measured on the meshes", ""
         palm = self._skeleton.pose(self._hand.palm, {})
@@ -319,6 +320,9 @@ class GripperMeter:
 
     def _pad(self, n: int, axes: Array, drive: float, side: float) -> tuple[Box, Pose]:
         """Return a pad's box in the frame of its finger link, with edges along the axes of the TCP."""
+        return self._box(n, axes, drive, *self._pad_corners(n, axes, drive, side))
+
+    def _pad_corners(self, n: int, axes: Array, drive: float, side: float) -> tuple[Array, Array]:
         level = self._level(n, drive, axes, side)
         points = self._motion.finger(n, drive, axes)
         beside = points[
@@ -328,11 +332,12 @@ class GripperMeter:
         ]
         behind = float((side * beside[:, 1]).max()) - side * level.y if len(beside) else MIN_PAD_THICKNESS
         depth = min(max(behind, MIN_PAD_THICKNESS), MAX_PAD_THICKNESS)
-        top = self._top(n, drive, axes, level)
-        low, high = level.low, level.high
-        size = (max(float(high[0] - low[0]), 0.004), depth, max(top - float(low[2]), 0.004))
-        centre = np.array([(low[0] + high[0]) / 2, level.y + side * depth / 2, (low[2] + top) / 2])
-        return Box(size), self._in_finger(n, centre, axes, drive)
+        middle, bottom = float(level.low[0] + level.high[0]) / 2, float(level.low[2])
+        half = max(float(level.high[0] - level.low[0]), MIN_FINGER_BODY_SIZE) / 2
+        top = max(self._top(n, drive, axes, level), bottom + MIN_FINGER_BODY_SIZE)
+        near, far = sorted((level.y, level.y + side * depth))
+        low, high = np.array([middle - half, near, bottom]), np.array([middle + half, far, top])
+        return inner_box(points, low, high, side, MIN_PAD_THICKNESS)
 
     def _top(self, n: int, drive: float, axes: Array, level: _Level) -> float:
         """Return where a finger's pad ends along the axis out of the hand, m.
@@ -360,7 +365,8 @@ class GripperMeter:
         level = self._level(n, drive, axes, side)
         points = self._solids[self.links[n]].along_edges(self._motion.finger(n, drive, axes))
         behind = side * points[:, 1] >= side * level.y + FINGER_BODY_SETBACK
-        return self._body(n, axes, drive, points[behind & (points[:, 2] <= level.low[2])])
+        bottom = self._pad_corners(n, axes, drive, side)[0][2]
+        return self._body(n, axes, drive, points[behind & (points[:, 2] <= bottom)])
 
     def _tapered_tip(self, n: int, axes: Array, drive: float, side: float) -> tuple[Box, Pose] | None:
         """Return the box of a tip beyond the pad, which tapers away from the other finger; None: there is
@@ -383,6 +389,12 @@ class GripperMeter:
         if not len(points) or (np.ptp(points, axis=0) < MIN_FINGER_BODY_SIZE).any():
             return None
         low, high = points.min(axis=0), points.max(axis=0)
+        finger = self._motion.finger(n, drive, axes)
+        low, high = inner_box(finger, low, high, 1.0 - 2.0 * n, MIN_FINGER_BODY_SIZE)
+        return self._box(n, axes, drive, low, high)
+
+    def _box(self, n: int, axes: Array, drive: float, low: Array, high: Array) -> tuple[Box, Pose]:
+        """Return the box between two corners (3,) in the TCP's axes, in the frame of a finger link."""
         size: Vector3 = tuple((high - low).tolist())
         return Box(size), self._in_finger(n, (low + high) / 2, axes, drive)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
@@ -214,6 +214,11 @@ def _joined(solids: list[LinkGeometry]) -> LinkGeometry:
     )
 
 
+MAX_STICK_OUT = 0.0025
+"""Greatest distance of a box's corner from the hull of its finger, m. The simulation takes the box, and the
+planner the hull, which it keeps 3 mm away from what is near."""
+INNER_STEPS = 17
+"""Number of depths and of lengths of a box that are tried."""
 HAND_BOX_COUNT = 3
 """Number of boxes along the hand, which mostly tapers."""
 
@@ -257,6 +262,40 @@ def finger_box(fingers: list[Array], widths: list[float]) -> tuple[Box, Pose]:
     low, high = moved.min(axis=0), moved.max(axis=0)
     low[1] = max(low[1], 0.0)
     return _box(low, high, float(low[2]), float(high[2]))
+
+
+def inner_box(points: Array, low: Array, high: Array, side: float, least: float) -> tuple[Array, Array]:
+    """Return the corners of the largest box within a finger that has the face and the tip of a given one.
+
+    `points` (n, 3) are those of the finger, `low` and `high` (3,) the corners of the given box, m. Its face
+    is where y is least for a `side` of 1, greatest for -1; its tip is where z is greatest. The result is at
+    least half as long and at least `least` m deep. Its corners are at most MAX_STICK_OUT outside of the hull
+    of the points. Without such a box the given one is returned.
+    """
+    try:
+        planes = ConvexHull(points).equations
+    except (RuntimeError, ValueError):
+        return low, high
+    nx, ny, nz, offset = planes.T
+    to_right, to_left = nx > 1e-9, nx < -1e-9
+    face = float(low[1] if side > 0 else high[1])
+    deep, long = float(high[1] - low[1]), float(high[2] - low[2])
+    best, volume = (low, high), 0.0
+    for depth, length in product(
+        np.linspace(deep, least, INNER_STEPS).tolist(), np.linspace(long, long / 2, INNER_STEPS).tolist()
+    ):
+        near, far = sorted((face, face + side * depth))
+        bottom = float(high[2]) - length
+        room = MAX_STICK_OUT - offset
+        room -= np.maximum(ny * near, ny * far) + np.maximum(nz * bottom, nz * high[2])
+        if (room[~to_right & ~to_left] < 0.0).any():
+            continue
+        left = (room[to_left] / nx[to_left]).max(initial=float(low[0]))
+        right = (room[to_right] / nx[to_right]).min(initial=float(high[0]))
+        if (right - left) * depth * length > volume * (1 + 1e-9):
+            volume = (right - left) * depth * length
+            best = (np.array([left, near, bottom]), np.array([right, far, high[2]]))
+    return best
 
 
 def _box(low: Array, high: Array, bottom: float, top: float) -> tuple[Box, Pose]:

@@ -49,6 +49,7 @@ _REASON_TEXTS = {
     "default": "Default: two joints between them, and they touch with all joints in mid-range.",
     "always": f"Always in collision: in more than {100 * ALWAYS_COLLIDING_SHARE:.0f} % of the samples.",
     "never": "Never in collision in any sample.",
+    "hulls": "Only their hulls collide, which are without the links' hollows; their meshes never do.",
 }
 
 

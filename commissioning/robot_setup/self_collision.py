@@ -2,18 +2,20 @@
 
 As MoveIt's Setup Assistant does it, configurations are drawn evenly within the joints' limits, and each pair
 of links is counted as colliding or not. Adjacent pairs, and those that always or never collide, need no
-check. Coleman et al., "Reducing the Barrier to Entry of Complex Robotic Software: a MoveIt! Case Study",
-2014.
+check. The planner takes each mesh as its hull. Neighbours of which only the hulls collide, as those of an
+arm that folds into its own hollow, need no check either. Coleman et al., "Reducing the Barrier to Entry of
+Complex Robotic Software: a MoveIt! Case Study", 2014.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+import coal
 import numpy as np
 import pinocchio as pin
 
@@ -22,6 +24,7 @@ from ...robots.model import RobotModel
 from ...robots.urdf_faults import MOVING
 from ...robots.urdf_tree import UrdfTree, read_skeleton
 from ...world.values import Array
+from .link_geometry import LinkGeometry
 
 SAMPLE_COUNT = 10_000
 COLLISION_DISTANCE = 0.005
@@ -29,8 +32,8 @@ COLLISION_DISTANCE = 0.005
 ALWAYS_COLLIDING_SHARE = 0.95
 """Share of samples above which a pair always collides, as MoveIt counts it."""
 
-Reason = Literal["adjacent", "default", "always", "never"]
-REASONS: tuple[Reason, ...] = ("adjacent", "default", "always", "never")
+Reason = Literal["adjacent", "default", "always", "never", "hulls"]
+REASONS: tuple[Reason, ...] = ("adjacent", "default", "always", "never", "hulls")
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +74,10 @@ class SamplingTask:
     unchecked: frozenset[frozenset[str]] = frozenset()
     """Pairs that are never checked, as those within a gripper."""
     near: frozenset[frozenset[str]] = frozenset()
-    """Pairs that may be `default`; other pairs that collide at `rest` truly collide."""
+    """Pairs that may be `default` or `hulls`; other pairs that collide at `rest` truly collide."""
+    meshes: Mapping[str, LinkGeometry] = field(default_factory=dict[str, LinkGeometry])
+    """Links as they are, with their hollows. Pairs of `near` are `hulls` when their hulls collide in some
+    samples, and their meshes in none of these."""
 
 
 def sample(question: SamplingTask, samples: int = SAMPLE_COUNT, seed: int = 0) -> SelfCollisionReport:
@@ -103,7 +109,8 @@ def sample(question: SamplingTask, samples: int = SAMPLE_COUNT, seed: int = 0) -
 
     generator = np.random.default_rng([seed, 0])
     at_rest = colliding(question.rest)
-    found = [frozenset(colliding(question.draw(generator))) for _ in range(samples)]
+    drawn = [question.draw(generator) for _ in range(samples)]
+    found = [frozenset(colliding(q)) for q in drawn]
     counts: dict[frozenset[str], int] = {frozenset((names[i], names[j])): 0 for i, j in listed}
     for each in found:
         for pair in each:
@@ -114,6 +121,9 @@ def sample(question: SamplingTask, samples: int = SAMPLE_COUNT, seed: int = 0) -
     for pair in sorted(counts, key=lambda pair: sorted(order[name] for name in pair)):
         first, second = sorted(pair, key=lambda name: order[name])
         reason = _reason(pair, counts[pair], samples, question.neighbours, at_rest & question.near)
+        if reason is None and pair in question.near and {first, second} <= question.meshes.keys():
+            touching = (q for q, each in zip(drawn, found, strict=True) if pair in each)
+            reason = None if _meshes_meet(question, (first, second), touching) else "hulls"
         if reason is None:
             checked.append((first, second, counts[pair]))
         else:
@@ -153,12 +163,42 @@ def _reason(
     return "never" if count == 0 else None
 
 
+def _meshes_meet(question: SamplingTask, pair: tuple[str, str], configurations: Iterable[Array]) -> bool:
+    """Return whether the meshes of two links are nearer than COLLISION_DISTANCE in any configuration."""
+    model, data = question.model, question.model.createData()
+    bodies = [_surface(question.meshes[link]) for link in pair]
+    frames = [model.getFrameId(link, pin.BODY) for link in pair]
+    request = coal.CollisionRequest()
+    request.security_margin = COLLISION_DISTANCE
+    for q in configurations:
+        pin.framesForwardKinematics(model, data, q)
+        one, other = (coal.Transform3s(data.oMf[k].rotation, data.oMf[k].translation) for k in frames)
+        if coal.collide(bodies[0], one, bodies[1], other, request, coal.CollisionResult()):
+            return True
+    return False
+
+
+def _surface(link: LinkGeometry) -> coal.BVHModelOBBRSS:
+    points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    for point in link.points:
+        points.append(point)
+    for a, b, c in link.triangles.tolist():
+        triangles.append(coal.Triangle(a, b, c))
+    made = coal.BVHModelOBBRSS()
+    made.beginModel(len(link.triangles), len(link.points))
+    made.addSubModel(points, triangles)
+    made.endModel()
+    return made
+
+
 def summary(found: SelfCollisionReport) -> Mapping[Reason, int]:
     """Return the number of pairs without a check, by reason."""
     return {reason: sum(pair.reason == reason for pair in found.disabled) for reason in REASONS}
 
 
-def sample_links(model: RobotModel, samples: int, seed: int) -> SelfCollisionReport:
+def sample_links(
+    model: RobotModel, meshes: Mapping[str, LinkGeometry], samples: int, seed: int
+) -> SelfCollisionReport:
     """Sample the self-collisions of a robot's links, and return which pairs need no check."""
     description = model.description
     geometry = pin.GeometryModel()
@@ -191,6 +231,7 @@ def sample_links(model: RobotModel, samples: int, seed: int) -> SelfCollisionRep
             model.full_q(middle, widest),
             frozenset(pair for pair in pairs if pair <= hand),
             frozenset(near),
+            meshes,
         ),
         samples,
         seed,

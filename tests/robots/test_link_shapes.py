@@ -220,3 +220,29 @@ def test_a_shape_that_the_engine_has_lost_is_told() -> None:
     assert str(raised.value) == (
         f"{robot.urdf}: link 'panda_link0' has 2 shapes, of which 1 collide in the simulation"
     )
+
+
+BALL = '<visual><geometry><sphere radius="0.005"/></geometry></visual>'
+WEIGHT = '<inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4"/></inertial>'
+
+
+@pytest.mark.parametrize(
+    ("mark", "joint", "bodies"),
+    [
+        (BALL, "fixed", []),
+        (BALL.replace("0.005", "0.02"), "fixed", ["mark"]),
+        (BALL + WEIGHT, "fixed", ["mark"]),
+        (BALL + BALL.replace("visual", "collision"), "fixed", ["mark"]),
+        (BALL, "floating", ["mark"]),
+        (BALL.replace('<sphere radius="0.005"/>', '<mesh filename="block.stl"/>'), "fixed", ["mark"]),
+    ],
+)
+def test_a_marker_of_a_frame_is_no_body(mark: str, joint: str, bodies: list[str], tmp_path: Path) -> None:
+    block(tmp_path, "block.stl", 0.005)
+    (tmp_path / "arm.urdf").write_text(
+        f'<robot name="arm"><link name="l0"/><link name="mark">{mark}</link>'
+        f'<joint name="j" type="{joint}"><parent link="l0"/><child link="mark"/></joint></robot>'
+    )
+    file = str(tmp_path / "arm.urdf")
+    assert [part.link for part in link_shapes(file)] == bodies
+    assert links_seen_only(file) == (() if "collision" in mark else tuple(bodies))
