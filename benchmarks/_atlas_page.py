@@ -115,7 +115,7 @@ def cure_of(failure: FailureStory) -> str:
         "open": "The log ends before anything came of it",
     }
     lost = failure.seconds_lost
-    fate = fates[failure.fate] + (f", after {lost:.1f} s." if lost else ".")
+    fate = fates[failure.fate] + (f"; {lost:.1f} s lost." if lost else ".")
     advice = f" What helps against `{failure.cause}` in general: {failure.remedy}."
     return (f"Tried: {', '.join(tried)}. " if tried else "Nothing was tried. ") + fate + advice
 

@@ -40,6 +40,16 @@ class Episodes:
         """Counts by cause, with the most time lost first."""
         return by_cause(self.cures)
 
+    def of_failure(self, cause: str, time: float, node: str) -> int | None:
+        """Return the place of the episode with a failure of this cause at a time (s), at this node if any."""
+        found = [
+            n
+            for n, episode in enumerate(self.episodes)
+            if episode.cause == cause and any(abs(at - time) < 1e-6 for at in episode.times)
+        ]
+        same = [n for n in found if self.episodes[n].node == node]
+        return (same or found or [None])[0]
+
 
 @dataclass(frozen=True, slots=True)
 class FailureLink:

@@ -50,7 +50,7 @@ COLUMNS: Final[Mapping[str, tuple[ValueType, str]]] = {
     "held": (INT, "number of grasps that held"),
     "seconds": (FLOAT, "simulated time, s"),
     "lost": (FLOAT, "simulated time lost by failures, s"),
-    "cause": (TEXT, "cause of failures that lost most time; empty without a failure"),
+    "cause": (TEXT, "cause of failures that lost most time, those done instead left out; empty without one"),
     "causes": (list_of(TEXT), "all causes of failures, the one that lost most time first"),
     "age": (FLOAT, "time since the last write to the log, days"),
     "folder": (TEXT, "path of the run's folder or log below the listed folder"),
@@ -87,16 +87,13 @@ class RunRow:
     held: int | None = None
     seconds: float | None = None
     lost: float | None = None
+    cause: str = ""
     causes: tuple[str, ...] = ()
     message: str = ""
     """Sentence on why the tree failed, or why the log cannot be read."""
 
-    @property
-    def cause(self) -> str:
-        return self.causes[0] if self.causes else ""
-
     def to_json(self) -> dict[str, object]:
-        return {**asdict(self), "cause": self.cause}
+        return asdict(self)
 
     def names(self, now: float, wanted: Iterable[str] = COLUMNS) -> dict[str, object]:
         """Return the values of columns for a filter; `now`: s since 1970."""
@@ -294,6 +291,8 @@ def _filled(row: RunRow, log: RunLog) -> RunRow:
         row = replace(row, status="unknown") if row.status == "killed" and log.lacks_result else row
         return replace(row, seconds=None if row.status == "running" else round(log.end, 3))
     result = RunResult.from_json_text(text, log.path)
+    causes = _causes(result)
+    instead = {each.cause for each in by_cause(result.cures or ()) if not each.total.to_cure}
     return replace(
         row,
         status=result.status,
@@ -303,7 +302,8 @@ def _filled(row: RunRow, log: RunLog) -> RunRow:
         held=result.picks.held,
         seconds=round(result.sim_seconds, 3),
         lost=None if result.cures is None else round(sum(each.seconds for each in result.cures), 3),
-        causes=_causes(result),
+        causes=causes,
+        cause=next((cause for cause in causes if cause not in instead), ""),
         message=result.message,
     )
 

@@ -169,7 +169,10 @@ class RunResult:
     failures: Mapping[str, int] = field(default_factory=_none)
     """Number of failures of leaves by cause."""
     recoveries: Mapping[str, int] = field(default_factory=_none)
-    """Number of recoveries tried by cause."""
+    """Number of handler runs by cause, as `Recover` and `RecoveryNode` announce them.
+
+    An episode may have several. The next branch of a `Fallback` and a mere retry are none.
+    """
     cures: tuple[CureCount, ...] | None = None
     """Episodes counted by cause and cure, in the terms of `episodes.episode`; None in older logs."""
     planted: tuple[PlantedCount, ...] = ()
@@ -332,7 +335,7 @@ class RunResult:
     def _recovered(self) -> list[str]:
         """Return a line for each cause, with the most time lost first."""
         if self.cures is None:
-            return [f"recoveries  {_counts(self.recoveries)}"]
+            return [f"recoveries  {_counts(self.recoveries)}"]  # an older log: handler runs only
         told = _under("recovery", cause_lines(self.cures))
         return [*told, *_under("planted", planted_lines(self.planted))]
 

@@ -213,7 +213,7 @@ def _outcome(a: RunOutcome, b: RunOutcome) -> Iterator[str]:
             ("items done, as believed", str(a.items_done), str(b.items_done)),
             ("grasps held", f"{a.picks_held} of {a.picks_tried}", f"{b.picks_held} of {b.picks_tried}"),
             ("failures", str(sum(a.failures.values())), str(sum(b.failures.values()))),
-            ("recoveries tried", str(a.recoveries), str(b.recoveries)),
+            ("handler runs", str(a.recoveries), str(b.recoveries)),
             ("simulated", f"{a.end:.2f} s", f"{b.end:.2f} s"),
         ]
     )  # fmt: skip

@@ -241,7 +241,7 @@ class RunOutcome:
     failures: Mapping[str, int]
     """Number of failures of nodes themselves, by cause."""
     recoveries: int
-    """Number of recoveries that were tried."""
+    """Number of handler runs that `Recover` and `RecoveryNode` announced."""
     digest: str
     """Digest of the run, in hex; empty when it was killed."""
 

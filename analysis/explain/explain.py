@@ -379,5 +379,4 @@ def _told(
         observed=failure_context(case, failure, planted),
         made_good_at=done[0] if done and failure.fate in ("passed_over", "branched") else None,
         root_cause=next((n for n, cause in enumerate(causes) if failure.number in cause.failures), None),
-        episode=case.episode(failure),
     )

@@ -56,6 +56,8 @@ class ExplainedRuns:
     """Causes of failures with what was tried or done instead, with the most time lost first."""
     unreadable: tuple[str, ...]
     """Sentences about logs that could not be read."""
+    notes: tuple[str, ...] = ()
+    """Sentences about what the counts leave out, such as jobs without logs."""
 
     @property
     def runs(self) -> int:
@@ -71,8 +73,12 @@ def holds_runs(where: str) -> bool:
         return bool(logs_below(folder))
 
 
-def explain_runs(folder: Path, say: Callable[[str], None] = lambda text: None) -> ExplainedRuns:
+def explain_runs(
+    folder: Path, say: Callable[[str], None] = lambda text: None, notes: Sequence[str] = ()
+) -> ExplainedRuns:
     """Explain all runs of a folder; `say` is called with the number of each.
+
+    `notes`: sentences about what the folder's logs leave out.
 
     Raises PicktreeError when the folder holds no log.
     """
@@ -101,7 +107,13 @@ def explain_runs(folder: Path, say: Callable[[str], None] = lambda text: None) -
     causes = sorted((_cause(*each) for each in found.items()), key=lambda c: (-c.items, -c.runs, -c.seconds))
     counts = by_cause(added_cures(cures))
     return ExplainedRuns(
-        str(folder), tuple(statuses.most_common()), items, tuple(causes), counts, tuple(unreadable)
+        str(folder),
+        tuple(statuses.most_common()),
+        items,
+        tuple(causes),
+        counts,
+        tuple(unreadable),
+        tuple(notes),
     )
 
 
@@ -130,7 +142,7 @@ def _lines(found: ExplainedRuns, program: str, paint: Paint) -> Iterator[str]:
     done, total = found.items
     items = f"; {done} of {counted(total, 'item')} sorted" if total else ""
     yield from wrapped(f"{counted(found.runs, 'run')} in {found.folder}: {ends}{items}", "")
-    for sentence in found.unreadable:
+    for sentence in (*found.notes, *found.unreadable):
         yield from wrapped(f"Note: {sentence}", "")
     if found.causes:
         yield ""
@@ -166,5 +178,6 @@ def runs_json_text(found: ExplainedRuns) -> str:
         "causes": causes,
         "cures": [asdict(cure) for each in found.cures for cure in each.by_cure],
         "unreadable": list(found.unreadable),
+        "notes": list(found.notes),
     }
     return json.dumps(told, ensure_ascii=False, indent=2) + "\n"

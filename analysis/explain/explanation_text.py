@@ -116,7 +116,7 @@ class ExplanationText:
             return f"{told}." if self._found.failures else f"{told}, and nothing failed."
         lost = cause.seconds_lost
         times = listed([seconds(f.time) for f in failures], 4)
-        took = f", {lost:.0f} s lost" if lost >= 1.0 else ""
+        took = f", {lost:.1f} s lost" if lost >= 0.05 else ""
         return f"{told}: {counted(len(failures), 'failure')} at {times}{took}."
 
     def _items(self, everything: bool) -> Iterator[str]:
@@ -195,7 +195,7 @@ def to_json_text(run: Run, found: Explanation) -> str:
         "log": str(run.path),
         "notes": list(notes_on(run)),
     }
-    failures = [{**_plain(f), "cured": f.cured, "seconds_lost": f.seconds_lost} for f in found.failures]
+    failures = [{**_plain(f), "cured": f.cured} for f in found.failures]
     whole = {
         "outcome": outcome,
         "failures": failures,

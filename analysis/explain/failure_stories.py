@@ -179,11 +179,16 @@ def _faults(case: Investigation, failure: FailureStory, planted: Sequence[Stampe
 def failures_of(run: RunRecord, account: RunAccount) -> tuple[FailureStory, ...]:
     """Every failure with a cause, in the order of their times. A false condition is none."""
     causes = {cause.name: cause for cause in all_causes()}
+    charged: set[int | None] = {None}
     found: list[FailureStory] = []
     before: list[Visit] = []
     for failure in account.failures:
         story = _story(run, len(found), failure, causes.get(failure.source.cause))
-        found.append(replace(story, because_of=_follows(failure.source, before, account.tree)))
+        episode = account.recovery.of_failure(story.cause, story.time, story.node)
+        lost = 0.0 if episode in charged or episode is None else account.recovery.episodes[episode].seconds
+        charged.add(episode)
+        follows = _follows(failure.source, before, account.tree)
+        found.append(replace(story, because_of=follows, episode=episode, seconds_lost=lost))
         before.append(failure.source)
     return tuple(found)
 

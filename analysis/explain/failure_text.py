@@ -78,7 +78,7 @@ _FATES = {
     "cured": "cured",
     "done_instead": "done instead",
     "passed_over": "passed over",
-    "branched": "answered another way",
+    "branched": "went another way",
     "ended": "ended the mission",
     "open": "still open when the log ends",
 }
@@ -152,7 +152,8 @@ class FailureText:
         by = self._names.get(story.fate_by, story.fate_by)
         match story.fate:
             case "cured":
-                told = f"Cured{self._cure(story)}: {by} went on after {story.seconds_lost or 0.0:.1f} s."
+                told = f"Cured{self._cure(story)}: {by} went on at {seconds(story.fate_at or 0.0)}"
+                told += f"; {story.seconds_lost:.1f} s lost." if story.seconds_lost else "."
             case "done_instead":
                 told = f"{by} did that instead of the branch, as the mission asks."
             case "passed_over":

@@ -269,15 +269,10 @@ def _unseen(case: Investigation, answer: Finding) -> Finding:
 def _costs(case: Investigation, by_failure: Mapping[int, Finding]) -> Mapping[tuple[str, str], float]:
     """Simulated s that the episodes of each finding cost: each counts once, for what came first in it."""
     found: dict[tuple[str, str], float] = {}
-    taken: set[int] = set()
     for failure in case.failures:
-        episode = case.episode(failure)
-        if episode is None or episode in taken:
-            continue
-        taken.add(episode)
         finding = by_failure[failure.number]
         key = (finding.cause, finding.about)
-        found[key] = found.get(key, 0.0) + case.run.account.recovery.episodes[episode].seconds
+        found[key] = found.get(key, 0.0) + failure.seconds_lost
     return found
 
 

@@ -120,7 +120,10 @@ class FailureRow:
     fate: Annotated[str, ColumnDoc("cured, done_instead, passed_over, branched, ended or open")]
     fate_by: Annotated[str, ColumnDoc("path of the node that decided it")]
     fate_at: Annotated[float | None, ColumnDoc("simulated time at which that was", "s")]
-    seconds_lost: Annotated[float | None, ColumnDoc("simulated time from the failure until then", "s")]
+    seconds_lost: Annotated[
+        float,
+        ColumnDoc("simulated time lost of its episode, at the episode's first failure; 0 at others", "s"),
+    ]
     because_of: Annotated[int | None, ColumnDoc("number of the failure that it follows from")]
     handlers: Annotated[str, ColumnDoc("what recovery tried, in order: a JSON list")]
     evidence: Annotated[str, ColumnDoc("a JSON object")]

@@ -298,7 +298,7 @@ def _rows(outcome: RunOutcome) -> list[tuple[str, str]]:
         ("items done, as believed", str(outcome.items_done)),
         ("grasps held", f"{outcome.picks_held} of {outcome.picks_tried}"),
         ("simulated time", f"{outcome.end:.2f} s"),
-        ("recoveries", str(outcome.recoveries)),
+        ("handler runs", str(outcome.recoveries)),
         ("failures", str(sum(outcome.failures.values()))),
     ]
 

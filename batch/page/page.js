@@ -4,8 +4,14 @@
 const data = JSON.parse(document.getElementById("data").textContent);
 const P = picktreePlot;
 
-const percent = (value) => `${(100 * value).toFixed(1)} %`;
-const interval = (rate) => `${(100 * rate.low).toFixed(1)} … ${percent(rate.high)}`;
+// As the texts round: a number halfway between two goes to the even one.
+const fixed = (value, digits) => {
+  if (Math.abs(value * 2 ** (digits + 1)) % 2 !== 1) return value.toFixed(digits);
+  const below = Math.floor(value * 10 ** digits);
+  return ((below % 2 === 0 ? below : below + 1) / 10 ** digits).toFixed(digits);
+};
+const percent = (value) => `${fixed(100 * value, 1)} %`;
+const interval = (rate) => `${fixed(100 * rate.low, 1)} … ${percent(rate.high)}`;
 const words = (rate) => (rate.total ? `${rate.successes} of ${rate.total}, ${interval(rate)}` : "none");
 
 function element(tag, attributes = {}, ...children) {
@@ -29,7 +35,7 @@ function recipesTable() {
       share(recipe.success),
       share(recipe.items),
       share(recipe.first_try),
-      spread ? `${spread.median.toFixed(0)} (${spread.low.toFixed(0)} … ${spread.high.toFixed(0)})` : "none",
+      spread ? `${fixed(spread.median, 0)} (${fixed(spread.low, 0)} … ${fixed(spread.high, 0)})` : "none",
       recipe.crashed,
     ];
     return element("tr", {}, element("td", {}, recipe.label),
@@ -45,7 +51,7 @@ function jobs() {
   const tell = (job) => {
     const words = [`seed ${job.seed}, ${job.label}: ${job.status}`];
     if (job.items !== null) words.push(`${job.sorted} of ${job.items} items sorted`);
-    if (job.seconds !== null) words.push(`${job.seconds.toFixed(0)} simulated s`);
+    if (job.seconds !== null) words.push(`${fixed(job.seconds, 0)} simulated s`);
     return words.join(", ") + (job.look_at ? `; ${job.look_at}` : "");
   };
   const choose = (job) => {
@@ -176,7 +182,7 @@ function causes(width) {
       P.barX(bars, { x: "count", y: "cause", fill: "what", tip: true, order: ends }),
       P.lineY(rows, { x: "sum", y: "cause", stroke: "var(--faint)", strokeOpacity: 0.6 }),
       P.dot(rows, { x: "sum", y: "cause", r: 3, fill: "var(--faint)" }),
-      P.text(rows, { x: "sum", y: "cause", text: (row) => `${Math.round((100 * row.sum) / total)} %`, dx: 8, textAnchor: "start", fill: "var(--faint)" }),
+      P.text(rows, { x: "sum", y: "cause", text: (row) => `${fixed((100 * row.sum) / total, 0)} %`, dx: 8, textAnchor: "start", fill: "var(--faint)" }),
       P.ruleX([0]),
     ],
   });
@@ -219,7 +225,7 @@ function places(width) {
 
 // What the failures come from, each with the job that shows it.
 function roots() {
-  const head = ["root cause", "jobs", "goal missed", "such as"];
+  const head = ["first root cause", "jobs", "goal missed", "such as"];
   const rows = chosen.roots.map((row) => {
     const such = element("td", { class: "by", "data-head": head[3] }, element("div", {}, `seed ${row.seed}, ${row.label}`));
     if (row.look_at) such.append(element("div", {}, row.look_at));
@@ -233,7 +239,7 @@ function roots() {
 
 // What was seen, tried and cured; below it what failed first after planted faults.
 function cures() {
-  const head = ["cause", "seen", "cured", "tries", "s lost", "by, cured of those tried"];
+  const head = ["cause", "episodes", "cured", "tries", "s lost", "by, cured of those tried"];
   const rows = chosen.cures.map((row) => {
     const times = (count) => (count === 1 ? "once" : `${count} times`);
     const by = row.by.flatMap((each) => {
@@ -244,7 +250,7 @@ function cures() {
       return each.given_up ? [...alone, `given up untried, ${times(each.given_up)}`] : alone;
     });
     const numbers = [
-      row.seen, share(row.rate), row.tries_a_cure === null ? "–" : row.tries_a_cure.toFixed(1), row.seconds.toFixed(0),
+      row.seen, share(row.rate), row.tries_a_cure === null ? "–" : fixed(row.tries_a_cure, 1), fixed(row.seconds, 1),
     ];
     return element("tr", {}, element("td", {}, row.cause),
       ...numbers.map((text, n) => element("td", { class: "number", "data-head": head[n + 1] }, String(text))),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import sqlite3
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager
@@ -240,6 +241,26 @@ def export(store: Store, form: TableForm, output: Path) -> ExportedTables:
     """
     with store.reading() as rows:
         return ExportedTables(form, output, write_tables(form, output, TABLES, rows))
+
+
+def dropped_logs(folder: Path, program: str = "picktree") -> str:
+    """Return a sentence on the jobs of a batch whose logs were not kept; empty when all were, or no batch.
+
+    Raises PicktreeError when the results cannot be read.
+    """
+    path = folder / RESULTS_FILE
+    if not path.is_file():
+        return ""
+    with Store(path) as store:
+        rows = store.query("SELECT count(*), sum(folder = '') FROM jobs WHERE status <> 'waiting'").rows
+    ((done, dropped),) = rows
+    if not dropped:
+        return ""
+    where = shlex.quote(str(folder))
+    return (
+        f"the batch has kept no log of {dropped} of {done} jobs, which are not counted here; "
+        f"`{program} batch summary {where}` has the figures of all"
+    )
 
 
 _BY_SEED = re.compile(r"(?:(?P<label>.*),)?\s*seed=(?P<seed>\d+)")

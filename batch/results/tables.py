@@ -63,7 +63,10 @@ class JobFailureRow:
     item: Item
     fate: Annotated[str, ColumnDoc("cured, done_instead, passed_over, branched, ended, open")]
     handled_by: Annotated[str, ColumnDoc("handlers that were tried, in order")]
-    seconds_lost: Annotated[float | None, ColumnDoc("simulated time until its fate was decided", "s")]
+    seconds_lost: Annotated[
+        float | None,
+        ColumnDoc("simulated time lost of its episode, at the episode's first failure; 0 at others", "s"),
+    ]
 
 
 @dataclass(frozen=True, slots=True)

@@ -70,7 +70,7 @@ VIEWS = (
         """
     SELECT cause, count(*) AS failures, sum(fate = 'cured') AS cured,
            sum(fate = 'done_instead') AS done_instead, count(DISTINCT job) AS jobs,
-           sum(seconds_lost) AS seconds_lost
+           (SELECT sum(seconds) FROM episodes WHERE episodes.cause = failures.cause) AS seconds_lost
     FROM failures GROUP BY cause ORDER BY count(*) DESC, cause""",
     ),
     SqlView(
@@ -79,7 +79,8 @@ VIEWS = (
         """
     SELECT variant, cause, count(*) AS failures, sum(fate = 'cured') AS cured,
            sum(fate = 'done_instead') AS done_instead, count(DISTINCT job) AS jobs,
-           sum(seconds_lost) AS seconds_lost
+           (SELECT sum(seconds) FROM episodes JOIN jobs AS j USING (job)
+            WHERE j.variant = jobs.variant AND episodes.cause = failures.cause) AS seconds_lost
     FROM failures JOIN jobs USING (job) GROUP BY variant, cause ORDER BY min(number), count(*) DESC""",
     ),
     SqlView(

@@ -61,18 +61,25 @@ class RecipeSummary:
 
 @dataclass(frozen=True, slots=True)
 class CauseTotal:
+    """Failures of one cause. An episode may have several: `CauseCount` counts episodes."""
+
     cause: str
     failures: int
     cured: int
+    """Number of failures whose episodes were cured."""
     done_instead: int
+    """Number of failures whose episodes a handler of `instead` ended."""
     jobs: int
     seconds_lost: float
-    """Simulated time until the failures were decided, s."""
+    """Simulated time that the episodes of the cause lost, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class RootTotal:
-    """Jobs with the same root cause, by the explanation of each; the causes of failures follow from it."""
+    """Jobs with the same first root cause: the one that cost the goal, else the first of the explanation.
+
+    Further root causes of a job are not counted; `explain` of the batch's folder counts all.
+    """
 
     cause: str
     jobs: int
@@ -119,7 +126,7 @@ class Breakdown:
     planted: tuple[PlantedCount, ...] = ()
     """Injected faults with the first failures after them."""
     roots: tuple[RootTotal, ...] = ()
-    """Root causes, those that cost the goal most often first."""
+    """First root causes of the jobs, those that cost the goal most often first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,22 +197,22 @@ def _lines(found: BatchSummary) -> Iterator[str]:
             yield f"  s a pick      {', '.join(split)}"
     together = found.together
     if together.roots:
-        width = max(len("root cause"), *(len(root.cause) for root in together.roots))
+        title = "first root cause"
+        width = max(len(title), *(len(root.cause) for root in together.roots))
         yield ""
-        yield f"{'root cause':<{width}}    jobs  goal missed  such as"
+        yield f"{title:<{width}}    jobs  goal missed  such as"
         for root in together.roots:
             such = f"seed {root.seed}, {root.label}{f': {root.look_at}' if root.look_at else ''}"
             yield f"{root.cause:<{width}}{root.jobs:8}{root.missed:13}  {such}"
     if together.causes:
-        width = max(len(c.cause) for c in together.causes)
+        width = max(len("cause"), *(len(c.cause) for c in together.causes))
         total, so_far = sum(c.failures for c in together.causes), 0
         yield ""
-        yield f"{'cause':<{width}}  failures     sum   cured instead    jobs  s lost"
+        yield f"{'cause':<{width}}  failures     sum    jobs"
         for c in together.causes:
             so_far += c.failures
             share = f"{100 * so_far / total:.0f} %"
-            counts = f"{c.failures:8}{share:>8}{c.cured:8}{c.done_instead:8}{c.jobs:8}"
-            yield f"{c.cause:<{width}}  {counts}{c.seconds_lost:8.0f}"
+            yield f"{c.cause:<{width}}  {c.failures:8}{share:>8}{c.jobs:8}"
     yield from _cures(together)
     if together.forms:
         yield ""
@@ -226,14 +233,14 @@ def _lines(found: BatchSummary) -> Iterator[str]:
 def _cures(together: Breakdown) -> Iterator[str]:
     """Yield lines about the recovery of each cause, and about the detection of injected faults."""
     if together.cures:
-        width = max(len(c.cause) for c in together.cures)
+        width = max(len("cause"), *(len(c.cause) for c in together.cures))
         yield ""
-        yield f"{'cause':<{width}}  {'cured of those to be cured':<32} tries  s lost  by"
+        yield f"{'cause':<{width}}  episodes  {'cured of those to be cured':<32} tries   s lost  by"
         for c in together.cures:
             total, tries = c.total, c.total.tries_a_cure
             said = "" if tries is None else f"{tries:.1f}"
             cured = str(rate(total.cured, total.to_cure)) if total.to_cure else ""
-            yield f"{c.cause:<{width}}  {cured:<32} {said:>5}{total.seconds:8.0f}  {_by(c)}"
+            yield f"{c.cause:<{width}}  {total.seen:8}  {cured:<32} {said:>5}{total.seconds:9.1f}  {_by(c)}"
     for n, fault in enumerate(dict.fromkeys(p.fault for p in together.planted)):
         if not n:
             yield ""

@@ -85,7 +85,9 @@ def _breakdowns(store: Store, labels: list[str]) -> tuple[tuple[Breakdown, ...],
             store,
             # From the table: views of an older batch lack a column.
             "SELECT variant, cause, count(*), sum(fate = 'cured'), sum(fate = 'done_instead'), "
-            "count(DISTINCT job), coalesce(sum(seconds_lost), 0) FROM failures JOIN jobs USING (job) "
+            "count(DISTINCT job), coalesce((SELECT sum(seconds) FROM episodes JOIN jobs AS j USING (job) "
+            "WHERE j.variant = jobs.variant AND episodes.cause = failures.cause), 0) "
+            "FROM failures JOIN jobs USING (job) "
             "GROUP BY variant, cause ORDER BY min(number), count(*) DESC",
         )
     ]

@@ -77,9 +77,11 @@ def explain(
 
 def _explain_runs(folder: Path, answer: TextIO | None) -> None:
     from ...analysis.explain.explain_runs import explain_runs, runs_json_text, runs_text
+    from ...batch.results.store import dropped_logs
 
+    dropped = dropped_logs(folder, program())
     with StatusLine() as line:
-        found = explain_runs(folder, line.say)
+        found = explain_runs(folder, line.say, [dropped] if dropped else [])
     print_answer(
         answer,
         lambda: runs_text(found, program(), painter(sys.stdout)),

@@ -145,7 +145,7 @@ def place(cursor: Cursor) -> str:
     status = {node.path: node for node in tick.nodes}
     where = status.get(deepest(cursor)) or (tick.nodes[0] if tick.nodes else None)
     doing = "" if where is None else f"; {where.path} is {where.status}"
-    return f"{cursor.time:.2f} s, tick {cursor.number} of {len(cursor) - 1}{doing}"
+    return f"{cursor.time:.2f} s, tick {cursor.number} of 0 … {len(cursor) - 1}{doing}"
 
 
 def node_lines(cursor: Cursor, text: str) -> Iterator[str]:

@@ -11,8 +11,13 @@
 - *By what.* The cure that ran last against this cause: the sub-tree or the nodes of the handler. It is `Grasp
   again` where only the branch ran again, and the next branch of a `Fallback` or a `RoundRobin`.
 - *Tries.* Runs after the failure that could succeed: 1 when the first of them did.
-- *Cured* when the handling node then succeeds. *Given up* when that node fails and none further up handles
-  the failure, or when the cure sets the item aside. A branch of a `Fallback` with a `SetAside` in it gives
+- *Cured* when the handling node then succeeds, and with it the work that had failed. After the same branch
+  ran again, it did. The next branch of a `Fallback` or a `RoundRobin` must have done something for an item
+  of the branch that failed: a skill other than a look or a push succeeded on it, and the item was not left
+  outside of a bin or hole. A branch without items is cured by any branch that succeeds. A failure within a
+  cure that another branch passed without that work ends as what the cure is for.
+- *Given up* when that node fails and none further up handles the failure, when its next branch did not do
+  that work, or when the cure sets the item aside. A branch of a `Fallback` with a `SetAside` in it gives
   the item up, even if it only counts this time, and is no try. *Done instead* when a handler of `instead`
   took the place of the branch, as the mission asks for this cause; such an episode is neither cured nor given
   up, and costs no time. *Unhandled* when no node tried anything. *Open* when the log ends before.
@@ -113,12 +118,11 @@ def _last(path: str) -> str:
 
 End: TypeAlias = Literal["cured", "done_instead", "given_up", "unhandled", "open"]
 Fate: TypeAlias = Literal["cured", "done_instead", "passed_over", "branched", "ended", "open"]
-"""Outcome of a single failure.
+"""Outcome of a single failure; it follows from the end of its episode.
 
-`cured`: recovery ran and what had failed then succeeded. `done_instead`: a handler of `instead` took the
-place of what had failed. `passed_over`: nothing cured it, and a loop went on with the next item. `branched`:
-a Fallback or another node went another way, as its mission says. `ended`: it reached the root, and the
-mission ended with it. `open`: the log ends before.
+`cured`, `done_instead` and `open`: as its episode. A failure whose episode was given up or unhandled is told
+by what the mission did: `passed_over`: a loop went on with the next item. `branched`: a Fallback or another
+node went another way. `ended`: it reached the root, and the mission ended with it.
 """
 
 
@@ -230,6 +234,12 @@ class RunningNode:
     """Trouble with which that child failed."""
     run: float = 0.0
     """When the present run of the branch began, or the one that failed last, s."""
+    about: list[str] = field(default_factory=list[str])
+    """Items that nodes below have named since then."""
+    failed_about: list[str] = field(default_factory=list[str])
+    """The same of the runs before."""
+    worked: list[str] = field(default_factory=list[str])
+    """Items that a skill has succeeded on since then."""
     borne: float = 0.0
     """Time that troubles within have cost since then, s."""
     dealing: bool = False
@@ -256,3 +266,5 @@ class EpisodeTrackerState:
     troubles: dict[int, OpenEpisode] = field(default_factory=dict[int, OpenEpisode])
     planted: tuple[Planted, ...] = ()
     number: int = 0
+    elsewhere: tuple[str, ...] = ()
+    """Items that were put down outside of bins and holes, and not held since."""

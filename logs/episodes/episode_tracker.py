@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 
 from ...world.events.run_events import FaultEvent, RecoveryEvent
-from ...world.events.skill_events import ItemDoneEvent, SetAsideEvent
+from ...world.events.skill_events import ItemDoneEvent, PickEvent, SetAsideEvent
 from ...world.journal import JournalEvent
 from .episode import (
     AGAIN,
@@ -44,6 +44,9 @@ class EpisodeTracker:
         self._waiting = list(state.planted)
         """Faults after which nothing has failed yet."""
         self._number = state.number
+        self._elsewhere = set(state.elsewhere)
+        """Items that were put down outside of bins and holes, and not held since."""
+        self._leaves: frozenset[str] = frozenset()
         self._ids: Mapping[str, str] = {}
         self._parents: Mapping[str, str] = {}
         self._names = CureNames(())
@@ -55,7 +58,11 @@ class EpisodeTracker:
         """Return a copy of the state for a checkpoint."""
         return deepcopy(
             EpisodeTrackerState(
-                tuple(self._open.values()), self._troubles, tuple(self._waiting), self._number
+                tuple(self._open.values()),
+                self._troubles,
+                tuple(self._waiting),
+                self._number,
+                tuple(sorted(self._elsewhere)),
             )
         )
 
@@ -65,6 +72,7 @@ class EpisodeTracker:
         self._ids = {node.path: node.id for node in known}
         self._parents = {node.path: node.parent or "" for node in known}
         self._names = CureNames(known)
+        self._leaves = frozenset(node.path for node in known if not node.children)
         giving_up = [node.path for node in known if node.id == _SET_ASIDE]
         self._giving_up = frozenset(path for each in giving_up for path in self._upwards(each))
         inert = {node.path for node in known if node.id in _INERT and not node.children}
@@ -87,6 +95,7 @@ class EpisodeTracker:
         """One tick: which nodes began and ended, in their order, and what was told in it."""
         self._time = round(time, 9)  # as the log has it
         aside = {event.node for event in events if isinstance(event, SetAsideEvent)}
+        self._notice(events)
         for change in changes:
             if change.status == "RUNNING":
                 self._begin(change)
@@ -96,7 +105,7 @@ class EpisodeTracker:
             if isinstance(event, RecoveryEvent):
                 self._told(event)
             elif isinstance(event, ItemDoneEvent):
-                self._progress()
+                self._progress(event.object)
             elif isinstance(event, FaultEvent) and event.struck:
                 item = event.item or ""
                 self._waiting.append(Planted(time, event.fault, event.message, item, "", None, None))
@@ -118,7 +127,7 @@ class EpisodeTracker:
         """One that goes on by itself."""
         made = EpisodeTracker(on_end, on_planted, self.state())
         made._ids, made._parents, made._names, made._time = self._ids, self._parents, self._names, self._time
-        made._giving_up = self._giving_up
+        made._giving_up, made._leaves = self._giving_up, self._leaves
         return made
 
     # Nodes begin and end.
@@ -131,6 +140,10 @@ class EpisodeTracker:
         if parent is not None:
             self._goes_on(parent, path)
         self._open[path] = RunningNode(path, self._time, change.subject, run=self._time)
+        if change.subject and not self._only_helps(path):
+            for around in self._around(path):
+                if self._kind(around) == "choosing" and change.subject not in around.about:
+                    around.about.append(change.subject)
 
     def _goes_on(self, node: RunningNode, child: str) -> None:
         """A node runs a child: the next one, the same again, or a cure."""
@@ -151,6 +164,8 @@ class EpisodeTracker:
         if kind == "choosing" or child == node.failed or not node.failed:
             self._bear(node)
             node.run, node.borne, node.dealing, node.called = self._time, 0.0, False, ""
+            node.failed_about = list(dict.fromkeys((*node.failed_about, *node.about)))
+            node.about, node.worked = [], []
 
     def _end(self, change: TransitionLike, aside: bool) -> None:
         node = self._open.pop(change.path, None)
@@ -165,15 +180,58 @@ class EpisodeTracker:
         elif change.status == "IDLE":
             self._close(node, halted=True)
         else:
-            fate: Fate = "branched" if self._kind(node) == "choosing" else "cured"
-            for number in [n for n in node.taken if n in self._troubles]:
-                if node.instead and self._troubles[number].handler == node.instead:
-                    self._decide(number, "done_instead", "done_instead", node)
-                else:
-                    self._decide(number, "given_up" if node.aside else "cured", fate, node)
+            if change.status == "SUCCESS" and change.path in self._leaves and not self._only_helps(node.path):
+                for around in self._around(node.path):
+                    if node.subject in around.failed_about and node.subject not in around.worked:
+                        around.worked.append(node.subject)
+            self._succeeded(node)
             self._settle(node.arrived, self._open.get(self._parents.get(node.path, "")), node)
         if change.status == "SKIPPED":
             self._was_no_cure(node)
+
+    def _succeeded(self, node: RunningNode) -> None:
+        """A node has succeeded: decide what it had taken up."""
+        for number in [n for n in node.taken if n in self._troubles]:
+            trouble = self._troubles[number]
+            if node.instead and trouble.handler == node.instead:
+                self._decide(number, "done_instead", "branched", node)
+            elif not node.aside and self._got_on(node, trouble):
+                self._decide(number, "cured", "branched", node)
+            elif not node.aside and (outer := self._handling_around(node.path)) is not None:
+                outer.taken.append(number)  # it ends as what `outer` handles meanwhile
+            else:
+                self._decide(number, "given_up", "branched", node)
+
+    def _got_on(self, node: RunningNode, trouble: OpenEpisode) -> bool:
+        """Whether the work that had failed then succeeded.
+
+        The same branch did. Another one stands in for it only when a skill succeeded on an item of the branch
+        that failed, and the item was not put down elsewhere.
+        """
+        if self._kind(node) != "choosing":
+            return True
+        items = [trouble.item] if trouble.item in node.failed_about else node.failed_about
+        return not items or any(i in node.worked and i not in self._elsewhere for i in items)
+
+    def _handling_around(self, path: str) -> RunningNode | None:
+        """The nearest node around that runs a cure for something else."""
+        for node in self._around(path):
+            runs_a_cure = node.dealing or self._kind(node) == "choosing"
+            if runs_a_cure and any(number in self._troubles for number in node.taken):
+                return node
+        return None
+
+    def _only_helps(self, path: str) -> bool:
+        """Whether a node names an item and does none of its work, such as a look."""
+        return self._ids.get(path) in _HELPING
+
+    def _notice(self, events: Iterable[JournalEvent]) -> None:
+        """Follow which items lie where a mission has put them down outside of bins and holes."""
+        for event in events:
+            if isinstance(event, ItemDoneEvent) and not event.into:
+                self._elsewhere.add(event.object)
+            elif isinstance(event, ItemDoneEvent) or (isinstance(event, PickEvent) and event.held):
+                self._elsewhere.discard(event.object)
 
     def _source(self, node: RunningNode, change: TransitionLike) -> None:
         """A node has failed: with something new, or with what has come up from below."""
@@ -236,9 +294,10 @@ class EpisodeTracker:
             parent.failed, parent.dealing = node.path, handling
             parent.failing = parent.failing if failing is None else failing
 
-    def _progress(self) -> None:
-        """An item is done: the time up to now is not lost to what fails later in the same branches."""
+    def _progress(self, item: str) -> None:
+        """An item is done: what fails later in the same branches is not about it, nor was the time lost."""
         for node in self._open.values():
+            node.about = [each for each in node.about if each != item]
             if not node.dealing:
                 node.run, node.borne = self._time, 0.0
 
@@ -365,7 +424,10 @@ class EpisodeTracker:
         for path, at in t.failures:
             around = self._upwards(by.path) if by is not None else ()
             shared = next((above for above in around if f"{path}/".startswith(f"{above}/")), "")
-            own = fate if by is None or shared == by.path else "branched"  # decided in another branch
+            if end in ("cured", "done_instead", "open"):  # the failures of an episode end as it does
+                own: Fate = end
+            else:
+                own = fate if by is None or shared == by.path else "branched"  # decided in another branch
             self._on_failure(DecidedFailure(path, at, t.cause, own, shared))
 
     # Looking around.
@@ -402,6 +464,8 @@ _KINDS = {
 }
 """Nodes that may take a failure up, by how they show it."""
 _SET_ASIDE = "SetAside"
+_HELPING = frozenset({_SET_ASIDE, "Observe", "LookAround", "FreeSpot", "AskForHelp", "Push"})
+"""Nodes that may name an item and do none of its work: they look, ask, make room or leave it."""
 _INERT = frozenset({"AlwaysSuccess", "Log", "Script", "SetBlackboard"})
 """Nodes that change nothing in the cell: they cure no failure."""
 

@@ -118,7 +118,7 @@ outcome
   items done, as believed  1        0
   grasps held              1 of 1   0 of 1
   failures                 0        2
-  recoveries tried         0        0
+  handler runs             0        0
   simulated                0.40 s   0.25 s
 
 time, by type of leaf (simulated s)

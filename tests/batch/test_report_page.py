@@ -30,7 +30,7 @@ pytestmark = needs(CHROMIUM)
 LABELS = ("Grasp.force=1.5 N", "Grasp.force=30 N")
 EPISODES = (
     EpisodeRow(
-        4.0, "grasp.slipped", "Main/Grasp", "can_1", "cured", "LookAgain", "LookAgain", "Main", 1, 2.5
+        4.0, "grasp.slipped", "Main/Grasp", "can_1", "cured", "LookAgain", "LookAgain", "Main", 1, 2.5625
     ),
     EpisodeRow(5.0, "world.lost", "Main/Observe", "can_2", "unhandled", "", "", "", 0, 10.0),
 )
@@ -117,8 +117,8 @@ def test_it_says_what_came_of_the_batch_without_a_word_or_a_request(page: Any) -
     assert [t for t in pareto if t.endswith(" %")] == ["67 %", "100 %"]
     cures = page.locator("#cures table").first.locator("tbody tr")
     assert [cures.nth(n).locator("td").all_inner_texts() for n in range(cures.count())] == [
-        ["world.lost", "4", "0.0 % (0.0 … 49.0 %)", "–", "40", "nobody, 4 times"],
-        ["grasp.slipped", "4", "100.0 % (51.0 … 100.0 %)", "1.0", "10", "LookAgain 4 of 4"],
+        ["world.lost", "4", "0.0 % (0.0 … 49.0 %)", "–", "40.0", "nobody, 4 times"],
+        ["grasp.slipped", "4", "100.0 % (51.0 … 100.0 %)", "1.0", f"{10.25:.1f}", "LookAgain 4 of 4"],
     ]
     planted = page.locator("#cures table.planted tbody td").all_inner_texts()
     assert planted == ["slip", "4", "4 grasp.slipped, cured"]

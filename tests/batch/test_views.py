@@ -80,7 +80,10 @@ def results(tmp_path: Path) -> Iterator[Store]:
             "SELECT * FROM first_try",
             (("Grasp.force=A", 4, 2, 0.5, 5), ("Grasp.force=B", 1, 0, 0.0, 2)),
         ),
-        ("SELECT cause, failures, cured, jobs, seconds_lost FROM causes", (("grasp.slipped", 3, 3, 2, 7.5),)),
+        (
+            "SELECT cause, failures, cured, jobs, seconds_lost FROM causes",
+            (("grasp.slipped", 3, 3, 2, 13.5),),
+        ),
         (
             "SELECT variant, failures, jobs FROM causes_by_recipe",
             (("Grasp.force=A", 2, 1), ("Grasp.force=B", 1, 1)),
@@ -148,10 +151,10 @@ def test_the_summary_says_what_was_tried_and_with_which_success(results: Store) 
     summary = summarise(results)
     text = summary.to_text()
     assert (
-        "cause             cured of those to be cured       tries  s lost  by\n"
-        "grasp.slipped     3 of 4 (75.0 %, 30.1 … 95.4 %)     1.7      14  "
+        "cause             episodes  cured of those to be cured       tries   s lost  by\n"
+        "grasp.slipped            4  3 of 4 (75.0 %, 30.1 … 95.4 %)     1.7     13.5  "
         "LookAgain 3 of 3, SetAside 0 of 1\n"
-        "planning.no_path  0 of 1 (0.0 %, 0.0 … 79.3 %)                 0  nobody 1\n"
+        "planning.no_path         1  0 of 1 (0.0 %, 0.0 … 79.3 %)                0.5  nobody 1\n"
         "\n"
         "planted 2 slip, first seen as: 1 nothing, 1 grasp.slipped (cured)\n"
     ) in text

@@ -187,7 +187,7 @@ one pick, scene sort_small, seed 3, kinematic: 7.6 s simulated
 Root cause
   1  red_ball_1 was taken away between 4.8 and 5.0 s: it is nowhere in the robot's world any
      more.
-     [item.gone] Likely. This ended the run (red_ball_1): 1 failure at 7.60 s, 3 s lost.
+     [item.gone] Likely. This ended the run (red_ball_1): 1 failure at 7.60 s, 3.2 s lost.
      - its true place is in the log until 4.80 s (x 0.51, y -0.15 m), and then no more
      - the fingers met (0.0 mm) and hold nothing
      - a fault was planted: at 4.85 s: item_02 is snatched away

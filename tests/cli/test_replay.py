@@ -81,7 +81,7 @@ def test_going_and_what_changed(log: Path) -> None:
         replayed(log, "step 2", "failure", "n", "p", "to 0.41", "to start", "to Grasp after back", "back 99")
         == """\
 > step 2
-0.10 s, tick 2 of 12; Main/Part/Grasp is RUNNING
+0.10 s, tick 2 of 0 … 12; Main/Part/Grasp is RUNNING
   ▶ ForEach Main
     ▶ Sequence Part
       ▶ Grasp
@@ -92,7 +92,7 @@ since 0.00 s:
      0.10 s  blackboard Main/item = 'red_block_1', by Main
      0.10 s  plan to home: found by direct, 12 checks, 1.50 s of motion
 > failure
-0.25 s, tick 5 of 12; Main/Part/Grasp is FAILURE
+0.25 s, tick 5 of 0 … 12; Main/Part/Grasp is FAILURE
   ▶ ForEach Main
     ✗ Sequence Part
       ✗ Grasp
@@ -101,7 +101,7 @@ since 0.10 s:
      0.25 s  ✗ Part ends in FAILURE: grasp.missed: Main/Part failed
      0.25 s  handled: element 1 of 1 is passed over
 > n
-0.30 s, tick 6 of 12; Main/Part/Grasp is RUNNING
+0.30 s, tick 6 of 0 … 12; Main/Part/Grasp is RUNNING
   ▶ ForEach Main
     ▶ Sequence Part
       ▶ Grasp
@@ -110,7 +110,7 @@ in this tick:
   ▶ Part begins
   ▶ Grasp begins with object 'red_block_1'
 > p
-0.25 s, tick 5 of 12; Main/Part/Grasp is FAILURE
+0.25 s, tick 5 of 0 … 12; Main/Part/Grasp is FAILURE
   ▶ ForEach Main
     ✗ Sequence Part
       ✗ Grasp
@@ -119,7 +119,7 @@ in this tick:
   ✗ Part ends in FAILURE: grasp.missed: Main/Part failed
   handled: element 1 of 1 is passed over
 > to 0.41
-0.40 s, tick 8 of 12; Main/Part/Place is RUNNING
+0.40 s, tick 8 of 0 … 12; Main/Part/Place is RUNNING
   ▶ ForEach Main
     ▶ Sequence Part
       ✓ Grasp
@@ -130,7 +130,7 @@ since 0.25 s:
      0.40 s  ✓ Grasp ends in SUCCESS
      0.40 s  ▶ Place begins with object 'red_block_1'
 > to start
-0.00 s, tick 0 of 12; Main is RUNNING
+0.00 s, tick 0 of 0 … 12; Main is RUNNING
   ▶ ForEach Main
     · Sequence Part
 in this tick:
@@ -159,7 +159,7 @@ Main/Part/Grasp: Grasp, RUNNING
   object = 'red_block_1'
   began at 0.10 s for red_block_1
 > failure 0
-0.25 s, tick 5 of 12; Main/Part/Grasp is FAILURE
+0.25 s, tick 5 of 0 … 12; Main/Part/Grasp is FAILURE
   ▶ ForEach Main
     ✗ Sequence Part
       ✗ Grasp
@@ -291,7 +291,7 @@ def piped(log: Path, lines: str, *options: str) -> subprocess.CompletedProcess[s
 def test_a_script_is_shown_as_a_conversation(log: Path) -> None:
     ran = piped(log, "node Grasp\nquit\nstep\n", "--at", "0.3")
     assert (ran.returncode, ran.stderr) == (0, "")
-    assert ran.stdout.splitlines()[0] == "0.30 s, tick 6 of 12; Main/Part/Grasp is RUNNING"
+    assert ran.stdout.splitlines()[0] == "0.30 s, tick 6 of 0 … 12; Main/Part/Grasp is RUNNING"
     assert ran.stdout.splitlines()[-5:] == [
         "(picktree) node Grasp",
         "Main/Part/Grasp: Grasp, RUNNING",
@@ -311,7 +311,7 @@ def test_a_log_that_was_cut_or_is_old_says_so(log: Path, tmp_path: Path) -> None
     old = piped(GOLDEN, "failure\n")
     assert old.returncode == 0
     assert old.stderr == "a log of format 1: beginnings and ends are derived from the statuses\n"
-    assert "1.50 s, tick 30 of 59" in old.stdout
+    assert "1.50 s, tick 30 of 0 … 59" in old.stdout
 
 
 def test_what_is_no_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -325,15 +325,15 @@ def at_a_terminal(log: Path, kind: str = "xterm") -> Terminal:
 
 def test_at_a_terminal_there_are_keys(log: Path) -> None:
     terminal = at_a_terminal(log)
-    assert "0.00 s, tick 0 of 12" in terminal.until("? help")
+    assert "0.00 s, tick 0 of 0 … 12" in terminal.until("? help")
     terminal.press(b"f")
     assert "✗ Grasp ends in FAILURE" in terminal.until("? help")
     terminal.press(b"\x1b[D")
-    assert "0.20 s, tick 4 of 12" in terminal.until("? help")
+    assert "0.20 s, tick 4 of 0 … 12" in terminal.until("? help")
     terminal.press(b":")
     terminal.until("(picktree) ")
     terminal.press(b"to Pla\t\n")
-    assert "0.40 s, tick 8 of 12" in terminal.until("? help")
+    assert "0.40 s, tick 8 of 0 … 12" in terminal.until("? help")
     terminal.press(b"?")
     assert "pagedown     step 20" in terminal.until("space: the rest, 2 lines")
     terminal.press(b" ")
@@ -353,6 +353,6 @@ def test_at_a_terminal_without_a_screen_there_is_a_prompt(log: Path) -> None:
     terminal = at_a_terminal(log, "dumb")
     terminal.until("(picktree) ")
     terminal.press(b"failure\n")
-    assert "0.25 s, tick 5 of 12" in terminal.until("passed over")
+    assert "0.25 s, tick 5 of 0 … 12" in terminal.until("passed over")
     terminal.press(b"quit\n")
     assert terminal.end() == 0

@@ -181,7 +181,7 @@ def test_something_changed(asked: Callable[..., Any], capfd: pytest.CaptureFixtu
         "items done, as believed  4         4\n"
         "grasps held              4 of 5    4 of 5\n"
         "simulated time           5.75 s    5.75 s\n"
-        "recoveries               1         1\n"
+        "handler runs             1         1\n"
         "failures                 1         0\n"
         "  grasp.missed           1         0\n"
         "they part at 2.00 s: Grasp ends otherwise\n"

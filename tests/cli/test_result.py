@@ -104,6 +104,7 @@ def test_json(result: RunResult) -> None:
                 "tries": 0,
                 "tries_cured": 0,
                 "seconds": 0.04,
+                "done_instead": 0,
             },
             {
                 "cause": "grasp.missed",
@@ -116,6 +117,7 @@ def test_json(result: RunResult) -> None:
                 "tries": 3,
                 "tries_cured": 2,
                 "seconds": 9.5,
+                "done_instead": 0,
             },
         ],
         "planted": [

@@ -94,7 +94,7 @@ def test_both_outcomes_side_by_side(asked: Callable[..., Any], capfd: pytest.Cap
         "items done, as believed  2         4\n"
         "grasps held              2 of 3    2 of 3\n"
         "simulated time           10.00 s   14.50 s\n"
-        "recoveries               0         1\n"
+        "handler runs             0         1\n"
         "failures                 1         1\n"
         "  grasp.missed           1         1\n"
         "\n"

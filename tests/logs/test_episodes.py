@@ -13,7 +13,7 @@ from picktree.logs.episodes.episode_counts import cause_lines, counted
 from picktree.logs.episodes.episode_tracker import EpisodeTracker
 from picktree.logs.schema.records import TransitionRecord, Tree
 from picktree.world.events.run_events import FaultEvent, RecoveryEvent
-from picktree.world.events.skill_events import ItemDoneEvent
+from picktree.world.events.skill_events import ItemDoneEvent, PickEvent
 from picktree.world.journal import JournalEvent
 
 from .scripted_log import begins, ends, tree
@@ -269,6 +269,73 @@ def test_the_next_branch_of_a_fallback_cures_but_not_by_giving_the_item_up(
     assert told(episodes) == [expected]
 
 
+CHOICE = "Main/Fallback"
+
+
+@pytest.mark.parametrize(
+    ("skill", "item", "event", "end"),
+    [
+        ("GraspSlowly", "ball_1", None, "cured"),
+        ("Place", "ball_1", ItemDoneEvent("", "", object="ball_1", into="red_bin"), "cured"),
+        ("Place", "ball_1", ItemDoneEvent("", "", object="ball_1"), "given_up"),
+        ("Grasp", "ball_2", None, "given_up"),
+        ("SafeRetreat", "", None, "given_up"),
+        ("LookAround", "ball_1", None, "given_up"),
+    ],
+)
+def test_the_next_branch_cures_only_with_work_on_the_item(
+    skill: str, item: str, event: JournalEvent | None, end: str
+) -> None:
+    """Without it the item is left where it is, and the branch is as little a cure as a `SetAside`."""
+    grasp, other = f"{CHOICE}/Grasp", f"{CHOICE}/Or:{skill}"
+    nodes, path = tree("Main", CHOICE, grasp, other), f"{CHOICE}/Or"
+    script: Script = {
+        0.0: [begins("Main"), begins(CHOICE), begins(grasp, "ball_1")],
+        1.0: [*fails(grasp, "grasp.missed"), begins(path, item)],
+        2.0: [ends(path), ends(CHOICE), ends("Main"), *([event] if event else [])],
+    }
+    episodes, _ = follow(nodes, script)
+    assert told(episodes) == [("grasp.missed", end, episodes[0].cure, 1, 1.0)]
+    assert fates(nodes, script) == [(grasp, 1.0, "cured" if end == "cured" else "branched", CHOICE)]
+
+
+def test_an_item_that_is_held_again_after_it_was_put_down_is_not_left_elsewhere() -> None:
+    grasp, regrasp = f"{CHOICE}/Grasp", f"{CHOICE}/Regrasp"
+    put, again = f"{regrasp}/Place", f"{regrasp}/Grasp"
+    script: Script = {
+        0.0: [begins("Main"), begins(CHOICE), begins(grasp, "ball_1")],
+        1.0: [*fails(grasp, "grasp.slipped"), begins(regrasp), begins(put, "ball_1")],
+        2.0: [ends(put), ItemDoneEvent("", put, object="ball_1"), begins(again, "ball_1")],
+        3.0: [PickEvent("", again, object="ball_1", held=True)],
+        4.0: [ends(again), ends(regrasp), ends(CHOICE), ends("Main")],
+    }
+    (episode,), _ = follow(tree("Main", CHOICE, grasp, regrasp, put, again), script)
+    assert episode.end == "cured"
+
+
+@pytest.mark.parametrize("end", ["cured", "given_up"])
+def test_a_failure_within_a_cure_ends_as_what_the_cure_is_for(end: str) -> None:
+    """The item could not be pushed free, and a look was enough; or it was not."""
+    either = f"{OUTER}/Either"
+    grasp, push, look = f"{OUTER}/Grasp", f"{either}/PushFree/Push", f"{either}/LookAgain"
+    nodes = tree("Main", OUTER, grasp, f"{either}:Fallback", f"{either}/PushFree", push, look)
+    above = [(OUTER, "FAILURE"), ("Main", "FAILURE")]
+    over = [ends(path, status, "grasp.no_candidate", grasp) for path, status in above]
+    script: Script = {
+        0.0: [begins("Main"), begins(OUTER), begins(grasp, "ball_1")],
+        1.0: [*fails(grasp, "grasp.no_candidate"), tries(OUTER, "grasp.no_candidate", "grasp.*")],
+        1.1: [begins(either), begins(f"{either}/PushFree", "ball_1"), begins(push, "ball_1")],
+        2.0: [*fails(push, "push.blocked", f"{either}/PushFree"), begins(look)],
+        3.0: [ends(look), ends(either)],
+        3.1: [begins(grasp, "ball_1")],
+        4.0: [ends(grasp), ends(OUTER), ends("Main")]
+        if end == "cured"
+        else [*fails(grasp, "grasp.no_candidate"), *over],
+    }
+    episodes, _ = follow(nodes, script)
+    assert {(e.cause, e.end) for e in episodes} == {("grasp.no_candidate", end), ("push.blocked", end)}
+
+
 @pytest.mark.parametrize("nothing", ["AlwaysSuccess", "Log", "Sequence"])
 def test_a_branch_that_does_nothing_cures_nothing(nothing: str) -> None:
     below = ("Main/Choose/Or/Said:Log", "Main/Choose/Or/Done:AlwaysSuccess") if nothing == "Sequence" else ()
@@ -440,7 +507,7 @@ def test_each_failure_has_the_outcome_of_its_episode(
 
 @pytest.mark.parametrize(
     ("parent", "expected"),
-    [("ForEach", "passed_over"), ("WhileDoElse", "branched"), ("Fallback", "branched")],
+    [("ForEach", "passed_over"), ("WhileDoElse", "branched"), ("Fallback", "cured")],
 )
 def test_a_failure_that_a_node_goes_on_without(parent: str, expected: str) -> None:
     path, grasp = f"Main/{parent}", f"Main/{parent}/Grasp"
@@ -474,7 +541,7 @@ def test_the_next_branch_of_a_round_robin_cures_too() -> None:
     }
     nodes = tree("Main", path, f"{path}/Grasp", f"{path}/PushFree")
     assert told(follow(nodes, script)[0]) == [("grasp.missed", "cured", "PushFree", 1, 1.0)]
-    assert fates(nodes, script) == [(f"{path}/Grasp", 1.0, "branched", path)]
+    assert fates(nodes, script) == [(f"{path}/Grasp", 1.0, "cured", path)]
 
 
 def test_a_parallel_decides_at_its_own_end() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from ....errors import PicktreeError
 from ....files.value_wording import listed
 from ....files.yaml.reader import read
-from ....logs.visits import HALTED, Visit, covered_time
+from ....logs.visits import HALTED, Visit
 from ....world.events.skill_events import ItemDoneEvent, SafetyStopEvent
 from ..investigation.case import Investigation
 from ..investigation.explanation import ExplainedOutcome, FailureStory, Finding, number, word
@@ -111,11 +111,11 @@ def out_of_order(case: Investigation, failure: FailureStory) -> Finding | None:
 
 def _under_way(case: Investigation) -> tuple[str, ...]:
     lost = [f for f in case.failures if not (f.cured or f.done_instead)]
-    spent = covered_time(f.undecided for f in case.failures)
+    spent = sum(f.seconds_lost for f in case.failures)
     reasons: list[str] = []
     if case.failures:
         reasons.append(
-            f"until then {counted(len(case.failures), 'failure')} had cost about {spent:.0f} s, "
+            f"until then {counted(len(case.failures), 'failure')} had cost {spent:.1f} s, "
             f"and {len(lost)} of them were not cured"
         )
     running = [v for v in case.family.visits if v.outcome == "RUNNING" and not case.family.children(v)]

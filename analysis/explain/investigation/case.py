@@ -227,17 +227,6 @@ class Investigation:
             self._answers[question] = question(self)
         return cast("T", self._answers[question])
 
-    def episode(self, failure: FailureStory) -> int | None:
-        """Return the episode with a failure of this cause at that time."""
-        episodes = self.run.account.recovery.episodes
-        found = [
-            n
-            for n, episode in enumerate(episodes)
-            if episode.cause == failure.cause and any(abs(at - failure.time) < 1e-6 for at in episode.times)
-        ]
-        same = [n for n in found if episodes[n].node == failure.node]
-        return (same or found or [None])[0]
-
     @cached_property
     def camera(self) -> str:
         """Name of the camera that looked first; empty when none did."""

@@ -92,6 +92,8 @@ class FailureStory:
     """Place of its root cause among those of the run."""
     episode: int | None = None
     """Place of its episode among those of the run."""
+    seconds_lost: float = 0.0
+    """Time lost of its episode, simulated s: the whole at its first failure, and 0 at the further ones."""
 
     @property
     def name(self) -> str:
@@ -111,18 +113,6 @@ class FailureStory:
     def done_instead(self) -> bool:
         """Whether a handler of `instead` took the place of what had failed, as the mission asks."""
         return self.fate == "done_instead"
-
-    @property
-    def undecided(self) -> tuple[float, float]:
-        """Times of the failure and of the decision, simulated s; the same where no time was lost to it."""
-        return (self.time, self.time + (self.seconds_lost or 0.0))
-
-    @property
-    def seconds_lost(self) -> float | None:
-        """Simulated s from the failure until it was decided, 0 when it was done instead; None when open."""
-        if self.fate_at is None:
-            return None
-        return 0.0 if self.done_instead else self.fate_at - self.time
 
 
 @dataclass(frozen=True, slots=True)

@@ -99,7 +99,7 @@ export class Failures {
     if (handled.length) yield made("ul", {}, ...handled);
     const when = story.fate_at === null ? [] : [" at ", at(story.fate_at)];
     const by = story.fate_by ? [" by ", node(story.fate_by)] : [];
-    yield made("p", {}, `It ${FATE_PHRASES[story.fate] ?? story.fate}`, ...when, ...by, ".");
+    yield made("p", {}, FATE_PHRASES[story.fate] ?? story.fate, ...when, ...by, ".");
     const end = endOf(this.section.recovery.episodes[story.episode]);
     if (end) yield made("p", {}, `Its episode: ${end}.`);
     if (story.chain.length) {
@@ -149,12 +149,12 @@ export class Failures {
 }
 
 const FATE_PHRASES = {
-  cured: "was cured",
-  done_instead: "was answered by what the mission does instead",
-  passed_over: "was passed over",
-  branched: "was answered by going another way",
-  ended: "ended the run",
-  open: "is open when the log ends",
+  cured: "It was cured",
+  done_instead: "It was answered by what the mission does instead",
+  passed_over: "It was passed over",
+  branched: "The mission went another way",
+  ended: "It ended the run",
+  open: "It is open when the log ends",
 };
 
 function counted(failures) {

@@ -1,7 +1,7 @@
 // Which causes were seen, and what came of them; beside it faults that were planted, and what failed first after.
 
 import { made } from "./made.js";
-import { seconds } from "./words.js";
+import { fixed, seconds } from "./words.js";
 
 const END_WORDS = { cured: "cured", done_instead: "done instead", given_up: "given up", unhandled: "not handled", open: "open at the end" };
 
@@ -22,7 +22,7 @@ export function recovery({ causes, recovery: { planted } }, player) {
 export function endOf(episode) {
   if (!episode || !episode.tried.length) return "";
   const tries = `${episode.tries} ${episode.tries === 1 ? "try" : "tries"}`;
-  return `${END_WORDS[episode.end]}, last by ${episode.tried.at(-1)}, after ${tries}; ${episode.seconds.toFixed(1)} s lost`;
+  return `${END_WORDS[episode.end]}, last by ${episode.tried.at(-1)}, after ${tries}; ${fixed(episode.seconds, 1)} s lost`;
 }
 
 function cause({ cause: name, to_cure, cured, done_instead, told }) {
@@ -39,6 +39,6 @@ function plantedFault({ time, message, cause: name, after, end }, player) {
     player.pause();
     player.seek(time);
   };
-  const then = end === null ? "nothing failed" : `${name} ${after.toFixed(1)} s later, ${END_WORDS[end]}`;
+  const then = end === null ? "nothing failed" : `${name} ${fixed(after, 1)} s later, ${END_WORDS[end]}`;
   return made("li", {}, made("button", { class: "moment", onclick: go }, made("time", {}, seconds(time)), made("span", {}, `${message}: ${then}`)));
 }

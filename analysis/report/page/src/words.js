@@ -22,8 +22,17 @@ export function shortened(text) {
   return text.replace(/[^\s:,;()]+(?:\/[^\s:,;()]+){3,}/g, (path) => path.split("/").slice(-2).join("/"));
 }
 
+// Digits as the texts of picktree round them: a number halfway between two goes to the even one.
+export function fixed(value, digits) {
+  const scaled = value * 10 ** digits;
+  const halfway = Math.abs(value * 2 ** (digits + 1)) % 2 === 1;
+  if (!halfway) return value.toFixed(digits);
+  const below = Math.floor(scaled);
+  return ((below % 2 === 0 ? below : below + 1) / 10 ** digits).toFixed(digits);
+}
+
 export function seconds(time) {
-  return `${time.toFixed(2)} s`;
+  return `${fixed(time, 2)} s`;
 }
 
 // A value as it stands in the log: numbers as short as they can be read.
