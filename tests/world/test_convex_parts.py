@@ -16,10 +16,11 @@ from pydantic import TypeAdapter
 from picktree.files.disk_cache import VARIABLE
 from picktree.logs.meshes.triangle_meshes import shape_mesh
 from picktree.world import convex_parts
-from picktree.world.convex_parts import MAX_PARTS, body_of, moments, parts_name, parts_text
+from picktree.world.convex_parts import MAX_PARTS, body_of, moments, parts_name, parts_text, read_parts
 from picktree.world.mesh_reader import FlatMesh, MeshError
 from picktree.world.pad_contacts import pad_contacts, top_heights
 from picktree.world.scene.loading.scene_entries import load_body
+from picktree.world.scene.loading.scene_loading import SHIPPED
 from picktree.world.shapes import CompoundMesh, ConvexMesh, Shape, half_spaces, inside, ray_hits
 from picktree.world.values import Pose
 
@@ -106,6 +107,14 @@ def test_the_file_of_parts_gives_the_same_body(tmp_path: Path) -> None:
     named.write_text(one)
     assert isinstance(load_body(path, 0.001), ConvexMesh)
     assert not isinstance(load_body(path, 0.001), CompoundMesh)
+
+
+@pytest.mark.parametrize("name", ["bracket", "cup", "ring", "screw"])
+def test_shipped_meshes_have_their_parts_beside_them(name: str) -> None:
+    mesh = SHIPPED / "meshes" / f"{name}.obj"
+    parts = read_parts(mesh, mesh.read_bytes(), 0.001)
+    assert parts is not None
+    assert len(parts) == len(compound(mesh, 0.001).parts)
 
 
 def test_the_file_of_parts_of_another_mesh_is_left_alone(tmp_path: Path) -> None:
