@@ -174,6 +174,13 @@ def test_what_was_done_before_a_log_began_is_one_item_in_it(tmp_path: Path) -> N
         done = [item for item in items if item.state == "done"]
         assert all(item.truth.endswith("_bin, where it belongs") for item in done)
         assert len(done) >= 4
+    with Run(resumed) as run:
+        (note,) = notes_on(run)
+        begun = run.info.continues
+    assert begun is not None
+    assert note == (
+        f"the log begins at {begun.time:.2f} s, at a checkpoint of {begun.log}; it lacks what was before"
+    )
 
 
 def test_a_program_that_died_while_it_ran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
