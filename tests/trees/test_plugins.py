@@ -80,8 +80,8 @@ def test_a_cause_that_no_node_declares_is_told_from_an_unknown_one(tmp_path: Pat
     with pytest.raises(FileError) as caught:
         mission(tmp_path, body % pattern)
     assert str(caught.value).endswith(
-        f"Main/Recover: '{pattern}' is registered by wave.py, but no node declares it (add it to the 'causes' "
-        "of the skill in wave.py that fails with it)"
+        f"Main/Recover: '{pattern}' is registered by wave.py, but no node declares it (add it to the "
+        "'causes' of the skill in wave.py that fails with it)"
     )
     with pytest.raises(FileError) as caught:
         mission(tmp_path, body % "wave.tierd")
