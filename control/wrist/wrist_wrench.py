@@ -248,8 +248,10 @@ class WristWrench:
 
     @property
     def learnt(self) -> tuple[float, ...]:
-        """Learnt bias (6,) for a checkpoint; empty: none."""
-        return () if self._bias is None else tuple(self._bias.tolist())
+        """Learnt bias (6,), its variance, N², and its time, s, for a checkpoint; empty: none."""
+        if self._bias is None:
+            return ()
+        return (*self._bias.tolist(), self._bias_variance, self._bias_time)
 
     @property
     def stamps(self) -> tuple[float, ...]:

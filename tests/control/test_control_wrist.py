@@ -145,14 +145,23 @@ def test_a_bias_that_drifts_fast_is_followed() -> None:
 def test_a_restored_wrist_learns_as_the_saved_one_would() -> None:
     sensor, rng = Sensor(HOME, BIAS), np.random.default_rng(0)
     one, other = wrist(sensor), wrist(sensor)
-    for turn in range(2):
+
+    def rested(*wrists: WristWrench) -> None:
         for _ in range(40):
             sensor.push = rng.normal(0.0, 0.15, 3)
-            rest(one, sensor, sensor.period)
-        readings, tare = one.state()
-        other.restore(readings, tare, one.stamps, one.learnt, MODEL.tcp(HOME))
-        assert one.zero(0.1, HOME) and (turn == 0 or other.zero(0.1, HOME))
-        sensor.now += 6.0
+            sensor.now += sensor.period
+            for each in wrists:
+                each.sample()
+                each.turned(MODEL.tcp(HOME))
+
+    rested(one)
+    assert one.zero(0.1, HOME)
+    readings, tare = one.state()
+    other.restore(readings, tare, one.stamps, one.learnt, MODEL.tcp(HOME))
+    assert other.learnt == one.learnt
+    sensor.now += 6.0
+    rested(one, other)
+    assert one.zero(0.1, HOME) and other.zero(0.1, HOME)
     assert other.learnt == one.learnt
 
 
