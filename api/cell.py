@@ -212,7 +212,7 @@ class Cell(CellSession):
 
     `scene` is a shipped scene or a scene file; `robot` a robot or robot file instead of the scene's;
     `faults` a faults file. `backend` is `physics`, or `kinematic`, which is fast: objects follow the gripper,
-    sensors are ideal. The same calls with the same seed give the same run. Raises PicktreeError for files
+    sensors have no noise. The same calls with the same seed give the same run. Raises PicktreeError for files
     that cannot be used.
     """
 

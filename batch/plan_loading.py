@@ -140,7 +140,7 @@ class PlanFile(FileModel):
         "(SortOne/Grasp.force).",
     )
     backend: Literal["physics", "kinematic"] = "physics"
-    """kinematic: objects follow the gripper, sensors are ideal."""
+    """kinematic: objects follow the gripper, sensors have no noise."""
     verify: Flag = False
     """Judge every trajectory by the second collision checker."""
     limit: Seconds = 3600.0

@@ -29,7 +29,21 @@ def faults_file(name: str) -> Path:
     return example_file(name, "faults", "faults file")
 
 
-Log: TypeAlias = Annotated[str, typer.Argument(metavar="LOG", help="Log file, run folder, or 'last'.")]
+def run_log(name: str) -> str:
+    """Return the log that a command takes: a file, a run's folder, `last`, or DIR@JOB of a batch."""
+    if "@" not in name:
+        return name
+    from ..batch.results.store import find_run
+
+    return find_run(name)
+
+
+Log: TypeAlias = Annotated[
+    str,
+    typer.Argument(
+        metavar="LOG", help="Log file, run folder, 'last', or a batch's job: DIR@seed=7.", parser=run_log
+    ),
+]
 ShippedScene: TypeAlias = Annotated[str, typer.Option(metavar="SCENE", help="Shipped scene or scene file.")]
 OtherRobot: TypeAlias = Annotated[
     str | None, typer.Option(metavar="ROBOT", help="Shipped robot or robot file, for the scene's own.")

@@ -39,9 +39,9 @@ def find_log(where: str | Path) -> Path:
             there = f"; there are runs in it: name one, or let `picktree explain {path}` tell of all"
         if (path / BATCH_RESULTS).is_file():
             there = (
-                "; it is a batch, which keeps the logs of jobs that missed their goal: "
+                f"; it is a batch: name one of its jobs, as {path}@seed=0; "
                 f"`picktree batch report {path}` tells of all jobs, "
-                f"`picktree resim {path}@seed=0` makes a job's log"
+                f"`picktree resim {path}@seed=0` makes a log that was not kept"
             )
         raise PicktreeError(f"{path}: there is no {LOG_NAME} in this folder{there}")
     if not path.exists():

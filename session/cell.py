@@ -29,7 +29,7 @@ from ..trees.mission import Mission
 from ..trees.node import Node
 from ..trees.status import NodeStatus
 from ..trees.tree_definition import MAIN, MissionSource, TreeDefinition, python_faults
-from ..world.causes import Evidence
+from ..world.causes import Evidence, remedy_of
 from ..world.protocols import RgbdImage
 from ..world.scene.loading.scene_loading import load_scene
 from .execution import Execution
@@ -256,7 +256,7 @@ def _result(execution: Execution, node: str, ended: str, seconds: float, log: Pa
         cause.name,
         failure.message,
         failure.evidence,
-        cause.remedy,
+        remedy_of(cause, failure.evidence),
         failure.node,
         outputs,
         seconds,

@@ -18,12 +18,15 @@ if TYPE_CHECKING:
     from ..control.execution.jog_motion import JogFeedback as JogFeedback
     from ..control.execution.jog_motion import JogResult as JogResult
     from ..planning.requests import BoxConstraint as BoxConstraint
+    from ..planning.requests import HeldObject as HeldObject
     from ..planning.requests import JointGoal as JointGoal
     from ..planning.requests import LineGoal as LineGoal
     from ..planning.requests import NamedGoal as NamedGoal
     from ..planning.requests import OffsetGoal as OffsetGoal
     from ..planning.requests import PoseGoal as PoseGoal
     from ..planning.requests import RegionGoal as RegionGoal
+    from ..planning.requests import Request as Request
+    from ..planning.requests import Scaling as Scaling
     from ..planning.requests import UprightConstraint as UprightConstraint
     from ..planning.search.path_search import SearchProblem as SearchProblem
     from ..skill_world.world import World as World
@@ -83,7 +86,7 @@ _NAMES: Final = {
     "world.trajectory": ("Trajectory",),
     "planning.requests": (
         "NamedGoal", "JointGoal", "PoseGoal", "RegionGoal", "LineGoal", "OffsetGoal", "UprightConstraint",
-        "BoxConstraint",
+        "BoxConstraint", "Request", "HeldObject", "Scaling",
     ),
     "planning.search.path_search": ("SearchProblem",),
     "control.cartesian.compliant_motion": ("CompliantMotion", "ContactState", "CartesianStiffness"),

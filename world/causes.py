@@ -171,6 +171,18 @@ class internal:
     ANY = Family("internal")
 
 
+PLUGIN_LINE = "plugin_line"
+"""Evidence of an internal.error: line of a plug-in's file that raised it, as `wave.py, line 13`."""
+
+
+def remedy_of(cause: Cause, evidence: Mapping[str, object]) -> str:
+    """Return the first remedy to try: the cause's own, or the line of a plug-in that raised the error."""
+    line = evidence.get(PLUGIN_LINE)
+    if cause is not internal.ERROR or line is None:
+        return cause.remedy
+    return f"mend {line}; where that line is right, {cause.remedy}"
+
+
 FAMILIES: tuple[type, ...] = (
     perception, planning, grasp, place, insert, push, control, safety, world, feed, tree, internal
 )  # fmt: skip

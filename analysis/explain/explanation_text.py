@@ -220,6 +220,10 @@ def notes_on(run: Run) -> tuple[str, ...]:
     notes: list[str] = []
     if run.recovered:
         notes.append(run.recovered.removeprefix(f"{run.path}: "))
+    origin = run.info.continues
+    if origin is not None and origin.time > 0.0:
+        of = f" of {origin.log}" if origin.log else ""
+        notes.append(f"the log begins at {origin.time:.2f} s, at a checkpoint{of}; it lacks what was before")
     if run.log.format < 2:
         notes.append(
             f"the log is of format {run.log.format}: when nodes began and ended is derived from their "

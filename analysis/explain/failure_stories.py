@@ -15,7 +15,7 @@ from ...logs.schema.records import BodyRecord, Candidates, Plan
 from ...logs.visits import HALTED, Visit, VisitTree
 from ...manipulation.pick.pick_candidates import count_rejections
 from ...world.belief.height_map import heap_id
-from ...world.causes import Cause, all_causes
+from ...world.causes import Cause, all_causes, remedy_of
 from ...world.events.run_events import FaultEvent
 from ...world.events.skill_events import SafetyStopEvent
 from .causes.item_whereabouts import MISPLACED
@@ -208,7 +208,7 @@ def _story(run: RunRecord, number: int, failure: Failure, cause: Cause | None) -
         attempt=source.attempt,
         cause=source.cause,
         sentence=cause.sentence if cause else "",
-        remedy=cause.remedy if cause else "",
+        remedy=remedy_of(cause, source.evidence) if cause else "",
         message=source.message,
         evidence=source.evidence,
         chain=course.chain,

@@ -311,3 +311,24 @@ def find_job(store: Store, where: str, named: str) -> Job:
     labels = list(dict.fromkeys(job.variant.label for job in having))
     label = choose_label((by_seed["label"] or "").strip(), labels, where, folder, f",seed={seed}")
     return next(job for job in having if job.variant.label == label)
+
+
+def find_run(where: str) -> str:
+    """Return the folder of the run that FOLDER@JOB names; any other name of a log is returned as it is.
+
+    Raises PicktreeError when there is no such job, or the batch keeps no log of it.
+    """
+    folder, named = split(where)
+    if Path(where).exists() or not named or not (folder / RESULTS_FILE).is_file():
+        return where
+    with Store(folder / RESULTS_FILE) as store:
+        job = find_job(store, where, named)
+        row = store.row(job.id)
+    if row is None:
+        raise PicktreeError(f"{where}: this job was not run yet; picktree batch run --resume {folder}")
+    run = folder / row.folder
+    if not row.folder or not run.is_dir():
+        raise PicktreeError(
+            f"{where}: the batch keeps no log of this job ({row.status}); `picktree resim {where}` makes it"
+        )
+    return str(run)

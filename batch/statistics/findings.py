@@ -269,7 +269,7 @@ def _shares(shares: tuple[Share, ...]) -> str:
 def _worst_places(places: tuple[TableCellShare, ...]) -> str:
     lacking = [p for p in places if p.rate.successes < p.rate.total]
     if not lacking:
-        return "all, everywhere"
+        return f"all in each of {len(places)} cells of 5 cm"
     lacking.sort(key=lambda p: (-(p.rate.total - p.rate.successes), p.rate.share or 0.0, p.x, p.y))
     said = [
         f"{p.rate.successes} of {p.rate.total} at {p.x:.2f}, {p.y:.2f} m" for p in lacking[:_MAX_NAMED_PLACES]
@@ -279,7 +279,9 @@ def _worst_places(places: tuple[TableCellShare, ...]) -> str:
         if len(lacking) > _MAX_NAMED_PLACES
         else ""
     )
-    return "; ".join(said) + more
+    whole = len(places) - len(lacking)
+    rest = f"; all in {whole} other cell{'s' if whole > 1 else ''} of 5 cm" if whole else ""
+    return "; ".join(said) + more + rest
 
 
 def _recipe_json(recipe: RecipeSummary) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 
 import typer
 
-from ..options import JsonAnswer, JsonResult, JsonWritten, Log, Show, View
+from ..options import JsonAnswer, JsonResult, JsonWritten, Log, Show, View, run_log
 from ..terminal.output import StatusLine, end_with, json_text, keep_stdout, painter, print_answer, program
 
 if TYPE_CHECKING:
@@ -19,8 +19,13 @@ if TYPE_CHECKING:
 
 
 def diff(
-    a: Annotated[str, typer.Argument(metavar="A", help="Log file, a run's folder, or `last`.")],
-    b: Annotated[str, typer.Argument(metavar="B", help="The run that it is compared with.")],
+    a: Annotated[
+        str,
+        typer.Argument(
+            metavar="A", help="Log file, run folder, 'last', or a batch's job: DIR@seed=7.", parser=run_log
+        ),
+    ],
+    b: Annotated[str, typer.Argument(metavar="B", help="The run that it is compared with.", parser=run_log)],
     json: JsonResult = False,
 ) -> None:
     """Where two runs part, and in what they differ. Exit code 0: they are identical; 1: they differ."""
@@ -228,7 +233,7 @@ def report(
 
 
 def replay(
-    log: Annotated[str, typer.Argument(metavar="LOG", help="Log file, a run's folder, or `last`.")],
+    log: Log,
     at: Annotated[float, typer.Option(metavar="TIME", min=0.0, help="Where to begin, simulated s.")] = 0.0,
 ) -> None:
     """Step through a run: tree, belief, what changed. With keys at a terminal; else commands from stdin."""

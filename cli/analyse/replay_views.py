@@ -10,7 +10,7 @@ from ...logs.run_log import Stamped
 from ...logs.schema.records import NodeStatusRecord, Plan, TransitionRecord, TreeNode, Values
 from ...logs.visits import HALTED, Visit
 from ...trees.values.port_types import show
-from ...world.causes import known_causes
+from ...world.causes import known_causes, remedy_of
 from ..terminal.progress import STYLED_STATUS_MARKS
 from ..terminal.state_text import NodeState, belief_lines, failure_lines, status_text
 
@@ -101,10 +101,15 @@ def evidence_lines(cursor: Cursor) -> Iterator[str]:
     cause = known_causes().get(visit.cause)
     if cause is not None:
         yield f"  means: {cause.sentence}"
-        yield f"  remedy: {cause.remedy}"
+        yield f"  remedy: {remedy_of(cause, visit.evidence)}"
     yield f"  began at {visit.start:.2f} s"
     yield from (f"  read {port} = {show(value)}" for port, value in visit.inputs.items())
-    yield from (f"  evidence {name}: {show(value)}" for name, value in visit.evidence.items())
+    for name, value in visit.evidence.items():
+        if isinstance(value, str) and "\n" in value:
+            yield f"  evidence {name}:"
+            yield from (f"    {line}" for line in value.splitlines())
+        else:
+            yield f"  evidence {name}: {show(value)}"
     yield from _choices(cursor, visit)
     names = short_names(node.path for node in cursor.run.nodes)
     visits = cursor.run.account.visits

@@ -103,5 +103,9 @@ def belief_lines(bodies: Iterable[BelievedLike], part: str, now: float) -> Itera
 def _belief_line(o: BelievedLike, now: float) -> str:
     x, y, z = o.pose.position
     place = "in the hand" if o.attached else o.place or "somewhere"
+    mass = getattr(o, "mass", None)
+    weighed = "" if mass is None else f", weighed {mass * 1000:.0f} g"
     seen = f"seen {now - o.last_seen:.1f} s ago, confidence {o.confidence:.2f}"
-    return f"{o.id}: {o.colour} {o.kind}, {o.role}, {place}, at ({x:.3f}, {y:.3f}, {z:.3f}) m, {seen}"
+    return (
+        f"{o.id}: {o.colour} {o.kind}, {o.role}, {place}, at ({x:.3f}, {y:.3f}, {z:.3f}) m{weighed}, {seen}"
+    )

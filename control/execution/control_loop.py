@@ -53,7 +53,10 @@ class ControlLoopState:
     stamps: tuple[float, ...] = ()
     """Times of the readings, s; empty in older logs."""
     bias: tuple[float, ...] = ()
-    """Learnt bias (6,) of the wrist sensor, N and Nm, TCP axes; empty: none was learnt."""
+    """Learnt bias (6,) of the wrist sensor, N and Nm, TCP axes, then its variance, N², and its time, s.
+
+    Empty: none was learnt. Older logs have no variance and time.
+    """
     noisy: bool = False
     """Whether the wrist sensor is known to be noisy: it never repeats a reading."""
     doubts_wrist: bool = False

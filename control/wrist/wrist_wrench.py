@@ -24,6 +24,8 @@ MAX_BIAS_STEP = 3.0
 """Greatest change of a learnt bias, N. Sensors drift, they do not jump."""
 MAX_QUIET_DEVIATION = 0.6
 """Standard deviation of the force up to which a bias can be learnt, N."""
+BIAS_DRIFT = 0.015
+"""Expected drift of the bias, N after one second; it grows with the root of the time."""
 
 
 class WristWrench:
@@ -35,6 +37,9 @@ class WristWrench:
     The tool's weight follows from the robot file, in any orientation. The sensor's bias turns with the hand.
     Only `zero` learns it, and its caller guarantees an empty, free hand. The loop calls it when the arm first
     rests in a run. That also shows whether the sensor is noisy: a noisy one never repeats a reading.
+
+    A learnt bias is a Kalman estimate (1960) under slow drift. So a reading while the arm still vibrates
+    corrects it little.
     """
 
     def __init__(self, sensor: WrenchSensor, model: RobotModel, clock: Clock) -> None:
@@ -45,6 +50,10 @@ class WristWrench:
         self._readings: deque[tuple[float, Wrench]] = deque()
         self._tare = np.zeros(6)
         self._bias: Array | None = None
+        self._bias_variance = 0.0
+        """Variance of each axis of the learnt bias's force, N²."""
+        self._bias_time = 0.0
+        """Time at which the bias was learnt, s."""
         self._bias_in_world: Vector3 = (0.0, 0.0, 0.0)
         self._sensor_in_tool = _sensor_in_tool(model)
         self._hand_com = np.array(model.hand_com)
@@ -188,13 +197,38 @@ class WristWrench:
         odd = sudden or float(np.linalg.norm(bias[:3])) > MAX_BIAS
         if (odd and (real is None or real(felt))) or (self.payload is not None and not sudden):
             return False
-        self._bias = bias
+        gain = 1.0 if odd or self._bias is None else self._bias_gain(step[:3], window)
+        self._bias_variance, self._bias_time = gain * self._zero_variance(window), self._clock.now
+        self._bias = known + gain * step
         self.turned(tool)
         if not odd:
             # The tare contains the drift, too: removing it from both keeps the zero.
-            self._tare = self._tare - felt
+            self._tare = self._tare - gain * felt
         self.force = self._external(self.latest)
         return True
+
+    def _bias_gain(self, step: Array, window: float) -> float:
+        """Return the share of `step` (3,), N, by which a reading corrects the known bias, 0 … 1.
+
+        A step that drift and readings do not explain shows that the bias drifts faster.
+        """
+        drifted = self._bias_variance + BIAS_DRIFT**2 * max(self._clock.now - self._bias_time, 0.0)
+        read = self._zero_variance(window)
+        drifted = max(drifted, float(step @ step) / 3.0 - read)
+        return drifted / (drifted + read) if read > 0.0 else 1.0
+
+    def _zero_variance(self, window: float) -> float:
+        """Return the variance of the mean force over the last `window` s at rest, N², of the worst axis.
+
+        Differences between successive readings show the sensor's noise, which averages out. The rest of the
+        variance is a slower vibration of the arm, which does not.
+        """
+        forces = np.array([w.force for w in self._last(window)])
+        if len(forces) < 2:
+            return 0.0
+        noise = np.square(np.diff(forces, axis=0)).mean(axis=0) / 2.0
+        vibration = np.maximum(forces.var(axis=0) - noise, 0.0)
+        return float((noise / len(forces) + vibration).max())
 
     def carry(self, payload: Payload | None) -> None:
         """Set the payload of the hand; None: it is empty. A payload is no contact."""
@@ -214,8 +248,10 @@ class WristWrench:
 
     @property
     def learnt(self) -> tuple[float, ...]:
-        """Learnt bias (6,) for a checkpoint; empty: none."""
-        return () if self._bias is None else tuple(self._bias.tolist())
+        """Learnt bias (6,), its variance, N², and its time, s, for a checkpoint; empty: none."""
+        if self._bias is None:
+            return ()
+        return (*self._bias.tolist(), self._bias_variance, self._bias_time)
 
     @property
     def stamps(self) -> tuple[float, ...]:
@@ -237,7 +273,8 @@ class WristWrench:
             stamps = [now - (len(readings) - 1 - k) * DEFAULT_READING_INTERVAL for k in range(len(readings))]
         self._readings = deque(zip(stamps, readings, strict=True))
         self._tare = np.array(list(tare))
-        self._bias = np.array(bias) if len(bias) == 6 else None
+        self._bias = np.array(bias[:6]) if len(bias) >= 6 else None
+        self._bias_variance, self._bias_time = bias[6:8] if len(bias) == 8 else (0.0, now)
         self._bias_in_world = (0.0, 0.0, 0.0)
         self.payload = None
         if tool is not None:

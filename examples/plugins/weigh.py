@@ -20,7 +20,7 @@ HEAVY = register_cause(Cause("weigh.heavy", "An item weighs more than it may.", 
 
 
 class Weigh(Skill):
-    """Hold still and weigh what is in the hand, to about 10 g."""
+    """Hold still and weigh what is in the hand, to about 15 g."""
 
     most: In[float] = port("greatest mass with which it succeeds", unit="kg", default=0.13)
     mass: Out[float] = port("what it weighs", unit="kg")

@@ -2,7 +2,7 @@
 
 The wrist sensor also reads inertial forces. Over some time the force adds up to the change of momentum
 (impulse theorem), and the encoders give the velocities at both ends. The rest is the weight of the load.
-Measured over 92 lifts: error 6 g (root mean square), at most 14 g. On the turns of a transfer, where the
+Measured over 168 lifts: error 4 g (median), 11 g (95 %), at most 13 g. On the turns of a transfer, where the
 object swings about the hand, up to 200 g: those ticks are left out.
 """
 

@@ -1,4 +1,4 @@
-"""Kinematic backend without physics: motions are exact, objects follow the gripper, sensors are ideal."""
+"""Kinematic backend without physics: motions are exact, objects follow the gripper, sensors have no noise."""
 
 from __future__ import annotations
 

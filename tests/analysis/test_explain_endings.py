@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis import Run
+from picktree.analysis.cursor import Cursor
 from picktree.analysis.explain.explanation_text import notes_on, to_text
 from picktree.analysis.explain.investigation import case
+from picktree.cli.analyse.replay_views import evidence_lines
 from picktree.logs.recording.rotated_log import Rotation
 from picktree.logs.run_log import RunLog
 from picktree.session.mission_edits import MissionReload
@@ -101,9 +103,16 @@ def test_a_fault_in_the_code_of_a_node(tmp_path: Path) -> None:
     with Run(run(tmp_path, "plugins: [broken.py]\ntrees:\n  Main:\n    Broken\n")) as log:
         (cause,) = log.explanation.root_causes
         (failure,) = log.failures
+        shown = list(evidence_lines(Cursor(log, log.ticks.times[-1])))
     assert (cause.cause, cause.ended_run, failure.fate) == ("internal.error", True, "ended")
     assert "one over nothing" in cause.title
+    line = 1 + next(k for k, text in enumerate(PLUGIN.splitlines()) if "one over nothing" in text)
+    assert f"(broken.py, line {line})" in failure.message
+    assert failure.remedy == f"mend broken.py, line {line}; where that line is right, report it with the log"
+    assert cause.reasons[0].startswith(f'File "broken.py", line {line}, in ')
     assert cause.reasons[-1] == "ZeroDivisionError: one over nothing"
+    assert f"  remedy: {failure.remedy}" in shown
+    assert "    ZeroDivisionError: one over nothing" in shown
 
 
 def test_a_run_that_goes_on_is_not_called_killed(tmp_path: Path) -> None:
@@ -165,6 +174,13 @@ def test_what_was_done_before_a_log_began_is_one_item_in_it(tmp_path: Path) -> N
         done = [item for item in items if item.state == "done"]
         assert all(item.truth.endswith("_bin, where it belongs") for item in done)
         assert len(done) >= 4
+    with Run(resumed) as run:
+        (note,) = notes_on(run)
+        begun = run.info.continues
+    assert begun is not None
+    assert note == (
+        f"the log begins at {begun.time:.2f} s, at a checkpoint of {begun.log}; it lacks what was before"
+    )
 
 
 def test_a_program_that_died_while_it_ran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -36,6 +36,31 @@ trees:
               otherwise: [SafeRetreat, {Observe: {camera: overhead}}]
               give_up: {SafeRetreat: {hand: open}}
 """
+REWEIGH = """
+from dataclasses import replace
+
+from picktree.skills.plugin import In, ObjectId, Out, Skill, Steps, World, port
+
+
+class Reweigh(Skill):
+    '''Believe a wrong mass, read the destination, and believe the true mass.'''
+
+    object: In[ObjectId] = port("held object")
+    bin: Out[ObjectId] = port("its destination")
+    uses = ()
+    example = 'Reweigh: {object: "{item}", bin: "{bin}"}'
+
+    def run(self, world: World) -> Steps:
+        for mass in (0.06, 0.1):
+            world.scene.put(replace(world.scene.get(self.object), mass=mass), "weighed")
+            for _ in range(10):
+                yield
+            if mass < 0.1:
+                self.bin = world.scene.destination(self.object)
+
+
+NODES = (Reweigh,)
+"""
 BALL = "  - {of: {ball: 1}, colours: [red], area: {min: [0.44, -0.1], max: [0.46, -0.08]}}\n"
 BLOCK = "  - {of: {block: 1}, colours: [blue], area: {min: [0.5, 0.1], max: [0.52, 0.12]}}\n"
 
@@ -187,6 +212,25 @@ def test_a_mission_that_says_the_wrong_bin(tmp_path: Path) -> None:
         "by the scene's rules a blue block belongs into blue_bin",
     )
     assert [item.truth for item in found.items] == ["truly in red_bin; it belongs into blue_bin"]
+
+
+def test_a_destination_that_followed_from_a_wrong_weighing(tmp_path: Path) -> None:
+    scene = (
+        'destinations:\n  - {where: "mass < 0.07", to: red_bin}\n'
+        "  - {where: \"colour == 'blue'\", to: blue_bin}\n"
+    )
+    (tmp_path / "reweigh.py").write_text(REWEIGH, encoding="utf-8")
+    mission = (
+        MISSION.replace("scene: scene.yaml\n", "scene: scene.yaml\nplugins: [reweigh.py]\n")
+        .replace("- Place", '- Reweigh: {object: "{item}", bin: "{bin}"}\n                - Place')
+        .replace("{item.destination}", "{bin}")
+    )
+    (cause,) = blind(run(tmp_path, items=BLOCK, mission=mission, scene=scene)).root_causes
+    assert cause.cause == "perception.mistaken"
+    assert cause.title == (
+        "blue_block_1 was placed into red_bin and belongs into blue_bin: 60 g were felt, and it weighs 100 g"
+    )
+    assert cause.reasons[-1] == "later 100 g were felt; its bin had been chosen by then"
 
 
 def test_a_run_that_was_ended_at_its_limit(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from ..trees.rehearsing import play, play_one, said
@@ -114,3 +116,37 @@ def test_what_the_hand_holds_comes_first_among_what_is_to_be_done() -> None:
         """,
     )
     assert said(case) == []
+
+
+@pytest.mark.parametrize("given", [True, False])
+def test_an_item_whose_rule_asks_for_a_mass_that_the_case_does_not_give(tmp_path: Path, given: bool) -> None:
+    (tmp_path / "scene.yaml").write_text(
+        "picktree: 1\nkind: scene\nbase: sort_small\ndestinations:\n"
+        "  - {where: mass < 0.07, to: green_bin}\n  - {where: \"colour == 'blue'\", to: blue_bin}\n"
+    )
+    answer = ", then: {objects: {a: {mass: 50 g}}}" if given else ""
+    case = play_one(
+        """
+        Main:
+          Repeat:
+            while: items_left
+            num_cycles: 2
+            do:
+              - Look: {objects: "{o}"}
+              - Pick: {object: a}
+              - Fallback: [Weigh, {Put: {object: a, into: green_bin}}]
+        """,
+        f"""
+        objects: {{a: {{kind: block, colour: blue}}}}
+        leaves: {{Weigh: {{cause: perception.stale{answer}}}}}
+        expect: {{order: [Look, Pick, Weigh, Put]}}
+        """,
+        head=f"scene: {tmp_path}/scene.yaml\n",
+    )
+    if given:
+        assert said(case) == []
+        return
+    (told,) = said(case)
+    assert told.startswith("expect.order: the order ends, but Main/Repeat/Sequence/Look starts; a lies in ")
+    assert "the scene's rules ask for its mass, which the case does not give" in told
+    assert "('then: {objects: {a: {mass: …}}}' in an answer)" in told

@@ -77,6 +77,29 @@ def test_its_log_goes_where_the_batch_would_have_kept_it(
     assert len(list(batch.glob("jobs/*/*"))) == 1
 
 
+@pytest.mark.usefixtures("no_other_workers")
+def test_commands_of_a_run_take_a_job_whose_log_is_kept(
+    batch: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    where = f"{batch}@15 N,seed=4"
+    assert answer(["explain", where]) == 2
+    assert capsys.readouterr().err == (
+        f"{where}: the batch keeps no log of this job (success); `picktree resim {where}` makes it\n"
+    )
+    assert answer(["resim", where]) == 0
+    capsys.readouterr()
+    assert answer(["explain", where]) == 0
+    assert "success: " in capsys.readouterr().out
+    assert answer(["diff", where, str(batch / str(row(batch, 1)[0]))]) == 0
+    capsys.readouterr()
+    assert answer(["explain", f"{batch}@30 N,seed=4"]) == 2
+    assert "this job was not run yet" in capsys.readouterr().err
+    assert answer(["replay", f"{batch}@seed=9"]) == 2
+    assert "no job has the seed 9" in capsys.readouterr().err
+    assert answer(["report", str(batch), "-o", str(batch / "page.html")]) == 2
+    assert f"it is a batch: name one of its jobs, as {batch}@seed=0" in capsys.readouterr().err
+
+
 def test_elsewhere_it_goes_into_a_folder_of_its_own(batch: Path, tmp_path: Path, worker: Executor) -> None:
     found = rerun_job(f"{batch}@30 N,seed=3", tmp_path / "out", worker)
     (run,) = (tmp_path / "out").iterdir()

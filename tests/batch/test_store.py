@@ -122,7 +122,7 @@ def test_the_summary_says_how_it_went(tmp_path: Path) -> None:
         "\n"
         "items sorted  by form: cylinder 9 of 18\n"
         "              by colour: red 9 of 18\n"
-        "              by place: 0 of 9 at 0.50, 0.10 m\n"
+        "              by place: 0 of 9 at 0.50, 0.10 m; all in 1 other cell of 5 cm\n"
         "\n"
         "missed their goal\n"
         "  seed 8, sort: incomplete, 1 not sorted; 4.00 s: slipped (jobs/x)"

@@ -181,7 +181,7 @@ def test_help_comes_fast_and_names_the_command() -> None:
 
 WHOLE = """\
 failure: the mission ended in FAILURE: red_ball_1: the fingers met and hold nothing (opening
-0.0 mm, load -0.02 N); 1 of 4 items are where they belong, 3 left
+0.0 mm, load 0.00 N); 1 of 4 items are where they belong, 3 left
 one pick, scene sort_small, seed 3, kinematic: 7.6 s simulated
 
 Root cause
@@ -194,7 +194,7 @@ Root cause
 
 Failures (1: 1 ended the mission)
      7.60 s  Grasp of red_ball_1: grasp.missed
-             red_ball_1: the fingers met and hold nothing (opening 0.0 mm, load -0.02 N)
+             red_ball_1: the fingers met and hold nothing (opening 0.0 mm, load 0.00 N)
              belief: red_ball_1 at x 0.51, y -0.15 m, last seen at 0.10 s
              truth: red_ball_1 is nowhere any more
              planted: item_02 is snatched away (2.8 s before)

@@ -103,6 +103,68 @@ def test_a_bias_is_not_learnt_while_the_hand_shakes() -> None:
     assert not one.zero(0.1, HOME)
 
 
+def test_a_vibration_corrects_a_known_bias_little_and_a_quiet_rest_much() -> None:
+    sensor, rng = Sensor(HOME, BIAS), np.random.default_rng(0)
+
+    def zeroed(amplitude: float) -> float:
+        """Let 0.1 s of a slow vibration and of noise pass, learn the bias, and return its error in z, N."""
+        for k in range(40):
+            slow = amplitude * np.sin(2 * np.pi * k / 40)
+            sensor.push = np.array([0.0, 0.0, slow]) + rng.normal(0.0, 0.15, 3)
+            rest(one, sensor, sensor.period)
+        sensor.push = np.zeros(3)
+        assert one.zero(0.1, HOME)
+        return abs(one.bias.force[2] - BIAS[2])
+
+    one = wrist(sensor)
+    assert zeroed(0.0) < 0.1
+    sensor.now += 6.0
+    before = one.bias.force[2]
+    zeroed(0.5)
+    assert abs(one.bias.force[2] - before) < 0.07, "all of the vibration's mean, -0.25 N, became bias"
+    errors: list[float] = []
+    for _ in range(4):
+        sensor.now += 6.0
+        errors.append(zeroed(0.0))
+    assert errors[-1] < 0.05
+
+
+def test_a_bias_that_drifts_fast_is_followed() -> None:
+    sensor, rng = Sensor(HOME, BIAS), np.random.default_rng(0)
+    one = wrist(sensor)
+    for k in range(20):
+        sensor.now += 6.0
+        sensor.bias = BIAS + np.array([0.0, 0.0, 0.3 * k, 0.0, 0.0, 0.0])
+        for _ in range(40):
+            sensor.push = rng.normal(0.0, 0.15, 3)
+            rest(one, sensor, sensor.period)
+        assert one.zero(0.1, HOME)
+        assert one.bias.force[2] == pytest.approx(sensor.bias[2], abs=0.15)
+
+
+def test_a_restored_wrist_learns_as_the_saved_one_would() -> None:
+    sensor, rng = Sensor(HOME, BIAS), np.random.default_rng(0)
+    one, other = wrist(sensor), wrist(sensor)
+
+    def rested(*wrists: WristWrench) -> None:
+        for _ in range(40):
+            sensor.push = rng.normal(0.0, 0.15, 3)
+            sensor.now += sensor.period
+            for each in wrists:
+                each.sample()
+                each.turned(MODEL.tcp(HOME))
+
+    rested(one)
+    assert one.zero(0.1, HOME)
+    readings, tare = one.state()
+    other.restore(readings, tare, one.stamps, one.learnt, MODEL.tcp(HOME))
+    assert other.learnt == one.learnt
+    sensor.now += 6.0
+    rested(one, other)
+    assert one.zero(0.1, HOME) and other.zero(0.1, HOME)
+    assert other.learnt == one.learnt
+
+
 def test_a_window_is_a_time_whatever_the_rate() -> None:
     """0.05 s at 5 N and 0.05 s at 1 N before them, at 1000 Hz and then at 240 Hz."""
     sensor = Sensor(HOME, period=1 / 1000)

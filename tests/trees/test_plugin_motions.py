@@ -13,6 +13,7 @@ from picktree.files.marks import FileError
 from picktree.skill_world.world import World
 from picktree.trees.running.runner import build
 from picktree.trees.status import NodeStatus
+from picktree.world.causes import remedy_of
 
 from .scripted import FakeWorld, Run
 from .waving import WAVE, forgotten, mission
@@ -53,6 +54,18 @@ def write(folder: Path, body: str) -> None:
         ("felt = world.move.guarded((0, 0, -1), 0.1, force=3.0)\nyield", "world.move.guarded"),
         ("if not world.gripper.close(force=3.0):\n    yield", "world.gripper.close"),
         ("if world.move.guarded((0, 0, -1), 0.1, force=3.0).contact:\n    yield", "world.move.guarded"),
+        ("done = world.move.jog(None)\nif done.failure() is not None:\n    yield", "world.move.jog"),
+        ("done = world.move.jog(None)\nkept = [done]\nif done.failure():\n    yield", "world.move.jog"),
+        ("done = world.gripper.close(force=3.0)\nwhile not done:\n    yield", "world.gripper.close"),
+        ("if (met := world.move.guarded((0, 0, -1), 0.1)).contact:\n    yield", "world.move.guarded"),
+        ("one, two = helper(world)\nyield", "helper"),
+        ("return world.gripper.open()\nyield", "world.gripper.open"),
+        ("self.note('said', helper(world))\nyield", "helper"),
+        ("self.note(kind='said', message=helper(world))\nyield", "helper"),
+        ("if bool(helper(world)):\n    yield", "helper"),
+        ("self.times = 1 if world.gripper.open() else 2\nyield", "world.gripper.open"),
+        ("text = f'{helper(world)}'\nyield", "helper"),
+        ("self.lift(world) or helper(world)\nyield", "self.lift"),
     ],
 )
 def test_a_motion_that_goes_nowhere_is_a_fault_with_its_line(tmp_path: Path, body: str, calls: str) -> None:
@@ -88,6 +101,15 @@ def test_further_lines_are_named(tmp_path: Path) -> None:
         "parts = [self.lift(world), helper(world)]\nfor part in parts:\n    yield from part",
         "part = helper(world)\nnext(part)\npart.close()\nyield",
         "yield from self.lift(world) if self.times else helper(world)",
+        "part = helper(world)\nif part is not None:\n    yield from part",
+        "part = helper(world)\nself.kept = part\nyield",
+        "part = None\nfor _ in (0, 1):\n    part = helper(world)\n    yield from part",
+        "done = self.lift(world)\ndone = yield from done\nyield done.failure() if done else None",
+        "def inner():\n    return helper(world)\nyield from inner()",
+        "print(helper(world), list(self.lift(world)))\nyield",
+        "both = lambda one, two: one\nyield from both(helper(world), self.lift(world))",
+        "self.part = helper(world)\nyield from self.part",
+        "return helper(world)",
     ],
 )
 def test_motions_that_are_carried_out_are_no_fault(tmp_path: Path, body: str) -> None:
@@ -116,6 +138,20 @@ def test_what_the_text_does_not_show_fails_the_node_when_it_happens(
         f"UnstartedMotion while Wave was ticked: {motion} is called without 'yield from', so that it does "
         f"nothing (wave.py, line {LINE + ahead})"
     )
+
+
+def test_an_unstarted_motion_of_another_name_is_named_with_the_line_that_uses_it(tmp_path: Path) -> None:
+    write(tmp_path, "jog = self.lift\ndone = jog(world)\nif done.failure():\n    yield")
+    world = FakeWorld()
+    run = Run(build(mission(tmp_path), cast("World", world)), world)
+    assert run.to_end()[-1] is NodeStatus.FAILURE
+    report = run.tree.root.failure
+    assert report is not None and report.evidence["plugin_line"] == f"wave.py, line {LINE + 2}"
+    assert report.message == (
+        "AttributeError while Wave was ticked: 'generator' object has no attribute 'failure': a motion gives "
+        f"its result to 'yield from' only (wave.py, line {LINE + 2})"
+    )
+    assert remedy_of(report.cause, report.evidence).startswith(f"mend wave.py, line {LINE + 2};")
 
 
 def test_what_is_called_for_its_effect_goes_on(tmp_path: Path) -> None:

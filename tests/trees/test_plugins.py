@@ -73,6 +73,21 @@ def test_causes_of_a_plug_in_are_known_to_the_missions_that_name_it(tmp_path: Pa
     assert "no cause is called 'wave.tired'" in str(caught.value)
 
 
+@pytest.mark.parametrize("pattern", ["wave.tired", "wave.*"])
+def test_a_cause_that_no_node_declares_is_told_from_an_unknown_one(tmp_path: Path, pattern: str) -> None:
+    (tmp_path / "wave.py").write_text(WAVE.replace("causes = (TIRED,)", "causes = ()"))
+    body = "{Main: {Recover: {do: Wave, when: {%s: AlwaysSuccess}}}}"
+    with pytest.raises(FileError) as caught:
+        mission(tmp_path, body % pattern)
+    assert str(caught.value).endswith(
+        f"Main/Recover: '{pattern}' is registered by wave.py, but no node declares it (add it to the "
+        "'causes' of the skill in wave.py that fails with it)"
+    )
+    with pytest.raises(FileError) as caught:
+        mission(tmp_path, body % "wave.tierd")
+    assert "no cause is called 'wave.tierd'" in str(caught.value)
+
+
 def test_the_same_file_is_run_once_and_an_edited_one_again(tmp_path: Path) -> None:
     (tmp_path / "wave.py").write_text(WAVE)
     first, again = mission(tmp_path).main.root.node, mission(tmp_path).main.root.node

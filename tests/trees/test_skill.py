@@ -131,7 +131,7 @@ def test_a_body_that_resists_halting_does_not_keep_its_siblings_from_it(name: st
         notes[0].message
         == {
             "Stubborn": "Stubborn yields while it is halted: a finally cannot wait",
-            "Exploding": "OSError while Exploding was halted: no",
+            "Exploding": "OSError while Exploding was halted: no (test_skill.py, line 42)",
         }[name]
     )
     if name == "Exploding":
@@ -145,7 +145,7 @@ def test_a_crash_is_an_internal_error_with_its_traceback() -> None:
     report = run.tree.failure
     assert report is not None
     assert str(report.cause) == "internal.error"
-    assert report.message == "ZeroDivisionError while Scripted was ticked: scripted"
+    assert report.message == "ZeroDivisionError while Scripted was ticked: scripted (scripted.py, line 94)"
     assert 'raise ZeroDivisionError("scripted")' in str(report.evidence["traceback"])
     assert [n.message for n in run.notes("internal_error")] == [report.message]
 
@@ -154,7 +154,11 @@ def test_a_crash_is_an_internal_error_with_its_traceback() -> None:
     ("name", "message"),
     [
         ("Forgetful", "Forgetful ended without writing its output 'width'"),
-        ("Wrong", "TypeError while Wrong was ticked: output 'width': 'wide' is not a number"),
+        (
+            "Wrong",
+            "TypeError while Wrong was ticked: output 'width': 'wide' is not a number "
+            "(test_skill.py, line 63)",
+        ),
         ("Plain", "TypeError while Plain was ticked: 'NoneType' object is not iterable"),
     ],
 )

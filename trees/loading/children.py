@@ -132,8 +132,14 @@ class ChildReader:
         patterns = self._registry.patterns
         ours = pattern.partition(".")[0] in OUR_PREFIXES
         if pattern not in patterns and not self._registry.is_lost(pattern, near=ours):
-            hint = self._faults.nearest(pattern, patterns)
-            self._fault(loc, trail, f"no cause is called {show(pattern)}", hint, code="P233", key=True)
+            plugin = self._registry.registers(pattern)
+            if plugin:
+                message = f"{show(pattern)} is registered by {plugin}, but no node declares it"
+                hint = f"add it to the 'causes' of the skill in {plugin} that fails with it"
+            else:
+                message = f"no cause is called {show(pattern)}"
+                hint = self._faults.nearest(pattern, patterns)
+            self._fault(loc, trail, message, hint, code="P233", key=True)
 
     def _fault(
         self, loc: Location, trail: str, message: str, hint: str = "", *, code: str, key: bool = False

@@ -12,7 +12,7 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
-from ...world.causes import OUR_PREFIXES, Cause, all_causes
+from ...world.causes import OUR_PREFIXES, Cause, all_causes, matches
 from ..declaration import NodeDeclaration
 from ..mission import Plugin
 from ..node import Node
@@ -89,6 +89,11 @@ class NodeRegistry:
         names = [cause.name for cause in self.causes]
         families = {name[:at] for name in names for at, letter in enumerate(name) if letter == "."}
         return (*names, *(f"{family}.*" for family in sorted(families)), "*")
+
+    def registers(self, pattern: str) -> str:
+        """Return the plug-in of `plugins:` that registers a cause of the pattern; empty: none does."""
+        names = [cause.name.encode() for cause in all_causes() if matches(pattern, cause)]
+        return next((one.name for one in self._plugins if any(name in one.source for name in names)), "")
 
     def plugins_of(self, nodes: Iterable[type[Node]]) -> tuple[Plugin, ...]:
         """Return the plug-ins of `plugins:`, and the installed ones of others that offer one of these

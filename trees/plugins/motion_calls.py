@@ -7,10 +7,12 @@ A motion is a generator. Called alone, it is made and thrown away, and Python sa
 from __future__ import annotations
 
 import ast
+import builtins
 import inspect
-from collections.abc import Generator, Iterator, Mapping
+import sys
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import CodeType, GeneratorType
 from typing import Final, cast
@@ -41,8 +43,9 @@ def check_motion_calls(source: bytes, module: Mapping[str, object], plugin: str)
         f"the plug-in {plugin!r}, line {first.line}: {first.where} calls {first.motion} without "
         "'yield from', so that it does nothing"
     )
-    if others:
-        message += f"; line{'s' if len(others) > 1 else ''} {', '.join(str(o.line) for o in others)}, too"
+    further = list(dict.fromkeys(other.line for other in others if other.line != first.line))
+    if further:
+        message += f"; line{'s' if len(further) > 1 else ''} {', '.join(map(str, further))}, too"
     raise PluginError(message, f"write 'yield from {first.motion}(…)'", code="P261")
 
 
@@ -118,23 +121,179 @@ class _Check:
         """Yield the calls in the order of the text."""
         for owner, function in _functions(self._tree):
             worlds = _worlds(function)
-            above = {id(child): node for node in ast.walk(function) for child in ast.iter_child_nodes(node)}
+            uses = _Uses(function, partial(self._known, owner))
             where = f"{owner.name}.{function.name}" if owner is not None else function.name
             for call in _calls(function):
-                known = self._is_motion(call.func, owner, worlds)
-                if known and _goes_nowhere(call, above[id(call)], function):
+                if self._is_motion(call.func, owner, worlds) and uses.goes_nowhere(call):
                     yield _LostMotion(call.lineno, where, ast.unparse(call.func))
 
     def _is_motion(self, called: ast.expr, owner: ast.ClassDef | None, worlds: frozenset[str]) -> bool:
         match called:
-            case ast.Name(id=name):
-                return inspect.isgeneratorfunction(self._module.get(name))
-            case ast.Attribute(value=ast.Name(id="self"), attr=name) if owner is not None:
-                return inspect.isgeneratorfunction(getattr(self._module.get(owner.name), name, None))
             case ast.Attribute(value=ast.Attribute(value=ast.Name(id=world), attr=part), attr=name):
                 return world in worlds and name in _world_motions().get(part, ())
             case _:
+                return inspect.isgeneratorfunction(self._known(owner, called))
+
+    def _known(self, owner: ast.ClassDef | None, named: ast.expr) -> object:
+        """Return what a name, or an attribute of `self`, of the module stands for. None: not known."""
+        match named:
+            case ast.Name(id=name):
+                return self._module.get(name, getattr(builtins, name, None))
+            case ast.Attribute(value=ast.Name(id="self"), attr=name) if owner is not None:
+                return getattr(self._module.get(owner.name), name, None)
+            case _:
+                return None
+
+
+class _Uses:
+    """Uses of the values in one function."""
+
+    def __init__(self, function: ast.FunctionDef, known: Callable[[ast.expr], object]) -> None:
+        """`known` returns what a called expression stands for, or None."""
+        self._function, self._known = function, known
+        self._above = {id(child): node for node in ast.walk(function) for child in ast.iter_child_nodes(node)}
+
+    def goes_nowhere(self, motion: ast.expr) -> bool:
+        """Return whether the generator is thrown away, or used as if it were the motion's result."""
+        match self._above[id(motion)]:
+            case ast.Expr() | ast.Yield() | ast.Compare() | ast.BinOp() | ast.FormattedValue():
+                return True
+            case ast.UnaryOp() | ast.Subscript():
+                return True
+            case ast.If(test=test) | ast.While(test=test) | ast.Assert(test=test):
+                return test is motion
+            case ast.IfExp() as choice:
+                return choice.test is motion or self.goes_nowhere(choice)
+            case ast.BoolOp() as either:
+                return self.goes_nowhere(either)
+            case ast.Attribute(attr=name):
+                return not hasattr(GeneratorType, name)
+            case ast.Return() as end:
+                return self._returned_for_nothing(end)
+            case ast.Call() | ast.keyword() as use:
+                return self._given_for_nothing(motion, use)
+            case ast.NamedExpr(target=ast.Name(id=name)) as named:
+                return self._name_goes_nowhere(name) and self.goes_nowhere(named)
+            case ast.Assign(targets=[ast.Name(id=name)]) | ast.AnnAssign(target=ast.Name(id=name)):
+                return self._name_goes_nowhere(name)
+            case ast.Assign(targets=[ast.Tuple() | ast.List()]):
+                return True
+            case _:
                 return False
+
+    def _name_goes_nowhere(self, name: str) -> bool:
+        """Return whether no use of the name can start the generator that it was set to.
+
+        A name that is set once needs only one use that a generator cannot have.
+        """
+        nodes = [node for node in ast.walk(self._function) if isinstance(node, ast.Name) and node.id == name]
+        loads = [node for node in nodes if isinstance(node.ctx, ast.Load)]
+        once = sum(isinstance(node.ctx, ast.Store) for node in nodes) == 1
+        if once and any(self._needs_result(node) for node in loads):
+            return True
+        return all(self.goes_nowhere(node) for node in loads if not self._is_asked_for(node))
+
+    def _needs_result(self, name: ast.Name) -> bool:
+        match self._above[id(name)]:
+            case ast.Attribute(attr=attribute):
+                return not hasattr(GeneratorType, attribute)
+            case ast.Subscript(value=value):
+                return value is name
+            case _:
+                return False
+
+    def _is_asked_for(self, name: ast.Name) -> bool:
+        """Return whether the name is only compared with None, which starts nothing."""
+        match self._above[id(name)]:
+            case ast.Compare(ops=[ast.Is() | ast.IsNot()]):
+                return True
+            case _:
+                return False
+
+    def _returned_for_nothing(self, end: ast.Return) -> bool:
+        """Return whether the function that returns a generator promises something else."""
+        inside: ast.AST = end
+        while not isinstance(inside, ast.FunctionDef | ast.Lambda):
+            inside = self._above[id(inside)]
+        if inside is not self._function:
+            return False
+        promised = self._function.returns
+        if _yields(self._function):
+            return promised is None or not any(word in ast.unparse(promised)[1:] for word in _WITHIN)
+        return promised is not None and self._excludes_generators(promised, self._known)
+
+    def _given_for_nothing(self, motion: ast.expr, use: ast.Call | ast.keyword) -> bool:
+        """Return whether the parameter that gets the generator is declared as something else."""
+        call = self._above[id(use)] if isinstance(use, ast.keyword) else use
+        if not isinstance(call, ast.Call) or call.func is motion:
+            return False
+        called = self._known(call.func)
+        if any(called is reader for reader in _RESULT_READERS):
+            return True
+        if not callable(called) or (isinstance(use, ast.keyword) and use.arg is None):
+            return False
+        if any(isinstance(one, ast.Starred) for one in call.args):
+            return False
+        try:
+            parameters = inspect.signature(called).parameters
+        except (TypeError, ValueError):
+            return False
+        own = [one for name, one in parameters.items() if name != "self"]
+        places = [one for one in own if one.kind in (one.POSITIONAL_ONLY, one.POSITIONAL_OR_KEYWORD)]
+        if isinstance(use, ast.keyword):
+            one = parameters.get(use.arg or "")
+        else:
+            at = next(k for k, given in enumerate(call.args) if given is motion)
+            one = places[at] if at < len(places) else None
+        if one is None or one.annotation is one.empty:
+            return False
+        names = getattr(inspect.unwrap(called), "__globals__", None) or vars(
+            sys.modules.get(getattr(called, "__module__", ""), builtins)
+        )
+        text = one.annotation if isinstance(one.annotation, str) else getattr(one.annotation, "__name__", "")
+        try:
+            declared = ast.parse(text, mode="eval").body
+        except SyntaxError:
+            return False
+        return self._excludes_generators(declared, partial(_named_in, names))
+
+    @staticmethod
+    def _excludes_generators(annotation: ast.expr, known: Callable[[ast.expr], object]) -> bool:
+        """Return whether every type of an annotation is a known class that no generator belongs to."""
+        match annotation:
+            case ast.Constant(value=None):
+                return True
+            case ast.BinOp(left=left, right=right):
+                return _Uses._excludes_generators(left, known) and _Uses._excludes_generators(right, known)
+            case ast.Name():
+                kind = known(annotation)
+            case _:
+                return False
+        try:
+            return isinstance(kind, type) and not issubclass(GeneratorType, kind)
+        except TypeError:
+            return False
+
+
+_WITHIN: Final = tuple(f"[{word}" for word in _GENERATORS) + tuple(f", {word}" for word in _GENERATORS)
+_RESULT_READERS: Final = (bool, str, repr, len, float, int, abs, round, format)
+"""Built-in functions that read a value and start no generator."""
+
+
+def _named_in(names: Mapping[str, object], named: ast.expr) -> object:
+    return names.get(named.id, getattr(builtins, named.id, None)) if isinstance(named, ast.Name) else None
+
+
+def _yields(function: ast.FunctionDef) -> bool:
+    """Return whether the function itself, without those defined in it, is a generator."""
+    todo: list[ast.AST] = list(function.body)
+    while todo:
+        node = todo.pop()
+        if isinstance(node, ast.Yield | ast.YieldFrom):
+            return True
+        if not isinstance(node, ast.FunctionDef | ast.Lambda | ast.ClassDef):
+            todo += ast.iter_child_nodes(node)
+    return False
 
 
 def _functions(tree: ast.Module) -> Iterator[tuple[ast.ClassDef | None, ast.FunctionDef]]:
@@ -164,26 +323,6 @@ def _worlds(function: ast.FunctionDef) -> frozenset[str]:
             else one.arg == "world"
         )
     )
-
-
-def _goes_nowhere(call: ast.Call, parent: ast.AST, function: ast.FunctionDef) -> bool:
-    """Whether the generator is thrown away, or used as if it were the motion's result."""
-    match parent:
-        case ast.Expr() | ast.Yield():
-            return True
-        case ast.If(test=test) | ast.While(test=test) | ast.IfExp(test=test) | ast.Assert(test=test):
-            return test is call
-        case ast.UnaryOp(op=ast.Not()) | ast.Compare() | ast.Subscript():
-            return True
-        case ast.Attribute(attr=name):
-            return not hasattr(GeneratorType, name)
-        case ast.Assign(targets=[ast.Name(id=name)]) | ast.AnnAssign(target=ast.Name(id=name)):
-            return not any(
-                isinstance(node, ast.Name) and node.id == name and isinstance(node.ctx, ast.Load)
-                for node in ast.walk(function)
-            )
-        case _:
-            return False
 
 
 @cache

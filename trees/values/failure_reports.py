@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import re
+import sys
 import traceback
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import GeneratorType
 from typing import Final, cast
 
 from ...files.shipped_files import ROOT, rooms
-from ...world.causes import Evidence, FailureReport, cause_named, internal, matches
+from ...world.causes import (
+    PLUGIN_LINE,
+    Evidence,
+    EvidenceValue,
+    FailureReport,
+    cause_named,
+    internal,
+    matches,
+)
 from ...world.journal import Plain
 from .port_types import plain_copy
 
@@ -42,11 +52,32 @@ def without_addresses(text: str) -> str:
 
 
 def internal_error_report(error: BaseException, doing: str, path: str) -> FailureReport:
-    """Report an exception of a node's own code as internal.error, with its portable trace."""
+    """Report an exception of a node's own code as internal.error, with its portable trace.
+
+    Where code of a plug-in raised it, message and evidence name the line of its file.
+    """
     name = type(error).__name__
     message = f"{name} while {doing}: {without_addresses(str(error))}"
-    evidence: Evidence = {"exception": name, "traceback": portable_trace(error)}
+    evidence: dict[str, EvidenceValue] = {"exception": name}
+    if isinstance(error, AttributeError) and isinstance(error.obj, GeneratorType):
+        message += ": a motion gives its result to 'yield from' only"
+    place = _line_of_plugin(error)
+    if place is not None:
+        evidence[PLUGIN_LINE] = place
+        message += "" if place in message else f" ({place})"
+    evidence["traceback"] = portable_trace(error)
     return FailureReport(internal.ERROR, message, evidence, path)
+
+
+def _line_of_plugin(error: BaseException) -> str | None:
+    """Return the last line of a traceback that is neither ours nor a library's, as `wave.py, line 13`."""
+    found = None
+    for frame, line in traceback.walk_tb(error.__traceback__):
+        package = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+        file = frame.f_code.co_filename
+        if package not in sys.stdlib_module_names and "/" not in _portable(file):
+            found = f"{Path(file).name}, line {line}"
+    return found
 
 
 def _portable(file: str) -> str:

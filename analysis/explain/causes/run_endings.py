@@ -83,12 +83,18 @@ def by_the_mission(case: Investigation, failure: FailureStory) -> Finding | None
             return Finding("tree.no_case", failure.node, title, (), failure.item, failure.time)
         case "internal.error":
             title = f"the code of {failure.id} has a fault of its own: {failure.message}"
-            trace = word(failure, "traceback").strip().splitlines()
             return Finding(
-                "internal.error", failure.node, title, tuple(trace[-3:]), failure.item, failure.time
+                "internal.error", failure.node, title, _end_of_trace(failure), failure.item, failure.time
             )
         case _:
             return None
+
+
+def _end_of_trace(failure: FailureStory) -> tuple[str, ...]:
+    """Return the last frame of the traceback and the exception, without marks below the text."""
+    trace = word(failure, "traceback").strip().splitlines()
+    last = max((k for k, line in enumerate(trace) if line.startswith('  File "')), default=len(trace) - 3)
+    return tuple(line.strip() for line in trace[max(last, 0) :] if line.strip(" ^~"))
 
 
 def out_of_order(case: Investigation, failure: FailureStory) -> Finding | None:

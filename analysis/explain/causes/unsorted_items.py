@@ -142,7 +142,9 @@ def _set_aside(case: Investigation, true: str) -> Finding | None:
 
 
 def _wrong_bin(case: Investigation, true: str, item: str, into: str, node: str) -> Finding | None:
-    real, believed = case.truth.tracks[true].bodies[-1], case.belief.tracks[item].bodies[-1]
+    real = case.truth.tracks[true].bodies[-1]
+    told = case.ports(node).get("into", "")
+    believed = _believed_for(case, item, into if "{" in told else "")
     belongs = case.destination(real)
     if not into or not belongs or is_at(into, belongs):
         return None
@@ -159,15 +161,30 @@ def _wrong_bin(case: Investigation, true: str, item: str, into: str, node: str) 
         reasons = (
             tuple(f"{each.to} for {each.where}" for each in case.scene.destinations) if case.scene else ()
         )
+        later = case.belief.tracks[item].bodies[-1]
+        if _mass(later) != _mass(believed):
+            reasons = (*reasons, f"later {_mass(later)} were felt; its bin had been chosen by then")
         return Finding("perception.mistaken", wrong[0].split(",")[0], title, reasons, item, None)
     name = node.rsplit("/", 1)[-1]
     title = f"the mission takes items into {into} that belong into {belongs}: {name} of {item} says so"
-    told = case.ports(node).get("into", "")
     reasons = (
         f"{node} has into: {told}" if told else f"{node} placed it into {into}",
         f"by the scene's rules a {real.colour} {real.kind} belongs into {belongs}",
     )
     return Finding("mission.wrong_bin", node, title, reasons, item, None)
+
+
+def _believed_for(case: Investigation, item: str, into: str) -> BodyRecord:
+    """Return what was last believed of an item while it belonged into `into`; without such, at the end.
+
+    A second weighing may change the destination of an item that is on its way.
+    """
+    bodies = case.belief.tracks[item].bodies
+    return next((body for body in reversed(bodies) if into and case.destination(body) == into), bodies[-1])
+
+
+def _mass(body: BodyRecord) -> str:
+    return f"{body.mass * 1000:.0f} g" if isinstance(body, ThingRecord) and body.mass is not None else ""
 
 
 def _mistaken_traits(case: Investigation, believed: BodyRecord, real: BodyRecord) -> tuple[str, ...]:

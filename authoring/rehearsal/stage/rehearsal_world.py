@@ -7,7 +7,7 @@ succeeds counts as a look. The case defines everything else.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NoReturn
 
@@ -19,7 +19,7 @@ from ....world.causes import Cause, Failure, matches, safety, world
 from ....world.causes import grasp as grasp_causes
 from ....world.journal import Entry, Journal, JournalEvent
 from ....world.scene.description import CatalogueEntry, SceneDescription
-from ....world.scene.destinations import destination_rule
+from ....world.scene.destinations import destination_rule, unknown_traits
 from ....world.shapes import Box
 from ....world.values import ObjectId, Pose
 from ..cases.cases_schema import EMPTY_HAND, Effects, LeafAnswer, ObjectFile, Objects
@@ -53,7 +53,8 @@ class Belief:
     def __init__(self, scene: SceneDescription | None) -> None:
         self._exhausted = scene is None or not scene.deliveries
         self._done = 0
-        self._rule = destination_rule(scene.destinations if scene else ())
+        self._rules = scene.destinations if scene else ()
+        self._rule = destination_rule(self._rules)
         self._catalogue = {entry.kind: entry for entry in scene.catalogue} if scene else {}
         self._known_bins = scene is not None
         self._destinations: dict[str, ObjectId | None] = {}
@@ -74,6 +75,14 @@ class Belief:
             now=now,
         )
         return {**found, **self._set}
+
+    def misplaced_for_want_of(self) -> Iterator[tuple[BeliefObject, tuple[str, ...]]]:
+        """Yield items in a bin that is not their destination, with the unknown traits that rules ask for."""
+        for item in self.scene.objects:
+            lacking = unknown_traits(self._rules, item)
+            elsewhere = item.place in self.scene.bins and item.place != self._destination(item)
+            if elsewhere and lacking and item.id not in self._destinations:
+                yield item, lacking
 
     def to_do(self) -> list[str]:
         """Ids of the items to do, the held one first."""

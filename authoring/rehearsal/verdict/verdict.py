@@ -191,7 +191,7 @@ class _Comparison:
         if expect.order is not None:
             found = compare_order(expect.order, self._trace.runs, (*expect.loc, "order"))
             if found is not None:
-                yield self._at(found.loc, found.message, found.tick)
+                yield self._at(found.loc, found.message + self._unknown_traits(), found.tick)
         for wanted in expect.handled:
             yield from self._handled(wanted)
         for number, pattern in enumerate(expect.never):
@@ -203,6 +203,16 @@ class _Comparison:
         yield from self._objects(expect, (*expect.loc, "objects"))
         for key, value in expect.blackboard.items():
             yield from self._blackboard(key, value, (*expect.loc, "blackboard", key))
+
+    def _unknown_traits(self) -> str:
+        """Return which item is still to be done because the case does not give what rules ask for."""
+        for item, traits in self._outcome.world.belief.misplaced_for_want_of():
+            cure = f"then: {{objects: {{{item.id}: {{{traits[0]}: …}}}}}}"
+            return (
+                f"; {item.id} lies in {item.place} and is still to be done: the scene's rules ask for its "
+                f"{traits[0]}, which the case does not give ('{cure}' in an answer)"
+            )
+        return ""
 
     def _at(self, loc: Location, message: str, tick: int | None = None) -> ExpectationMiss:
         return ExpectationMiss(self._document.mark(loc), where(loc[2:]) or self._case.name, message, tick)
