@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO, TypeAlias
 
@@ -170,8 +170,9 @@ def run(
             verify=verify,
             watch=watch,
             rotation=rotation,
+            **({} if seconds is None else {"limit": seconds}),
         )
-        assembly = _new_run(request if seconds is None else replace(request, limit=seconds), answers or ())
+        assembly = _new_run(request, answers or ())
     with assembly as session_for, watchers.observers() as observers:
         result = session_for(observers).run()
     watchers.print_lateness()
