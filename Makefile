@@ -90,7 +90,7 @@ docs: $(RUN)
 	for kind in scene robot faults cases plan; do \
 		"$(BIN)/picktree" schema $$kind --markdown --output docs/reference-$$kind.md; done; \
 	"$(BIN)/picktree" nodes --shipped --markdown --output docs/nodes.md; \
-	"$(BIN)/picktree" nodes --shipped --stub --output nodes.pyi; \
+	"$(BIN)/picktree" nodes --shipped --stub --output apps/api/nodes.pyi; \
 	"$(BIN)/picktree" explain-code --index > docs/codes.md; \
 	"$(BIN)/python" -c 'from picktree.logs.schema import event_records as e; print(e.events_page(), end="")' \
 		> docs/events.md; \
@@ -100,17 +100,17 @@ docs: $(RUN)
 site: $(DEV)
 	@NO_MKDOCS_2_WARNING=1 "$(BIN)/python" -m mkdocs build --strict && echo "See it: $(BIN)/python -m http.server -d site"
 
-# The scripts and styles of a report and of the studio, from src/ in analysis/report/page and studio/page; tests say
+# The scripts and styles of a report and of the studio, from src/ in analysis/report/page and apps/studio/page; tests say
 # when they are out of date.
 page: tests/logs/node/node_modules/.package-lock.json tests/studio/node/node_modules/.package-lock.json
 	@cd tests/logs/node && npm run --silent build
 	@cd tests/studio/node && npm run --silent test && npm run --silent build
 
-# The extension for VS Code, editors/vscode/picktree.vsix: `code --install-extension` takes it.
+# The extension for VS Code, docs/editors/vscode/picktree.vsix: `code --install-extension` takes it.
 vsix:
 	@command -v npm >/dev/null || { echo "npm is missing: apt-get install nodejs npm" >&2; exit 1; }
-	@npm ci --prefix editors/vscode --no-audit --no-fund
-	@npm run --prefix editors/vscode package
+	@npm ci --prefix docs/editors/vscode --no-audit --no-fund
+	@npm run --prefix docs/editors/vscode package
 
 # The pictures of docs/report.md, docs/batches.md and docs/studio.md, taken in headless Chromium of a run with planted faults
 # of a batch and of five more that are run for it: about eight minutes of CPU.

@@ -27,12 +27,13 @@ from __future__ import annotations
 
 from os.path import realpath
 
-from .arithmetic import pin
-
 # An editable install finds the package through the link .links/picktree. Its files keep their own paths, in
 # which editors set breakpoints.
 __path__[:] = map(realpath, __path__)
 __file__ = realpath(__file__)
+
+from .files.arithmetic import pin  # noqa: E402 - it gets the real path, too
+
 pin()  # before any library that computes is loaded
 
 __all__ = [
@@ -61,16 +62,16 @@ __all__ = [
 ]
 
 _PLACES = {
-    "Batch": ("api.batches", "BatchResult"),
-    "Cell": ("api.cell", "Cell"),
-    "Mission": ("api.mission", "Mission"),
-    "PicktreeError": ("errors", "PicktreeError"),
-    "PoseGoal": ("planning.requests", "PoseGoal"),
-    "Run": ("api.runs", "MissionRun"),
+    "Batch": ("apps.api.batches", "BatchResult"),
+    "Cell": ("apps.api.cell", "Cell"),
+    "Mission": ("apps.api.mission", "Mission"),
+    "PicktreeError": ("files.errors", "PicktreeError"),
+    "PoseGoal": ("robot.planning.requests", "PoseGoal"),
+    "Run": ("apps.api.runs", "MissionRun"),
     "Tree": ("trees.tree_definition", "TreeDefinition"),
-    "batch": ("api.batches", "batch"),
-    "load": ("api.mission", "load"),
-    "run": ("api.runs", "run"),
+    "batch": ("apps.api.batches", "batch"),
+    "load": ("apps.api.mission", "load"),
+    "run": ("apps.api.runs", "run"),
 }
 """Module and attribute of the names that are no nodes. They are imported on request: the command line must
 answer at once."""
@@ -84,13 +85,11 @@ def __getattr__(name: str) -> object:
 
         return version("picktree")
     if name == "nodes":
-        return import_module(".nodes", __name__)
+        return import_module(".apps.api.nodes", __name__)
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module, attribute = _PLACES.get(name, ("nodes", name))
+    module, attribute = _PLACES.get(name, ("apps.api.nodes", name))
     found = getattr(import_module(f".{module}", __name__), attribute)
-    if name == "batch":  # a room has this name, too: it is called as the function
-        return import_module(".batch", __name__)
     globals()[name] = found
     return found
 

@@ -6,14 +6,14 @@ import gc
 import sys
 from io import TextIOWrapper
 
-from .arithmetic import restart
+from .files.arithmetic import restart
 
 
 def main() -> None:
     restart()
     # Imports make hundreds of thousands of objects that stay: looking for garbage among them costs a tenth.
     gc.set_threshold(50_000, 20, 100)
-    from .cli.app import answer
+    from .apps.cli.app import answer
 
     stdout: object = sys.stdout
     if isinstance(stdout, TextIOWrapper):

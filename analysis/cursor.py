@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, TypeAlias, TypeVar
 
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
 from ..files.node_patterns import find_nodes
 from ..logs.run_log import Stamped
 from ..logs.schema.event_records import BeliefEvent

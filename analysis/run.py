@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..logs.run_record import RunRecord
-from .explain.investigation.explanation import Explanation, FailureStory, ItemStory
+from .explain.explanation import Explanation, FailureStory, ItemStory
 
 
 class Run(RunRecord):

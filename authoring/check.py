@@ -6,20 +6,20 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
 from ..files.expressions.expression import ExpressionError
 from ..files.expressions.type_inference import ValueType, check_types
 from ..files.marks import Diagnostic, FileError
 from ..files.value_wording import suggest_name
 from ..files.yaml.document import Document
+from ..trees.circuit import ArrivingValue
+from ..trees.key_writers import NodeExpression, PlacedNode, TreeKeys, expressions_of
 from ..trees.loading.loader import MissionReadResult, SceneNames, examine, load_surroundings
 from ..trees.loading.registry import NodeRegistry
 from ..trees.mission import Mission, MissionFiles, reachable
-from ..trees.values.references import ATTRIBUTE_TYPES, ExpressionLocator, Reference
-from ..trees.wiring.circuit import ArrivingValue
-from ..trees.wiring.key_writers import NodeExpression, PlacedNode, TreeKeys, expressions_of
-from ..trees.wiring.value_sources import DEFAULT
-from ..trees.wiring.wiring_faults import expression_fault
+from ..trees.references import ATTRIBUTE_TYPES, ExpressionLocator, Reference
+from ..trees.value_sources import DEFAULT
+from ..trees.wiring_faults import expression_fault
 from ..world.belief.facts import ASIDE
 from ..world.planner_names import is_planner, suggest_planner, unknown_planner
 from .lint import lint

@@ -6,19 +6,19 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from ..errors import PicktreeError
 from ..files.disk_cache import cached_arrays
+from ..files.errors import PicktreeError
 from ..files.marks import Diagnostic, FileError, Location
 from ..files.shipped_files import find_file
 from ..files.yaml.document import Document, read_document
-from ..robots.description import RobotDescription
-from ..robots.loading import SHIPPED as ROBOTS
-from ..robots.loading import check_robot, robot_names
-from ..robots.urdf_geometry import mesh_paths
 from ..world.causes import OUR_PREFIXES, Cause, all_causes
+from ..world.robot_model.description import RobotDescription
+from ..world.robot_model.loading import SHIPPED as ROBOTS
+from ..world.robot_model.loading import check_robot, robot_names
+from ..world.robot_model.urdf_geometry import mesh_paths
 from ..world.scene.description import MAX_HIDDEN_SHARE, SceneDescription
-from ..world.scene.loading.scene_loading import SHIPPED as SCENES
-from ..world.scene.loading.scene_loading import check_scene, load_scene, scene_names
+from ..world.scene.scene_loading import SHIPPED as SCENES
+from ..world.scene.scene_loading import check_scene, load_scene, scene_names
 from .schema.schema_parts import Schema, belonging, by_value, schema, schemas
 
 if TYPE_CHECKING:
@@ -105,8 +105,8 @@ def _hidden_shares(scene: SceneDescription, robot: RobotDescription) -> dict[str
         # They are slow to import, and needed for files that have changed.
         import numpy as np
 
-        from ..perception.expectation.robot_mask import hidden_shares
-        from ..robots.model import RobotModel
+        from ..robot.perception.robot_mask import hidden_shares
+        from ..world.robot_model.model import RobotModel
 
         model = RobotModel(robot)
         shares = hidden_shares(model, scene, model.named("home"))
@@ -121,28 +121,28 @@ def _hidden_shares(scene: SceneDescription, robot: RobotDescription) -> dict[str
 
 _ROOT = Path(__file__).parents[1]
 _VIEW_SOURCES = (
-    _ROOT / "perception" / "expectation" / "robot_mask.py",
-    _ROOT / "perception" / "geometry" / "camera_geometry.py",
-    _ROOT / "robots" / "model.py",
+    _ROOT / "robot" / "perception" / "robot_mask.py",
+    _ROOT / "robot" / "perception" / "camera_geometry.py",
+    _ROOT / "world" / "robot_model" / "model.py",
     _ROOT / "world" / "scene" / "description.py",
 )
 """Code that the hidden shares depend on."""
 
 
 def _check_faults(document: Document) -> Iterable[Diagnostic]:
-    from ..simulation.fault_files.fault_loading import check_faults
+    from ..simulation.faults.fault_loading import check_faults
 
     return check_faults(document).faults
 
 
 def _check_cases(document: Document) -> Iterable[Diagnostic]:
-    from .rehearsal.checking.case_checks import check_cases
+    from .rehearsal.case_checks import check_cases
 
     return check_cases(document)
 
 
 def _check_xml(document: Document) -> Iterable[Diagnostic]:
-    from .xml.importing.mission_import import check_xml
+    from .xml.mission_import import check_xml
 
     return check_xml(document.text, document.path)
 
@@ -162,7 +162,7 @@ SchemaKind: TypeAlias = Literal["scene", "robot", "faults", "cases"]
 
 def file_schema(kind: SchemaKind) -> Schema:
     """Return the JSON Schema of a kind of file."""
-    from ..robots.robot_schema import RobotFile
+    from ..world.robot_model.robot_schema import RobotFile
     from .schema.pydantic_schema import model_schema
 
     match kind:
@@ -177,7 +177,7 @@ def file_schema(kind: SchemaKind) -> Schema:
 
 
 def _faults() -> Schema:
-    from ..simulation.fault_files.fault_schema import ALLOWED_KEYS, REQUIRED_KEYS, FaultsFile
+    from ..simulation.faults.fault_schema import ALLOWED_KEYS, REQUIRED_KEYS, FaultsFile
     from .schema.pydantic_schema import model_schema
 
     found = model_schema("faults", FaultsFile)
@@ -204,7 +204,7 @@ def _propose(found: Schema, key: str, names: tuple[str, ...]) -> None:
 
 
 def _cases() -> Schema:
-    from .rehearsal.cases.cases_schema import CasesFile
+    from .rehearsal.cases_schema import CasesFile
     from .schema.pydantic_schema import model_schema
 
     found = model_schema("cases", CasesFile)

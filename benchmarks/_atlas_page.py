@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 from _fault_measures import Measure
 from _fault_table import sortable
-from picktree.simulation.fault_files.fault_entries import FaultExpectation
+from picktree.simulation.faults.fault_entries import FaultExpectation
 
 if TYPE_CHECKING:
-    from picktree.analysis.explain.investigation.explanation import FailureStory
+    from picktree.analysis.explain.explanation import FailureStory
     from picktree.analysis.run import Run
 
 MOST_OF_A_FAULT = 2

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from picktree.planning.collision.collision_bodies import CollisionMargins
-from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.robots.model import RobotModel
+from picktree.robot.planning.collision_bodies import CollisionMargins
+from picktree.robot.planning.collision_checker import CollisionChecker
 from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box, Cylinder, Shape, Sphere
 from picktree.world.values import Array, ObjectId, Pose

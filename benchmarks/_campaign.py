@@ -30,10 +30,10 @@ from typing import TYPE_CHECKING, Any
 from _campaign_results import REFERENCE_COST as REFERENCE_COST  # programs have it from here
 from _campaign_results import Forecast, Results, Row, key, plain
 from _dependencies import bytes_digest, of_program, opened, used
-from picktree.arithmetic import restart
-from picktree.batch.workers.executor import Executor, JobFailed, JobFinished, JobOrder
-from picktree.batch.workers.local_executor import LocalExecutor
-from picktree.errors import PicktreeError
+from picktree.apps.batch.executor import Executor, JobFailed, JobFinished, JobOrder
+from picktree.apps.batch.local_executor import LocalExecutor
+from picktree.files.arithmetic import restart
+from picktree.files.errors import PicktreeError
 from picktree.session.environment import hashes, revision
 
 if TYPE_CHECKING:
@@ -173,7 +173,7 @@ def executor(given: argparse.Namespace) -> Executor:
     """Return the executor of the options --workers and --ray. The caller closes it."""
     if not given.ray:
         return LocalExecutor(given.workers)
-    from picktree.batch.cluster.ray_executor import RayExecutor
+    from picktree.apps.batch.ray_executor import RayExecutor
 
     return RayExecutor(given.workers, None if given.ray == "local" else given.ray)
 
@@ -337,7 +337,7 @@ def explaining() -> str:
 def blind(folder: Path) -> Run:
     """Open a run whose log holds no word of a fault."""
     from picktree.analysis import Run
-    from picktree.world.events.run_events import FaultEvent
+    from picktree.world.run_events import FaultEvent
 
     run = Run(folder)
     run.__dict__["events"] = tuple(at for at in run.events if not isinstance(at.record, FaultEvent))
@@ -346,7 +346,7 @@ def blind(folder: Path) -> Run:
 
 def wilson(hits: int, n: int) -> tuple[float, float]:
     """Return the 95 % interval of a rate (Wilson 1927)."""
-    from picktree.batch.statistics import rates  # loads scipy, which workers do not need
+    from picktree.apps.batch import rates  # loads scipy, which workers do not need
 
     interval = rates.rate(hits, n).interval
     return interval.low, interval.high

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from picktree.analysis import Run
-from picktree.cli.app import answer
-from picktree.errors import PicktreeError
+from picktree.apps.cli.app import answer
+from picktree.files.errors import PicktreeError
 from picktree.logs.run_log import RunLog
 
 MAGIC_LENGTH = 8

@@ -33,9 +33,9 @@ MACHINERY = frozenset(
     )
 )
 """Files that deal runs out, and count or watch them: no run depends on them."""
-_COMMAND_FILES = ("cli/run", "session/resume")
+_COMMAND_FILES = ("apps/cli/", "session/")
 """Folders that commands of picktree need beside `sources`."""
-_ATTACHED = "cli/run/attach.py"
+_ATTACHED = "apps/cli/attach.py"
 """Command in them that no campaign starts: it looks at a run from another process."""
 _IMPORT = re.compile(r"^\s*(?:from|import) ((?:picktree[.\w]*)|(?:_\w+))", re.MULTILINE)
 _listeners: list[set[str]] = []
@@ -184,7 +184,7 @@ def of_program(program: Path) -> list[str]:
             waiting += [part for part in parts if part in contents()]
     own -= MACHINERY
     imported = (path for path in contents() if path.endswith(".py") and path.startswith(_folders(own)))
-    return sorted(own | set(_of_commands()) | set(imported))
+    return sorted((own | set(_of_commands()) | set(imported)) - {_ATTACHED})
 
 
 def _of_commands() -> Iterable[str]:

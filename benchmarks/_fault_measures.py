@@ -9,14 +9,14 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
-from picktree.world.events.run_events import FaultEvent
-from picktree.world.events.skill_events import SafetyStopEvent
+from picktree.world.run_events import FaultEvent
+from picktree.world.skill_events import SafetyStopEvent
 
 import numpy as np
 
 if TYPE_CHECKING:
     from picktree.analysis.run import Run
-    from picktree.robots.model import RobotModel
+    from picktree.world.robot_model.model import RobotModel
     from picktree.world.scene.description import SafetyLimits
 
 Numbers: TypeAlias = "np.ndarray[Any, np.dtype[np.float64]]"
@@ -161,9 +161,9 @@ class Cell:
 
     @classmethod
     def of(cls, scene: str) -> Cell:
-        from picktree.robots.loading import load_robot
-        from picktree.robots.model import RobotModel
-        from picktree.world.scene.loading.scene_loading import load_scene
+        from picktree.world.robot_model.loading import load_robot
+        from picktree.world.robot_model.model import RobotModel
+        from picktree.world.scene.scene_loading import load_scene
 
         described = load_scene(scene, Path.cwd())
         robot = load_robot(described.robot, Path(described.source).parent)
@@ -213,7 +213,7 @@ def exceeded(
     v²/2a; for the tool the time that the slowest joint needs, v/a, at the tool's speed. Both get one tick's
     way on top, because a log tells no more often.
     """
-    from picktree.control.safety.safety_monitor import JOINT_TOLERANCE
+    from picktree.robot.control.safety_monitor import JOINT_TOLERANCE
 
     over = np.maximum(positions - model.upper, model.lower - positions) - JOINT_TOLERANCE
     if over.size and over.max() > 0.0:

@@ -9,8 +9,8 @@ from fnmatch import fnmatch
 from typing import Any
 
 from _fault_measures import Measure
-from picktree.batch.statistics.rates import Rate, rate
-from picktree.simulation.fault_files.fault_entries import FaultExpectation
+from picktree.apps.batch.rates import Rate, rate
+from picktree.simulation.faults.fault_entries import FaultExpectation
 from picktree.world.causes import matches
 
 COLUMNS: Mapping[str, str] = {

@@ -104,10 +104,10 @@ class _Cell:
     """Hardware, world, and a mission in it."""
 
     def __init__(self, setting: Setting, seed: int) -> None:
-        from picktree.robots.loading import load_robot
         from picktree.session.assembly import assemble_world
         from picktree.simulation.physics.backend import PhysicsHardware
-        from picktree.world.scene.loading.scene_loading import parse_scene
+        from picktree.world.robot_model.loading import load_robot
+        from picktree.world.scene.scene_loading import parse_scene
 
         self.scene = parse_scene(setting.scene(), Path(f"{setting.name}.yaml"))
         robot = load_robot(self.scene.robot)
@@ -134,8 +134,8 @@ class _Cell:
         self._drive(self._open())
 
     def _lower(self) -> Generator[None, None, None]:
-        from picktree.manipulation.insert.insertion import fit, poses_over
-        from picktree.planning.requests import OffsetGoal, PoseGoal
+        from picktree.robot.manipulation.insertion import fit, poses_over
+        from picktree.robot.planning.requests import OffsetGoal, PoseGoal
         from picktree.world.belief.hole_matching import find_hole, fitting_hole
 
         world = self.world
@@ -174,7 +174,7 @@ class _Cell:
     def _mission(self, text: str) -> None:
         from picktree.trees.loading.loader import parse_mission
         from picktree.trees.loading.registry import NodeRegistry
-        from picktree.trees.running.runner import build
+        from picktree.trees.runner import build
         from picktree.trees.status import NodeStatus
 
         self.tree = tree = build(parse_mission(text, Path("insertion.yaml"), NodeRegistry()), self.world)
@@ -187,8 +187,8 @@ class _Cell:
         self.told["failures"].append("hung")
 
     def _note(self) -> None:
-        from picktree.world.events.run_events import RecoveryEvent
-        from picktree.world.events.skill_events import ItemDoneEvent, PickEvent
+        from picktree.world.run_events import RecoveryEvent
+        from picktree.world.skill_events import ItemDoneEvent, PickEvent
 
         for event in self.world.journal.take():
             match event:
@@ -203,7 +203,7 @@ class _Cell:
 
     def judged(self) -> Row:
         """Return the outcome by the ground truth of the simulation, without anything believed."""
-        from picktree.simulation.scoring.scorer import score
+        from picktree.simulation.scorer import score
 
         for _ in range(REST):
             self._wait()

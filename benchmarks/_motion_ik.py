@@ -6,8 +6,8 @@ import time
 
 from _motion_robots import shipped
 from _motion_tables import Column, Part, Table, cpu, median, p95, share
-from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
-from picktree.robots.model import RobotModel
+from picktree.robot.planning.inverse_kinematics import InverseKinematics
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.values import Array, Pose
 
 import numpy as np

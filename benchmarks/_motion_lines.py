@@ -8,12 +8,12 @@ from collections import Counter
 
 from _motion_robots import shipped
 from _motion_tables import Column, Part, Table, cpu, median, p95, share
-from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.planning.collision.trajectory_check import StartTolerance
-from picktree.planning.kinematics.cartesian_lines import plan_line
-from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
-from picktree.robots.model import RobotModel
+from picktree.robot.planning.cartesian_lines import plan_line
+from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning.inverse_kinematics import InverseKinematics
+from picktree.robot.planning.trajectory_check import StartTolerance
 from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.values import Array, Pose
 
 import numpy as np

@@ -12,16 +12,16 @@ from typing import TypeVar
 
 from _motion_robots import shipped
 from _motion_tables import Column, Part, Table, cpu, median, p95, share
-from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
-from picktree.planning.requests import MotionPlan, OffsetGoal, PoseGoal, Request, Scaling
-from picktree.planning.service.motion_chain import MotionChain
-from picktree.planning.service.solver import RequestSolver
-from picktree.planning.timing.path_curves import JointCurve, rounded_polyline, spline_through
-from picktree.planning.timing.time_parameterization import time_curve
-from picktree.planning.timing.toppra_profile import TORQUE_LIMIT_SHARE, PathLimits, ScaledStretch
-from picktree.robots.model import RobotModel
+from picktree.robot.planning.inverse_kinematics import InverseKinematics
+from picktree.robot.planning.motion_chain import MotionChain
+from picktree.robot.planning.path_curves import JointCurve, rounded_polyline, spline_through
+from picktree.robot.planning.requests import MotionPlan, OffsetGoal, PoseGoal, Request, Scaling
+from picktree.robot.planning.solver import RequestSolver
+from picktree.robot.planning.time_parameterization import time_curve
+from picktree.robot.planning.toppra_profile import TORQUE_LIMIT_SHARE, PathLimits, ScaledStretch
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.causes import Failure
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array, Pose
 

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from picktree.simulation.scoring.truth import TrueBody
+    from picktree.simulation.truth import TrueBody
     from picktree.world.scene.description import SceneDescription
     from picktree.world.values import Pose
 
@@ -45,10 +45,10 @@ class Within:
 
 def within_reach(scene: SceneDescription, items: list[TrueBody]) -> dict[str, Within]:
     """For each item by id."""
-    from picktree.planning.requests import PoseGoal, Request
-    from picktree.robots.loading import load_robot
+    from picktree.robot.planning.requests import PoseGoal, Request
     from picktree.session.assembly import assemble_world
     from picktree.simulation.backends import build_hardware
+    from picktree.world.robot_model.loading import load_robot
 
     robot = load_robot(scene.robot)
     empty = replace(scene, spawn=())

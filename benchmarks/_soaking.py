@@ -22,7 +22,7 @@ import numpy as np
 if TYPE_CHECKING:
     from picktree.logs.run_result import RunResult
     from picktree.session.execution import Execution
-    from picktree.trees.running.runner import TickReport
+    from picktree.trees.runner import TickReport
 
 MINUTE, QUARTER, HOUR = 60.0, 900.0, 3600.0
 """Simulated s."""

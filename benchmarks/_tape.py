@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.logs.mcap import sealed_file
 from picktree.logs.mcap.record_file import DAMAGE_ERRORS
 from picktree.logs.mcap.sealed_file import RawFile

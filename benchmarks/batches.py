@@ -124,7 +124,7 @@ def phase(settings: Settings, name: str, doing: Callable[[], Any]) -> Any:
 
 def start_up() -> float:
     """CPU s that a worker takes until it is ready."""
-    from picktree.batch.workers.local_executor import serve
+    from picktree.apps.batch.local_executor import serve
 
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
@@ -146,7 +146,7 @@ def apart(settings: Settings, seed: int) -> Alone:
 
 
 def run_alone(settings: Settings, seed: int, out: Path) -> Alone:
-    from picktree.batch.workers import local_executor
+    from picktree.apps.batch import local_executor
     from picktree.session.session import RunRequest, Session
 
     local_executor.load()
@@ -181,7 +181,7 @@ def batch(settings: Settings, name: str, seeds: list[int], workers: int) -> dict
     if process.wait() not in (0, 1):
         raise SystemExit(f"{' '.join(command)}: exit code {process.returncode}")
     cpu = spent(resource.getrusage(resource.RUSAGE_CHILDREN)) - before
-    from picktree.batch.results.store import RESULTS_FILE, Store
+    from picktree.apps.batch.store import RESULTS_FILE, Store
 
     first_job = ends[0][1]["job"]
     with Store(folder / RESULTS_FILE) as store:

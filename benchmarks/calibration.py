@@ -49,8 +49,8 @@ def one(job: Job, folder: Path) -> Row:
 
 
 def _run(job: Job, folder: Path, setting: str) -> Row:
-    from picktree.commissioning.calibration_job import CalibrationRequest, calibrate
-    from picktree.world.scene.loading.scene_loading import load_scene
+    from picktree.apps.commissioning.calibration_job import CalibrationRequest, calibrate
+    from picktree.world.scene.scene_loading import load_scene
 
     base, cameras = SETTINGS[setting]
     file = folder / f"{base}.yaml"

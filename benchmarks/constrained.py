@@ -19,10 +19,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from picktree.batch.statistics.rates import rate
-from picktree.planning.collision.trajectory_judge import TrajectoryVerifier
-from picktree.planning.requests import PoseGoal, Request, UprightConstraint
-from picktree.planning.service.solver import RequestSolver
+from picktree.apps.batch.rates import rate
+from picktree.robot.planning.requests import PoseGoal, Request, UprightConstraint
+from picktree.robot.planning.solver import RequestSolver
+from picktree.robot.planning.trajectory_judge import TrajectoryVerifier
 from picktree.world.causes import Failure
 from picktree.world.values import Array, Pose, Vector3
 

@@ -20,8 +20,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import TypeVar
 
-from picktree.control.cartesian.compliant_motion import CartesianStiffness, CompliantMotion, ContactState
-from picktree.skill_world.world import World
+from picktree.robot.control.compliant_motion import CartesianStiffness, CompliantMotion, ContactState
+from picktree.robot.world import World
 
 import numpy as np
 import pinocchio as pin

@@ -18,7 +18,7 @@ from picktree.session.observer import Observer
 
 if TYPE_CHECKING:
     from picktree.session.execution import Execution
-    from picktree.trees.running.runner import TickReport
+    from picktree.trees.runner import TickReport
 
 COST_AN_ITEM = 1.0
 """CPU seconds, for the forecast."""

@@ -31,7 +31,7 @@ from _tape import Opened, open_moment, opens_in_stock_reader, taped
 from picktree.logs.run_log import RunLog
 from picktree.session.observer import Observer
 from picktree.session.session import RunRequest, Session
-from picktree.trees.running.runner import TickReport
+from picktree.trees.runner import TickReport
 
 MISSION = Path(__file__).resolve().parent.parent / "examples" / "sort_by_colour.yaml"
 SHARED = Path("/dev/shm") if Path("/dev/shm").is_dir() else Path(tempfile.gettempdir())

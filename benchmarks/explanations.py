@@ -37,7 +37,7 @@ from pathlib import Path
 
 from _campaign import Row, blind, campaign, explaining, options, rate
 from _explanation_cases import Case, counted, load
-from picktree.analysis.explain.investigation.explanation import CONFIDENCES, RATES
+from picktree.analysis.explain.explanation import CONFIDENCES, RATES
 from picktree.session.environment import sources
 
 COST_A_RUN = 9.0
@@ -148,7 +148,7 @@ def _run_folder(place: Path) -> Path:
 def _await(case: Case, job: Job, place: Path, process: subprocess.Popen[bytes]) -> Path:
     """Return the run's folder as soon as its log reaches the job's time."""
     from picktree.analysis import Run
-    from picktree.errors import PicktreeError
+    from picktree.files.errors import PicktreeError
 
     at = case.at + KILL_SPREAD * (job.seed % 10)
     until = time.monotonic() + PATIENCE
@@ -209,7 +209,7 @@ def explained(folder: Path) -> Row:
 def _struck(run: object) -> list[dict[str, str]]:
     """Return the true items that faults struck: id, kind, colour."""
     from picktree.analysis import Run
-    from picktree.world.events.run_events import FaultEvent
+    from picktree.world.run_events import FaultEvent
 
     assert isinstance(run, Run)
     ids = {at.record.item for at in run.events if isinstance(at.record, FaultEvent) and at.record.item}

@@ -18,10 +18,10 @@ from _campaign import RESULTS, ROOT
 from fault_campaign import Row, measure, read
 from picktree.analysis.render.snapshot import snapshot
 from picktree.analysis.run import Run
-from picktree.batch.results.store import RESULTS_FILE
-from picktree.errors import PicktreeError
-from picktree.simulation.fault_files.fault_entries import FaultExpectation
-from picktree.simulation.fault_files.fault_loading import load_faults
+from picktree.apps.batch.store import RESULTS_FILE
+from picktree.files.errors import PicktreeError
+from picktree.simulation.faults.fault_entries import FaultExpectation
+from picktree.simulation.faults.fault_loading import load_faults
 
 SIZE = (640, 400)
 CAMPAIGN = "benchmarks/campaign"

@@ -34,16 +34,16 @@ from _fault_measures import Cell, Measure, Measured, measured
 from _fault_page import targets, to_page
 from _fault_table import Line, line, to_text, total
 from picktree.analysis.run import Run
-from picktree.batch.plan import BatchPlan
-from picktree.batch.plan_loading import load_plan
-from picktree.batch.results.store import RESULTS_FILE, Store
-from picktree.batch.workers.batch import Batch
-from picktree.cli.batch.progress import progress
-from picktree.errors import PicktreeError
+from picktree.apps.batch.batch import Batch
+from picktree.apps.batch.plan import BatchPlan
+from picktree.apps.batch.plan_loading import load_plan
+from picktree.apps.batch.store import RESULTS_FILE, Store
+from picktree.apps.cli.batch_progress import progress
+from picktree.files.errors import PicktreeError
 from picktree.logs.run_result import RunResult
 from picktree.session.environment import revision
-from picktree.simulation.fault_files.fault_entries import FaultExpectation
-from picktree.simulation.fault_files.fault_loading import load_faults
+from picktree.simulation.faults.fault_entries import FaultExpectation
+from picktree.simulation.faults.fault_loading import load_faults
 
 PLAN = ROOT / "benchmarks" / "campaign" / "plan.yaml"
 COST_A_RUN = 7.0
@@ -390,7 +390,7 @@ def _rates(side: Line) -> list[str]:
 
 
 def _force_limit() -> float:
-    from picktree.world.scene.loading.scene_loading import load_scene
+    from picktree.world.scene.scene_loading import load_scene
 
     return load_scene("sort_small", Path.cwd()).limits.force
 

@@ -29,11 +29,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from picktree.apps.batch.rates import rate
 from picktree.authoring.xml.conversion import convert, convert_all
-from picktree.authoring.xml.importing.mission_import import ImportOptions
-from picktree.authoring.xml.importing.source import XmlText
-from picktree.batch.statistics.rates import rate
-from picktree.errors import PicktreeError
+from picktree.authoring.xml.mission_import import ImportOptions
+from picktree.authoring.xml.source import XmlText
+from picktree.files.errors import PicktreeError
 from picktree.files.marks import FileError
 from picktree.files.yaml.file_text import read_text
 from picktree.tests.authoring.btcpp_library import LIBRARY

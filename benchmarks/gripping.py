@@ -15,7 +15,7 @@ from pathlib import Path
 from statistics import median
 
 from _campaign import MissionJob, Row, campaign, finished, mission_jobs, mission_options, rate
-from picktree.world.events.skill_events import PickEvent
+from picktree.world.skill_events import PickEvent
 
 COST_A_RUN = 7.0
 """CPU seconds."""

@@ -60,7 +60,7 @@ def one(job: Job, folder: Path) -> Row:
     """Run one seed with its halts, each with its result."""
     from picktree.trees.loading.loader import load_mission
     from picktree.trees.loading.registry import NodeRegistry
-    from picktree.world.scene.loading.scene_loading import load_scene
+    from picktree.world.scene.scene_loading import load_scene
 
     import numpy as np
 

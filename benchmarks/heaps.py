@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Any
 from unittest.mock import patch
 
 from _campaign import ROOT, MissionJob, Row, campaign, finished, mission_options, rate, seeds
-from picktree.world.events.skill_events import ItemDoneEvent, PickEvent
+from picktree.world.skill_events import ItemDoneEvent, PickEvent
 
 import numpy as np
 import yaml
@@ -74,7 +74,7 @@ def one(job: Job, folder: Path) -> Row:
     """Run one seed; its counts by the scorer, and its grasps by the log."""
     from picktree.analysis.run import Run
     from picktree.session.session import Session
-    from picktree.simulation.scoring.scorer import score
+    from picktree.simulation.scorer import score
 
     request = _request(job, folder)
     session = Session(request)
@@ -153,7 +153,7 @@ def _stage(candidate: str) -> str:
 def _request(job: Job, folder: Path) -> RunRequest:
     """Return the request of one run; a heap on a table is a round."""
     from picktree.session.session import RunRequest
-    from picktree.world.scene.loading.scene_loading import load_scene
+    from picktree.world.scene.scene_loading import load_scene
 
     scene = load_scene(job.scene)
     heap = next(spawn for spawn in scene.spawn if spawn.drop is not None)
@@ -170,8 +170,8 @@ def _request(job: Job, folder: Path) -> RunRequest:
 @contextmanager
 def _approaches(job: Job) -> Generator[None]:
     """Limit the search to a hand that does not lean, where the job says so."""
-    from picktree.manipulation.grasp.heap_grasps import LOOSE, STRICT, VERTICAL, grasps
-    from picktree.manipulation.pick import heap_pick
+    from picktree.robot.manipulation import heap_pick
+    from picktree.robot.manipulation.heap_grasps import LOOSE, STRICT, VERTICAL, grasps
 
     upright = [(STRICT, (VERTICAL,)), (LOOSE, (VERTICAL,))]
     search = grasps if job.tilt else partial(grasps, stages=upright)

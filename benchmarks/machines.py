@@ -36,7 +36,7 @@ from _campaign import ROOT
 
 sys.path.insert(0, str(ROOT))
 
-from picktree.arithmetic import PINNED, REMOVED, TUNABLES
+from picktree.files.arithmetic import PINNED, REMOVED, TUNABLES
 from picktree.session.environment import machine, sources
 
 from tests.golden.runs import GOLDEN, Record, differing, libraries

@@ -27,14 +27,14 @@ from typing import Any
 from _bench_maker import ARCHIVE, SCENES, WANTED, Problem, admitted, beyond_limits, problems, required_archive
 from _campaign import Row, campaign, finished, options, rate
 from _ompl_reference import OmplReference
-from picktree.planning.collision.collision_bodies import CollisionMargins
-from picktree.planning.collision.trajectory_judge import TrajectoryVerifier
-from picktree.planning.requests import JointGoal, Request
-from picktree.planning.service.planning_worker import IMPROVING_CHECKS
-from picktree.planning.service.solver import RequestSolver
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
+from picktree.robot.planning.collision_bodies import CollisionMargins
+from picktree.robot.planning.planning_worker import IMPROVING_CHECKS
+from picktree.robot.planning.requests import JointGoal, Request
+from picktree.robot.planning.solver import RequestSolver
+from picktree.robot.planning.trajectory_judge import TrajectoryVerifier
 from picktree.world.causes import Failure
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array
 

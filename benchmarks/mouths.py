@@ -4,7 +4,7 @@
 
 For each seed the board of the scene `pegs` is set down and every hole looked at from a place of its own: 17
 to 25 cm away, up to 23° aslant, turned anyhow, with the noise of a camera. No robot moves: this measures
-`perception/fitting/hole_mouths.py` alone. Nothing is kept; twenty seeds take half a minute of CPU.
+`robot/perception/hole_mouths.py` alone. Nothing is kept; twenty seeds take half a minute of CPU.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ import time
 from dataclasses import dataclass, replace
 
 from _campaign import rate
-from picktree.perception.fitting.hole_mouths import detect_hole
+from picktree.robot.perception.hole_mouths import detect_hole
 from picktree.simulation.engine import Client
+from picktree.simulation.feed.spawn import displace_fixtures
 from picktree.simulation.physics.bodies import add_scenery
 from picktree.simulation.physics.rgbd_camera import CameraRenderer
 from picktree.simulation.sensor_noise import noisy_colour, noisy_depth
-from picktree.simulation.spawning.spawn import displace_fixtures
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import CameraDescription, Hole, SceneDescription
-from picktree.world.scene.loading.scene_entries import look_at_frame
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.scene.scene_entries import look_at_frame
+from picktree.world.scene.scene_loading import load_scene
 from picktree.world.values import Pose
 
 import numpy as np

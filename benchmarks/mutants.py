@@ -43,29 +43,31 @@ DRIVE = ("brake", "_stands_beside", "stop_at_once")
 ROOMS: dict[str, dict[str, tuple[str, ...]]] = {
     "skills": {
         "skills/*.py": (),
-        "manipulation/pick/object_*.py": (),
-        "manipulation/insert/contact_insertion.py": (),
-        "manipulation/push/closed_loop_pushing.py": (),
-        "manipulation/carry/hold_check.py": (),
+        "robot/manipulation/object_*.py": (),
+        "robot/manipulation/contact_insertion.py": (),
+        "robot/manipulation/closed_loop_pushing.py": (),
+        "robot/manipulation/hold_check.py": (),
     },
     "recovery": {"recovery/*.py": ()},
-    "scorer": {
-        f"simulation/{name}.py": () for name in ("scoring/scorer", "scoring/truth", "physics/contacts")
-    },
+    "scorer": {f"simulation/{name}.py": () for name in ("scorer", "truth", "physics/contacts")},
     "safety": {
-        "control/safety/*.py": (),
-        "control/joints/external_torque.py": (),
-        "control/execution/control_loop.py": tuple(f"ControlLoop.{name}" for name in LOOP),
-        "control/execution/arm_drive.py": (),
-        "control/execution/supervision.py": (),
-        "planning/service/trajectory_gate.py": (),
+        "robot/control/bias_estimation.py": (),
+        "robot/control/motion_lease.py": (),
+        "robot/control/safety_monitor.py": (),
+        "robot/control/sensor_silence.py": (),
+        "robot/control/stop_latch.py": (),
+        "robot/control/external_torque.py": (),
+        "robot/control/control_loop.py": tuple(f"ControlLoop.{name}" for name in LOOP),
+        "robot/control/arm_drive.py": (),
+        "robot/control/supervision.py": (),
+        "robot/planning/trajectory_gate.py": (),
     },
     "belief": {
         "world/belief/planning_scene.py": (),
-        "perception/data_association.py": (),
-        "perception/fitting/view.py": (),
-        **{f"perception/voxels/{name}.py": () for name in ("obstacle_volumes", "space_carving")},
-        "manipulation/place/dropped_objects.py": (),
+        "robot/perception/data_association.py": (),
+        "robot/perception/view.py": (),
+        **{f"robot/perception/{name}.py": () for name in ("obstacle_volumes", "space_carving")},
+        "robot/manipulation/dropped_objects.py": (),
     },
 }
 """Targets of the mutations: files, and the functions of those that are mutated in part."""

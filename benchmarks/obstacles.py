@@ -23,13 +23,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from _campaign import MissionJob, Row, campaign, mission_jobs, mission_options, rate
-from picktree.world.events.skill_events import ItemDoneEvent
+from picktree.world.skill_events import ItemDoneEvent
 
 import numpy as np
 
 if TYPE_CHECKING:
     from picktree.session.session import Session
-    from picktree.simulation.spawning.spawn import SpawnedItem
+    from picktree.simulation.feed.spawn import SpawnedItem
     from picktree.world.scene.description import Fixture, SceneDescription
 
 COST_A_RUN = 28.0
@@ -44,8 +44,8 @@ COLOURS = ("grey", "dark_grey", "white", "red", "green", "blue", "yellow")
 def one(job: MissionJob, folder: Path) -> Row:
     """Run one seed with the thing in the way, without volumes, told of it, and where it comes later without
     it."""
-    from picktree.simulation.spawning.spawn import spawn_items
-    from picktree.world.scene.loading.scene_loading import load_scene
+    from picktree.simulation.feed.spawn import spawn_items
+    from picktree.world.scene.scene_loading import load_scene
 
     scene = load_scene(job.scene)
     rng = np.random.default_rng([job.seed, 77])
@@ -156,7 +156,7 @@ def _watched() -> Generator[Callable[[Session], dict[str, Any]]]:
 @contextmanager
 def _without_volumes() -> Generator[None]:
     """The belief holds nothing but items meanwhile."""
-    from picktree.perception import data_association
+    from picktree.robot.perception import data_association
     from picktree.world.values import ObjectId
 
     kept = data_association.update_volumes
@@ -175,11 +175,11 @@ def _drawn(
     rng: np.random.Generator, scene: SceneDescription, items: list[SpawnedItem], item: SpawnedItem, seed: int
 ) -> dict[str, Any]:
     """Something in the way from the item to its bin, as an entry of a scene file."""
-    from picktree.robots.loading import load_robot
-    from picktree.robots.model import RobotModel
     from picktree.simulation.faults.planted_obstacles import FreeSpaceCheck
     from picktree.simulation.footprints import distance, footprint
-    from picktree.simulation.scoring.truth import TrueBody
+    from picktree.simulation.truth import TrueBody
+    from picktree.world.robot_model.loading import load_robot
+    from picktree.world.robot_model.model import RobotModel
     from picktree.world.scene.destinations import destination_rule
 
     body = TrueBody.of(item.id, item.entry, item.colour, item.pose)
@@ -205,7 +205,7 @@ def _drawn(
 
 def _thing(rng: np.random.Generator, x: float, y: float, across: float) -> tuple[dict[str, Any], Fixture]:
     from picktree.world.scene.body_schema import UnknownFile
-    from picktree.world.scene.loading.scene_entries import hidden_body
+    from picktree.world.scene.scene_entries import hidden_body
 
     def drawn(low: float, high: float) -> float:
         return round(float(rng.uniform(low, high)), 4)

@@ -13,13 +13,13 @@ import time
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 
-from picktree.perception.fitting.view import Detection, PerceivedView
-from picktree.perception.pipeline import Perception
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
+from picktree.robot.perception.pipeline import Perception
+from picktree.robot.perception.view import Detection, PerceivedView
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.scoring.truth import TrueBody
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.simulation.truth import TrueBody
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
+from picktree.world.scene.scene_loading import load_scene
 from picktree.world.shapes import Box, Cylinder, Sphere
 from picktree.world.values import Array, Pose
 

@@ -21,10 +21,10 @@ from pathlib import Path
 from statistics import median
 
 from _campaign import Row, campaign, finished, options, seeds
-from picktree.robots.description import RobotDescription
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
 from picktree.simulation.physics.backend import PhysicsHardware
+from picktree.world.robot_model.description import RobotDescription
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.scene.description import (
     CatalogueEntry,
     Fixture,

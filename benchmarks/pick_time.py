@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING, Any, cast
 
 from _campaign import Row, campaign, mission_options, rate, seeds
 from _motion_timing import bare_profile
-from picktree.control.joints.joint_controllers import TrajectoryController
-from picktree.planning.requests import LineGoal, OffsetGoal, Request
-from picktree.planning.timing.path_curves import distinct, rounded_polyline, spline_through
+from picktree.robot.control.joint_controllers import TrajectoryController
+from picktree.robot.planning.path_curves import distinct, rounded_polyline, spline_through
+from picktree.robot.planning.requests import LineGoal, OffsetGoal, Request
 from picktree.session.observer import Observer
 from picktree.session.session import RunRequest, Session
 from picktree.trees.skill import Skill
@@ -31,9 +31,9 @@ from picktree.trees.skill import Skill
 import numpy as np
 
 if TYPE_CHECKING:
-    from picktree.robots.model import RobotModel
     from picktree.session.execution import Execution
-    from picktree.trees.running.runner import TickReport
+    from picktree.trees.runner import TickReport
+    from picktree.world.robot_model.model import RobotModel
     from picktree.world.trajectory import Trajectory
 
 COST_A_RUN = 8.0

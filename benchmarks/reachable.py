@@ -26,7 +26,7 @@ def one(job: MissionJob, folder: Path) -> Row:
     """Run one seed; what became of each item."""
     from _reach import within_reach
     from picktree.session.session import RunRequest, Session
-    from picktree.simulation.scoring.scorer import score
+    from picktree.simulation.scorer import score
 
     session = Session(RunRequest(mission=Path(job.mission), scene=job.scene, seed=job.seed, out=folder))
     before = list(session.execution.hardware.truth())

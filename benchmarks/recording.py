@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from picktree.logs.meshes.binary_gltf import link_meshes
+from picktree.logs.binary_gltf import link_meshes
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.recording.rotated_log import Rotation
 from picktree.logs.run_log import RunLog
@@ -28,13 +28,13 @@ from picktree.logs.schema.records import (
     TransitionRecord,
     WriteRecord,
 )
-from picktree.robots.description import RobotDescription
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
 from picktree.session.session import RunRequest, Session
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.protocols import Intrinsics, RgbdImage
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.robot_model.description import RobotDescription
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
+from picktree.world.scene.scene_loading import load_scene
 from picktree.world.shapes import Box
 from picktree.world.values import GripperState, JointState, ObjectId, Pose, Wrench
 

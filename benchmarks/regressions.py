@@ -19,14 +19,14 @@ import os
 from pathlib import Path
 
 from _campaign import ROOT, rate
-from picktree.batch.plan import BatchPlan
-from picktree.batch.results.store import RESULTS_FILE
-from picktree.batch.statistics.comparison import RecipeComparison, compare_recipes
-from picktree.batch.statistics.comparison_text import text_of
-from picktree.batch.statistics.differences import JobOutcome, RecipeOutcomes, read_recipe
-from picktree.batch.workers.batch import Batch
-from picktree.batch.workers.local_executor import LocalExecutor
-from picktree.cli.batch.progress import progress
+from picktree.apps.batch.batch import Batch
+from picktree.apps.batch.comparison import RecipeComparison, compare_recipes
+from picktree.apps.batch.comparison_text import text_of
+from picktree.apps.batch.differences import JobOutcome, RecipeOutcomes, read_recipe
+from picktree.apps.batch.local_executor import LocalExecutor
+from picktree.apps.batch.plan import BatchPlan
+from picktree.apps.batch.store import RESULTS_FILE
+from picktree.apps.cli.batch_progress import progress
 
 import numpy as np
 

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from _campaign import ROOT
-from picktree.batch.workers.executor import Event, JobFinished, JobOrder
+from picktree.apps.batch.executor import Event, JobFinished, JobOrder
 
 SOAK = ROOT / "benchmarks" / "soak"
 SECONDS, SEED = 300.0, 7
@@ -113,10 +113,10 @@ def many_jobs(folder: Path) -> Path:
     """Return the folder of the batch; make it where it is missing."""
     if (folder / "batch" / "done").exists():
         return folder / "batch"
-    from picktree.batch.plan import BatchPlan
-    from picktree.batch.workers.batch import Batch
-    from picktree.batch.workers.local_executor import LocalExecutor
-    from picktree.cli.batch.progress import progress
+    from picktree.apps.batch.batch import Batch
+    from picktree.apps.batch.local_executor import LocalExecutor
+    from picktree.apps.batch.plan import BatchPlan
+    from picktree.apps.cli.batch_progress import progress
 
     faults = tuple(ROOT / "examples" / "faults" / f"{name}.yaml" for name in ("slip", "camera_mislabel"))
     missions = (ROOT / "examples" / "sort_tirelessly.yaml",)

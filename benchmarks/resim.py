@@ -19,7 +19,7 @@ from pathlib import Path
 from picktree.analysis.resim.resim import resimulate
 from picktree.analysis.resim.whatif import what_if
 from picktree.analysis.run import Run
-from picktree.session.resume.recorded_recipe import RecordedRun
+from picktree.session.recorded_recipe import RecordedRun
 from picktree.session.session import RunRequest, Session
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"

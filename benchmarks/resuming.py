@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import IO, Any, cast
 
 from _campaign import ROOT, Row, campaign, finished, options, rate, seeds
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.logs.run_log import RunLog
 
 EXAMPLES = ROOT / "examples"

@@ -32,7 +32,7 @@ from _campaign import ROOT, Row, campaign, finished, options, rate
 import numpy as np
 
 if TYPE_CHECKING:
-    from picktree.skill_world.world import World
+    from picktree.robot.world import World
     from picktree.world.values import Array, Pose
 
 STATES = 5
@@ -105,7 +105,7 @@ class Lab:
 
     def __init__(self, number: int) -> None:
         from picktree.world.scene.description import Fixture
-        from picktree.world.scene.loading.scene_loading import load_scene
+        from picktree.world.scene.scene_loading import load_scene
         from picktree.world.shapes import Box
         from picktree.world.values import ObjectId, Pose
 
@@ -286,9 +286,9 @@ class Lab:
 
     def _pressed(self, rng: np.random.Generator) -> str:
         """Down or sideways until it touches, then some millimetres further with the stiff servo."""
-        from picktree.control.joints.joint_controllers import TrajectoryController
-        from picktree.planning.requests import Scaling
-        from picktree.planning.timing.time_parameterization import time_corners
+        from picktree.robot.control.joint_controllers import TrajectoryController
+        from picktree.robot.planning.requests import Scaling
+        from picktree.robot.planning.time_parameterization import time_corners
         from picktree.world.causes import Failure
 
         world = self.world
@@ -368,7 +368,7 @@ class Lab:
         """Move to a random configuration that is believed to be free, anywhere or low among things.
 
         The motion is halted after a share of its time."""
-        from picktree.planning.requests import JointGoal, Scaling
+        from picktree.robot.planning.requests import JointGoal, Scaling
         from picktree.world.causes import Failure
 
         world = self.world
@@ -438,8 +438,8 @@ class Lab:
 
     def _drive(self, pose: Pose, speed: float) -> str:
         """Towards a pose, in joint space, until the guard stops it."""
-        from picktree.planning.requests import Scaling
-        from picktree.planning.timing.time_parameterization import time_corners
+        from picktree.robot.planning.requests import Scaling
+        from picktree.robot.planning.time_parameterization import time_corners
         from picktree.world.causes import Failure
 
         world = self.world

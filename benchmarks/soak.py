@@ -78,7 +78,7 @@ def main() -> int:
 
 def soak(given: argparse.Namespace, diary: Path, each_quarter: Callable[[], object]) -> None:
     from picktree.logs.recording.rotated_log import FEED_ROTATION
-    from picktree.session.resume.resumption import ResumeRequest, Resumption
+    from picktree.session.resumption import ResumeRequest, Resumption
     from picktree.session.session import RunRequest, Session
 
     cost = given.runs * COST_AN_HOUR * reference() / REFERENCE_COST
@@ -130,7 +130,7 @@ def soak(given: argparse.Namespace, diary: Path, each_quarter: Callable[[], obje
 
 def hand_over(out: Path, folder: Path, limit: float) -> None:
     """Write a log of one tick that goes on from the last checkpoint of the run in a folder."""
-    from picktree.session.resume.resumption import ResumeRequest, Resumption
+    from picktree.session.resumption import ResumeRequest, Resumption
 
     class AtOnce(Interrupter):
         def stops(self) -> bool:

@@ -16,7 +16,7 @@ from statistics import median
 from typing import TYPE_CHECKING, cast
 
 from _campaign import Row, campaign, mission_options, rate, seeds, split
-from picktree.world.events.skill_events import SafetyStopEvent
+from picktree.world.skill_events import SafetyStopEvent
 
 import numpy as np
 

@@ -29,7 +29,7 @@ SMALL = "examples/one_pick.yaml"
 FIRST_TICK = """
 import os, sys, time
 from picktree import __main__
-from picktree.cli.app import answer
+from picktree.apps.cli.app import answer
 
 class Stop:
     def find_spec(self, name, path, target=None):
@@ -116,7 +116,7 @@ def batch(jobs: int, folder: Path, kind: str) -> float:
 ALONE = """
 import statistics, sys, time
 from pathlib import Path
-from picktree.batch.workers.local_executor import load
+from picktree.apps.batch.local_executor import load
 from picktree.session.session import RunRequest, Session
 load()
 took = []

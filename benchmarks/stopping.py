@@ -15,17 +15,17 @@ import math
 from collections.abc import Generator
 from typing import TypeVar
 
-from picktree.control.cartesian.twist import Twist
-from picktree.control.execution.contact_reflex import ContactReflex
-from picktree.control.execution.jog_motion import MAX_TWIST_SPEED
-from picktree.control.joints.joint_controllers import BrakeController
-from picktree.planning.requests import JointGoal
-from picktree.robots.loading import load_robot
+from picktree.robot.control.contact_reflex import ContactReflex
+from picktree.robot.control.jog_motion import MAX_TWIST_SPEED
+from picktree.robot.control.joint_controllers import BrakeController
+from picktree.robot.control.twist import Twist
+from picktree.robot.planning.requests import JointGoal
+from picktree.robot.world import World
 from picktree.session.assembly import assemble_world
 from picktree.simulation.backends import build_hardware
-from picktree.skill_world.world import World
 from picktree.world.causes import Failure
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.scene.scene_loading import load_scene
 from picktree.world.values import Array
 
 import numpy as np

@@ -16,9 +16,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 
-from picktree.perception.data_association import update_belief
-from picktree.perception.pipeline import Perception
-from picktree.perception.voxels.space_carving import (
+from picktree.robot.perception.data_association import update_belief
+from picktree.robot.perception.pipeline import Perception
+from picktree.robot.perception.space_carving import (
     CELL_SIZE,
     cell_centres,
     cell_indices,
@@ -26,14 +26,14 @@ from picktree.perception.voxels.space_carving import (
     cells_of,
     obstacle_from_cells,
 )
-from picktree.planning.collision.collision_bodies import CollisionBody, bodies_of
-from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
+from picktree.robot.planning.collision_bodies import CollisionBody, bodies_of
+from picktree.robot.planning.collision_checker import CollisionChecker
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.scene.description import Fixture, SceneDescription
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.scene.scene_loading import load_scene
 from picktree.world.shapes import Box, Cylinder, Sphere
 from picktree.world.values import ObjectId, Pose
 

@@ -22,11 +22,11 @@ from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 from typing import Any
 
-from picktree.session.live.attach_socket import SOCKET_NAME, connect_to_run
-from picktree.studio.jobs import Jobs
-from picktree.studio.live.live_slice import LiveSlice
-from picktree.studio.slice import Studio
-from picktree.studio.workspace import Workspace
+from picktree.apps.studio.jobs import Jobs
+from picktree.apps.studio.live_slice import LiveSlice
+from picktree.apps.studio.slice import Studio
+from picktree.apps.studio.workspace import Workspace
+from picktree.session.attach_socket import SOCKET_NAME, connect_to_run
 
 import orjson
 

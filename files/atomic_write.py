@@ -6,7 +6,7 @@ from collections.abc import Generator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ..errors import PicktreeError
+from .errors import PicktreeError
 from .file_names import fitted
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from ..errors import PicktreeError
+from .errors import PicktreeError
 from .library_parts import library_version
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import Final
 
-from ..errors import PicktreeError
+from .errors import PicktreeError
 
 MAX_NAME_BYTES: Final = 255
 """Maximum length of a name on the file systems of Linux, macOS and Windows, bytes."""

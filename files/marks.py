@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from textwrap import indent
 from typing import Generic, Literal, NoReturn, TypeAlias, TypeVar
 
-from ..errors import PicktreeError
+from .errors import PicktreeError
 
 Location: TypeAlias = tuple[str | int, ...]
 Severity: TypeAlias = Literal["error", "warning"]

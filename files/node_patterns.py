@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from typing import Protocol, TypeVar
 
-from ..errors import PicktreeError
+from .errors import PicktreeError
 from .value_wording import suggest_name
 
 

@@ -7,7 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Final
 
-from ..errors import PicktreeError
+from .errors import PicktreeError
 from .value_wording import MOST_NEAR, suggest_name
 
 ROOT: Final = Path(__file__).resolve().parent.parent

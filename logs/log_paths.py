@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
 from ..files.file_names import require_utf8
 from .recording.rotated_log import part_paths
 

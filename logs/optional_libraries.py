@@ -8,7 +8,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
 
 
 @contextmanager
@@ -19,7 +19,7 @@ def optional_import(name: str, library: str, what: str) -> Generator[None]:
     ...     raise ModuleNotFoundError("No module named 'av'", name="av")
     Traceback (most recent call last):
         ...
-    picktree.errors.PicktreeError: A video needs the extra 'video': ... 'picktree[video]'
+    picktree.files.errors.PicktreeError: A video needs the extra 'video': ... 'picktree[video]'
     """
     try:
         yield

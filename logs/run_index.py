@@ -18,12 +18,12 @@ from typing import Final
 
 from pydantic import TypeAdapter, ValidationError
 
-from ..errors import PicktreeError
 from ..files import disk_cache
+from ..files.errors import PicktreeError
 from ..files.expressions.expression import Expression, ExpressionError
 from ..files.expressions.type_inference import FLOAT, INT, TEXT, ValueType, check_types, list_of
 from ..files.file_names import is_utf8, shown
-from .episodes.episode_counts import by_cause
+from .episode_counts import by_cause
 from .log_paths import LOG_NAME
 from .mcap.sealed_file import is_written
 from .recording.rotated_log import part_paths
@@ -223,7 +223,7 @@ class RunIndex:
     @property
     def _makers(self) -> tuple[Path, ...]:
         here = Path(__file__).parent
-        return (here / "run_index.py", here / "run_result.py", here / "episodes" / "episode_counts.py")
+        return (here / "run_index.py", here / "run_result.py", here / "episode_counts.py")
 
     def _cached(self) -> dict[str, RunRow]:
         data = disk_cache.kept("runs", self._key, self._makers)

@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
 from ..world.journal import JournalEvent
 from ..world.protocols import Intrinsics
 from .log_paths import find_log

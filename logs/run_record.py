@@ -10,7 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
 from ..world.journal import JournalEvent
 from .run_account import RunAccount, account_of
 from .run_log import RunLog, Stamped

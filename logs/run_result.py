@@ -10,10 +10,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from ..errors import PicktreeError
-from ..skill_world.operator_desk import OperatorQuestion
+from ..files.errors import PicktreeError
+from ..robot.operator_desk import OperatorQuestion
 from ..world.journal import Plain
-from .episodes.episode_counts import CureCount, PlantedCount, cause_lines, planted_lines
+from .episode_counts import CureCount, PlantedCount, cause_lines, planted_lines
 
 RunStatus: TypeAlias = Literal["success", "incomplete", "failure", "timeout", "paused", "interrupted"]
 

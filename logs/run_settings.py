@@ -12,7 +12,7 @@ from typing import Final
 
 import orjson
 
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
 from ..files.value_wording import listed
 from .recording.rotated_log import JoinedLog
 from .schema import topics
@@ -56,7 +56,7 @@ def run_settings(metadata: Mapping[str, Mapping[str, str]], tick: float, path: P
             limit=float(words["limit"]) if "limit" in words else None,
             own_scene=words.get("own_scene", "true") == "true",
             machine=metadata.get("picktree.machine", {}),
-            arithmetic=Arithmetic.from_words(metadata.get("picktree.arithmetic", {})),
+            arithmetic=Arithmetic.from_words(metadata.get("picktree.files.arithmetic", {})),
             files=metadata.get("picktree.files", {}),
             continues=ResumedFrom.from_words(continues) if continues else None,
         )

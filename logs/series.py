@@ -12,7 +12,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
 from ..world.values import Array
 from .data_frames import PandasTable
 from .run_log import CameraImage, RunLog, Stamped

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..trees.plugins.plugin_import import lazy_node
+from ..trees.loading.plugin_import import lazy_node
 
 if TYPE_CHECKING:
     from ..trees.node import Node

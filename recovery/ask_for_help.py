@@ -7,23 +7,23 @@ from collections.abc import Generator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final, cast
 
-from ..skill_world.operator_desk import GIVE_UP, GO_ON, SET_ASIDE, OperatorQuestion
+from ..robot.operator_desk import GIVE_UP, GO_ON, SET_ASIDE, OperatorQuestion
 from ..trees.flow import LeafFlow
 from ..trees.node import Node
+from ..trees.port_types import PortProblem, PortValues
 from ..trees.ports import In, Out, port
+from ..trees.references import Reference
 from ..trees.runtime import Runtime, Wiring
 from ..trees.skill import ARM
 from ..trees.status import NodeStatus
-from ..trees.values.port_types import PortProblem, PortValues
-from ..trees.values.references import Reference
 from ..world.belief.facts import ASIDE
 from ..world.causes import Failure, control, place, tree
-from ..world.events.run_events import HelpWantedEvent
-from ..world.events.skill_events import SetAsideEvent
+from ..world.run_events import HelpWantedEvent
+from ..world.skill_events import SetAsideEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..skill_world.world import World
+    from ..robot.world import World
 
 _INSERTED: Final = re.compile(r"\{@?[A-Za-z_]\w{0,59}(?:\.[A-Za-z_]\w{0,59}){0,9}\}", re.ASCII)
 

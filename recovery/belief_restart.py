@@ -11,21 +11,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from ..manipulation.carry.hold_check import GripCheck
-from ..manipulation.grasp.straight_lines import DOWNWARDS
+from ..robot.manipulation.hold_check import GripCheck
+from ..robot.manipulation.straight_lines import DOWNWARDS
 from ..trees.loading.loader import parse_mission
 from ..trees.loading.registry import NodeRegistry
-from ..trees.running.runner import build
+from ..trees.runner import build
 from ..trees.status import NodeStatus
 from ..world.belief.planning_scene import BeliefObject
 from ..world.causes import Failure
-from ..world.events.skill_events import TookStockEvent
 from ..world.scene.destinations import is_at
 from ..world.shapes import Box
+from ..world.skill_events import TookStockEvent
 from ..world.values import ObjectId, Pose
 
 if TYPE_CHECKING:
-    from ..skill_world.world import World
+    from ..robot.world import World
 
 PROBE_DISTANCE: Final = 0.004
 """Distance by which the fingers try to close, m: they do when nothing is between them."""

@@ -5,19 +5,19 @@ from __future__ import annotations
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, cast
 
-from ..planning.requests import PlannerOverrides
+from ..robot.planning.requests import PlannerOverrides
 from ..trees.controls.decorator import Decorator
 from ..trees.flow import FAILURE, RUNNING, ChildFlow
 from ..trees.node import Node
+from ..trees.port_types import PortValues
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
-from ..trees.values.port_types import PortValues
 from ..world.causes import FailureReport, tree
-from ..world.events.run_events import BudgetEvent
+from ..world.run_events import BudgetEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..planning.service.plan_service import PlanService
+    from ..robot.planning.plan_service import PlanService
 
 
 class Budget(Decorator):

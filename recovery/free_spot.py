@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..manipulation.place.release_poses import PLACE_TEST_HEIGHT, put_down_poses
+from ..robot.manipulation.release_poses import PLACE_TEST_HEIGHT, put_down_poses
 from ..trees.ports import In, Out, port
 from ..trees.skill import Skill, Steps
 from ..world.causes import Failure, grasp, place
@@ -17,7 +17,7 @@ from ..world.shapes import Box, top
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..skill_world.world import World
+    from ..robot.world import World
     from ..world.belief.planning_scene import BeliefObject
     from ..world.scene.description import Fixture
 

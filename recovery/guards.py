@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, cast
 
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
 from ..files.value_wording import suggest_name
 from ..trees.flow import LeafFlow
 from ..trees.node import Node
+from ..trees.port_types import PortProblem, PortValues
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
-from ..trees.values.port_types import PortProblem, PortValues
 from ..world.causes import all_causes, cause_named, matches
 
 if TYPE_CHECKING:

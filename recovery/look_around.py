@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..manipulation.pick.travel_order import travel_order
-from ..manipulation.place.dropped_objects import open_gripper
-from ..planning.requests import NamedGoal
+from ..robot.manipulation.dropped_objects import open_gripper
+from ..robot.manipulation.travel_order import travel_order
+from ..robot.planning.requests import NamedGoal
 from ..trees.ports import In, Out, port
 from ..trees.skill import ARM, CAMERA, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, perception, planning, safety
-from ..world.events.skill_events import GripperResetEvent
+from ..world.skill_events import GripperResetEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..perception.data_association import ObservationSummary
-    from ..skill_world.world import World
+    from ..robot.perception.data_association import ObservationSummary
+    from ..robot.world import World
     from ..world.scene.description import CameraDescription
 
 VIEW_POSES = ("observe", "rest", "home")

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
+from ..trees.failure_reports import with_attached
 from ..trees.flow import FAILURE, LeafFlow, Recovery
 from ..trees.node import ControlNode, Node
+from ..trees.port_types import PortProblem, PortValues
 from ..trees.ports import In, Out, child, children, optional_child, port, table
 from ..trees.status import NodeStatus
-from ..trees.values.failure_reports import with_attached
-from ..trees.values.port_types import PortProblem, PortValues
 from ..world.causes import FailureReport, internal, matches, tree, world
-from ..world.events.run_events import CuredEvent, RecoveryEvent
+from ..world.run_events import CuredEvent, RecoveryEvent
 from .budget import budgets_above
 
 

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-from ..manipulation.carry.hold_check import MAX_EMPTY_WIDTH, measure_grip
-from ..manipulation.carry.put_down import put_down
-from ..manipulation.place.dropped_objects import open_gripper, release_object
-from ..manipulation.retreat.clearing import RetreatMotion
-from ..manipulation.retreat.homing import go_home, observe_with_fixed_cameras
+from ..robot.manipulation.clearing import RetreatMotion
+from ..robot.manipulation.dropped_objects import open_gripper, release_object
+from ..robot.manipulation.hold_check import MAX_EMPTY_WIDTH, measure_grip
+from ..robot.manipulation.homing import go_home, observe_with_fixed_cameras
+from ..robot.manipulation.put_down import put_down
 from ..trees.flow import LeafFlow
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, place, safety
-from ..world.events.skill_events import SafetyAcknowledgedEvent
+from ..world.skill_events import SafetyAcknowledgedEvent
 
 if TYPE_CHECKING:
-    from ..skill_world.world import World
+    from ..robot.world import World
 
 RETREAT_TIME_LIMIT = 90.0
 """Simulated time after which no other escape path is started, s."""

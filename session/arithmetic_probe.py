@@ -14,7 +14,7 @@ from typing import Any, Final, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arithmetic import blas_kernels, departures, numpy_kernels
+from ..files.arithmetic import blas_kernels, departures, numpy_kernels
 from ..files.library_parts import library_part, library_version
 from ..logs.schema.json_records import Arithmetic
 

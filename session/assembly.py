@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..control.execution.control_loop import ControlLoop
-from ..control.execution.gripper_motion import GripperControl
-from ..control.execution.motions import ArmMotion
-from ..control.safety.safety_monitor import SafetyMonitor
-from ..manipulation.grasp.compliant_closing import opening_force
-from ..perception.pipeline import Perception
-from ..planning.collision.scene_queries import SceneQueries
-from ..planning.service.plan_service import PlanService
-from ..planning.service.trajectory_gate import JogCollisionCheck, TrajectoryGate
-from ..planning.standing_links import standing_pairs
-from ..robots.description import RobotDescription
-from ..robots.model import RobotModel
-from ..skill_world.vision import Vision
-from ..skill_world.world import HandlingParameters, World
+from ..robot.control.control_loop import ControlLoop
+from ..robot.control.gripper_motion import GripperControl
+from ..robot.control.motions import ArmMotion
+from ..robot.control.safety_monitor import SafetyMonitor
+from ..robot.manipulation.compliant_closing import opening_force
+from ..robot.perception.pipeline import Perception
+from ..robot.planning.plan_service import PlanService
+from ..robot.planning.scene_queries import SceneQueries
+from ..robot.planning.standing_links import standing_pairs
+from ..robot.planning.trajectory_gate import JogCollisionCheck, TrajectoryGate
+from ..robot.vision import Vision
+from ..robot.world import HandlingParameters, World
 from ..world.belief.facts import AttemptMemory
 from ..world.belief.planning_scene import PlanningScene
 from ..world.computing_time import ComputeTimeAccount, Stopwatch
@@ -25,6 +23,8 @@ from ..world.journal import Journal
 from ..world.planner_names import AUTO
 from ..world.protocols import Hardware
 from ..world.random_streams import RandomStreams
+from ..world.robot_model.description import RobotDescription
+from ..world.robot_model.model import RobotModel
 from ..world.scene.description import SceneDescription
 from ..world.scene.destinations import destination_rule
 from ..world.scene.heap_regions import heap_regions

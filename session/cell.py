@@ -12,16 +12,15 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
-from .. import arithmetic
 from ..authoring.check import check_mission
-from ..errors import PicktreeError
+from ..files import arithmetic
+from ..files.errors import PicktreeError
 from ..files.marks import FileError
 from ..files.value_wording import suggest_name
-from ..planning.requests import MotionPlan, Request
-from ..robots.loading import load_robot
+from ..robot.planning.requests import MotionPlan, Request
+from ..robot.world import World
 from ..simulation.backends import Backend
-from ..simulation.fault_files.fault_loading import load_faults
-from ..skill_world.world import World
+from ..simulation.faults.fault_loading import load_faults
 from ..trees.controls.leaves import AlwaysSuccess
 from ..trees.loading.loader import scene_names
 from ..trees.loading.registry import NodeRegistry
@@ -31,7 +30,8 @@ from ..trees.status import NodeStatus
 from ..trees.tree_definition import MAIN, MissionSource, TreeDefinition, python_faults
 from ..world.causes import Evidence, remedy_of
 from ..world.protocols import RgbdImage
-from ..world.scene.loading.scene_loading import load_scene
+from ..world.robot_model.loading import load_robot
+from ..world.scene.scene_loading import load_scene
 from .execution import Execution
 from .recipe import DEFAULT_TIME_LIMIT, Recipe, Recording
 from .session import Session

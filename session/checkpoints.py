@@ -11,18 +11,18 @@ from typing import Any, Final
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from ..control.execution.control_loop import ControlLoopState
-from ..control.execution.gripper_motion import GripperCommand
-from ..control.execution.trajectory_motion import FollowedPath
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
 from ..logs.recording.recorder import RecordingState
 from ..logs.schema.topics import Digest
-from ..perception.fitting.view import BinView
+from ..robot.control.control_loop import ControlLoopState
+from ..robot.control.gripper_motion import GripperCommand
+from ..robot.control.trajectory_motion import FollowedPath
+from ..robot.perception.view import BinView
+from ..robot.world import World
 from ..simulation.backends import Simulation
 from ..simulation.checkpoints import json_bytes, json_values
 from ..simulation.faults.injector import FaultInjector, FaultState
-from ..skill_world.world import World
-from ..trees.running.runner import BehaviourTree
+from ..trees.runner import BehaviourTree
 from ..world.belief.facts import FeedProgressState, Refusal
 from ..world.belief.height_map import Heap
 from ..world.belief.planning_scene import SceneSnapshot

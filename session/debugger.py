@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Protocol, TypeAlias
 
-from ..trees.running.runner import BehaviourTree, TickReport
+from ..trees.runner import BehaviourTree, TickReport
 from ..world.journal import Plain
 from .execution import Execution
 from .observer import Observer

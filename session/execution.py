@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
 from ..logs.recording.recorder import RecordingState
 from ..logs.run_result import RunStatus
 from ..logs.schema.records import ResumedFrom
@@ -17,12 +17,12 @@ from ..recovery.belief_restart import ResyncReport, resync_belief
 from ..simulation.backends import Simulation, build_hardware
 from ..simulation.checkpoints import json_values
 from ..simulation.faults.injector import FaultInjector
-from ..simulation.scoring.scorer import rests
-from ..simulation.scoring.truth import TrueBody
+from ..simulation.scorer import rests
+from ..simulation.truth import TrueBody
 from ..trees.mission import MAIN, Mission
-from ..trees.running.runner import TickReport, build
-from ..trees.running.tree_adoption import StateTransfer
+from ..trees.runner import TickReport, build
 from ..trees.status import NodeStatus
+from ..trees.tree_adoption import StateTransfer
 from ..world.causes import Failure
 from ..world.computing_time import Stopwatch
 from ..world.journal import Entry

@@ -12,18 +12,18 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..errors import PicktreeError
-from ..world.events.run_events import OperatorAnswerEvent
+from ..files.errors import PicktreeError
 from ..world.journal import Journal
+from ..world.run_events import OperatorAnswerEvent
 
 if TYPE_CHECKING:  # The displays of the command line are observers and must be loaded at once.
     from pathlib import Path
 
     from ..logs.run_result import RunResult
     from ..logs.schema.topics import Topic
-    from ..skill_world.operator_desk import OperatorQuestion, OperatorRequests
+    from ..robot.operator_desk import OperatorQuestion, OperatorRequests
     from ..trees.mission import Mission
-    from ..trees.running.runner import TickReport
+    from ..trees.runner import TickReport
     from .execution import Execution
 
 

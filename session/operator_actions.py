@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from ..errors import PicktreeError
-from ..skill_world.operator_desk import OperatorQuestion
+from ..files.errors import PicktreeError
+from ..robot.operator_desk import OperatorQuestion
+from ..trees.blackboard_entries import checked_value
 from ..trees.mission import Mission
-from ..trees.running.blackboard_entries import checked_value
-from ..trees.running.runner import BehaviourTree, TickReport
-from ..trees.values.port_types import show
-from ..world.events.run_events import BlackboardSetEvent
+from ..trees.port_types import show
+from ..trees.runner import BehaviourTree, TickReport
 from ..world.journal import Plain
+from ..world.run_events import BlackboardSetEvent
 from .execution import Execution
 from .observer import Interrupter, ReloadMessage
 

@@ -19,27 +19,27 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final, assert_never
 
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
 from ..files.file_names import fitted
 from ..files.marks import Location
 from ..files.yaml.document import read_document
 from ..logs.recording.rotated_log import NO_ROTATION, Rotation
 from ..logs.schema.records import ResumedFrom
-from ..robots.description import RobotDescription
-from ..robots.loading import load_robot
-from ..robots.mesh_files import mesh_file
-from ..robots.urdf_geometry import mesh_paths
-from ..robots.urdf_text import parsed_urdf
 from ..simulation.backends import Backend
-from ..simulation.fault_files.fault_entries import FaultFile
-from ..simulation.fault_files.fault_loading import load_faults
+from ..simulation.faults.fault_entries import FaultFile
+from ..simulation.faults.fault_loading import load_faults
 from ..trees.loading.loader import load_mission
 from ..trees.loading.registry import NodeRegistry
 from ..trees.mission import Mission, Plugin, name_of
 from ..world.convex_parts import parts_name, parts_text
 from ..world.mesh_reader import material_files
+from ..world.robot_model.description import RobotDescription
+from ..world.robot_model.loading import load_robot
+from ..world.robot_model.mesh_files import mesh_file
+from ..world.robot_model.urdf_geometry import mesh_paths
+from ..world.robot_model.urdf_text import parsed_urdf
 from ..world.scene.description import SceneDescription
-from ..world.scene.loading.scene_loading import load_scene
+from ..world.scene.scene_loading import load_scene
 from ..world.shapes import CompoundMesh
 from .checkpoints import RunState
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
 from ..logs.run_result import (
     CrushedItem,
     FeedCount,
@@ -19,9 +19,9 @@ from ..logs.run_result import (
     WallSeconds,
 )
 from ..logs.schema.records import NodeTime, Timing
-from ..perception.expectation.robot_mask import hidden_shares
-from ..simulation.scoring.scorer import ItemScore, score
-from ..simulation.scoring.truth import TrueBody
+from ..robot.perception.robot_mask import hidden_shares
+from ..simulation.scorer import ItemScore, score
+from ..simulation.truth import TrueBody
 from ..world.computing_time import Stopwatch
 from ..world.scene.description import MAX_HIDDEN_SHARE
 from .execution import Execution

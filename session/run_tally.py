@@ -7,24 +7,24 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol, TypeAlias
 
-from ..logs.episodes.episode import EpisodeTrackerState, NodeLike, TransitionLike
-from ..logs.episodes.episode_counts import CureCount, EpisodeCounts, PlantedCount
-from ..logs.episodes.episode_tracker import EpisodeTracker
-from ..world.events.run_events import (
+from ..logs.episode import EpisodeTrackerState, NodeLike, TransitionLike
+from ..logs.episode_counts import CureCount, EpisodeCounts, PlantedCount
+from ..logs.episode_tracker import EpisodeTracker
+from ..world.journal import Entry, JournalEvent
+from ..world.run_events import (
     BeltStopsEvent,
     BinExchangedEvent,
     CuredEvent,
     DeliveryEvent,
     RecoveryEvent,
 )
-from ..world.events.skill_events import (
+from ..world.skill_events import (
     BinEmptiedEvent,
     ItemDoneEvent,
     PickEvent,
     SetAsideEvent,
     TookStockEvent,
 )
-from ..world.journal import Entry, JournalEvent
 
 Place: TypeAlias = Literal["bin", "elsewhere", "aside"]
 """Kinds of places where a mission leaves an item: a bin or hole, another place, where it was."""

@@ -15,13 +15,13 @@ from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from functools import cache
 
-from .. import arithmetic
-from ..errors import PicktreeError
+from ..files import arithmetic
+from ..files.errors import PicktreeError
 from ..logs.recording.rotated_log import FEED_ROTATION, NO_ROTATION
 from ..logs.run_result import RunResult, RunStatus
 from ..trees.mission import Mission
-from ..trees.running.runner import TickReport
-from ..world.events.run_events import CheckpointEvent, MissionEditedEvent
+from ..trees.runner import TickReport
+from ..world.run_events import CheckpointEvent, MissionEditedEvent
 from .execution import Execution
 from .mission_edits import FileWatch, MissionReload, adoption_summary, mission_changed
 from .observer import Interrupter, Observer, answer_pending

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final
 
-from ..logs.meshes.binary_gltf import link_meshes
+from ..logs.binary_gltf import link_meshes
 from ..logs.recording.recorder import Listener, Recorder, RecordingState
 from ..logs.recording.rotated_log import NO_ROTATION, Rotation
 from ..logs.run_result import RunResult
@@ -17,10 +17,10 @@ from ..logs.schema import records
 from ..logs.schema.topics import Topic
 from ..trees.blackboard import BlackboardWrite
 from ..trees.mission import Mission
-from ..trees.running.runner import NodeInfo, NodeReport, TickReport
+from ..trees.runner import NodeInfo, NodeReport, TickReport
 from ..trees.status import NodeStatus
-from ..world.events.run_events import BeltStopsEvent, BinExchangedEvent, DeliveryEvent, FaultEvent
 from ..world.journal import Entry, JournalEvent
+from ..world.run_events import BeltStopsEvent, BinExchangedEvent, DeliveryEvent, FaultEvent
 from ..world.scene.destinations import MEASURES, asks_for
 from ..world.values import Array, Pose
 from . import environment

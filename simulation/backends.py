@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Protocol
 
-from ..robots.description import RobotDescription
 from ..world.journal import JournalEvent
 from ..world.protocols import Hardware
+from ..world.robot_model.description import RobotDescription
 from ..world.scene.description import Fixture, SceneDescription
 from .checkpoints import Backend, Checkpoint, KinematicState
 from .faults.injector import InjectableRobot
-from .scoring.truth import TrueBody
+from .truth import TrueBody
 
 
 class BackendCheckpoint(Protocol):

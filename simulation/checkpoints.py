@@ -10,12 +10,12 @@ from typing import Any, Literal, TypeAlias, cast
 import orjson
 from pydantic import TypeAdapter, ValidationError
 
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
 from ..world.scene.description import Fixture
 from ..world.values import ObjectId, Pose, Quaternion, Vector3
 from .feed.belt_drive import BeltState
 from .feed.feeder import FeederState
-from .spawning.inventory import SavedInventory
+from .feed.inventory import SavedInventory
 
 Backend: TypeAlias = Literal["physics", "kinematic"]
 

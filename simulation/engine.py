@@ -8,7 +8,7 @@ import weakref
 from collections.abc import Generator
 from contextlib import contextmanager
 
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
 from ..world.values import GRAVITY
 
 __all__ = ["pb"]

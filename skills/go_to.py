@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..manipulation.replanning import follow_with_replanning
-from ..planning.requests import NamedGoal
+from ..robot.manipulation.replanning import follow_with_replanning
+from ..robot.planning.requests import NamedGoal
 from ..trees.ports import In, port
 from ..trees.skill import ARM, Skill, Steps
 from ..world.causes import control, planning, safety
 
 if TYPE_CHECKING:
-    from ..skill_world.world import World
+    from ..robot.world import World
 
 
 class GoTo(Skill):

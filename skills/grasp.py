@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..manipulation.carry.hold_check import is_in_hand
-from ..manipulation.pick.object_approach import PickTask, approach_object
-from ..manipulation.pick.object_lift import LostGrasp, close_on_object, lift_object, relocate_object
+from ..robot.manipulation.hold_check import is_in_hand
+from ..robot.manipulation.object_approach import PickTask, approach_object
+from ..robot.manipulation.object_lift import LostGrasp, close_on_object, lift_object, relocate_object
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import control, grasp, perception, planning, safety
@@ -14,7 +14,7 @@ from ..world.causes import world as world_causes
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..skill_world.world import World
+    from ..robot.world import World
 
 
 class Grasp(Skill):

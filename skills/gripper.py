@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..manipulation.place.dropped_objects import open_gripper
+from ..robot.manipulation.dropped_objects import open_gripper
 from ..trees.ports import In, Out, port
 from ..trees.skill import GRIPPER, Skill, Steps
 from ..world.causes import control
 
 if TYPE_CHECKING:
-    from ..skill_world.world import World
+    from ..robot.world import World
 
 
 class OpenGripper(Skill):

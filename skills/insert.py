@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-from ..control.contact.hole_search import InsertionParameters
-from ..manipulation.carry.hold_check import check_held_object, confirm_release
-from ..manipulation.grasp.straight_lines import withdraw
-from ..manipulation.insert.contact_insertion import (
+from ..robot.control.hole_search import InsertionParameters
+from ..robot.manipulation.contact_insertion import (
     choose_hole,
     explain_missed_insertion,
     insert_by_contact,
     move_over_hole,
 )
+from ..robot.manipulation.hold_check import check_held_object, confirm_release
+from ..robot.manipulation.straight_lines import withdraw
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Skill, Steps
 from ..world.causes import control, grasp, insert, place, planning, safety
 from ..world.causes import world as world_causes
-from ..world.events.skill_events import ItemDoneEvent
+from ..world.skill_events import ItemDoneEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..skill_world.world import World
+    from ..robot.world import World
 
 
 class Insert(Skill):

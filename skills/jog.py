@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Literal, cast
 
-from ..control.cartesian.twist import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Twist
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
+from ..robot.control.twist import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Twist
+from ..trees.port_types import PortProblem, PortValues
 from ..trees.ports import In, Out, port
 from ..trees.skill import ARM, Skill, Steps
-from ..trees.values.port_types import PortProblem, PortValues
 from ..world.causes import control, planning, safety
 from ..world.causes import world as world_causes
 
 if TYPE_CHECKING:
-    from ..skill_world.world import World
+    from ..robot.world import World
     from ..world.values import Vector3
 
 

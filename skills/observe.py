@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..manipulation.pick.travel_order import travel_order
-from ..manipulation.place.dropped_objects import apply_bin_exchanges
+from ..robot.manipulation.dropped_objects import apply_bin_exchanges
+from ..robot.manipulation.travel_order import travel_order
 from ..trees.flow import LeafFlow
 from ..trees.ports import In, Out, port
 from ..trees.skill import ARM, CAMERA, Skill, Steps
@@ -14,7 +14,7 @@ from ..world.causes import world as world_causes
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..skill_world.world import World
+    from ..robot.world import World
 
 
 class Observe(Skill):
@@ -98,7 +98,7 @@ class Present(Skill):
 
     def run(self, world: World) -> Steps:
         # Perception of what is held is slow to load, and a check does without.
-        from ..manipulation.pick.presentation import PresentTask, present
+        from ..robot.manipulation.presentation import PresentTask, present
 
         world.handover.drop()
         yield from world.move.rest()

@@ -11,7 +11,7 @@ from ..world.causes import world as world_causes
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..skill_world.world import World
+    from ..robot.world import World
 
 
 class PickAny(Skill):
@@ -54,7 +54,7 @@ class PickAny(Skill):
 
     def run(self, world: World) -> Steps:
         # OpenCV, which the search among grasps takes, is slow to load, and a check does without.
-        from ..manipulation.pick.heap_pick import HeapPickTask, pick_any, thing_in_hand
+        from ..robot.manipulation.heap_pick import HeapPickTask, pick_any, thing_in_hand
 
         world.handover.drop()
         yield from world.move.rest()

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, cast
 
-from ..manipulation.pick.object_placement import PlaceTask, carry_to_place, lower_and_release
-from ..manipulation.place.dropped_objects import PUT_BACK, apply_bin_exchanges
+from ..robot.manipulation.dropped_objects import PUT_BACK, apply_bin_exchanges
+from ..robot.manipulation.object_placement import PlaceTask, carry_to_place, lower_and_release
+from ..trees.port_types import PortProblem, PortValues
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Skill, Steps
-from ..trees.values.port_types import PortProblem, PortValues
 from ..world.causes import control, grasp, place, planning, safety
 from ..world.causes import world as world_causes
-from ..world.events.skill_events import ItemDoneEvent, PutDownEvent
+from ..world.skill_events import ItemDoneEvent, PutDownEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..skill_world.world import World
+    from ..robot.world import World
 
 
 class Place(Skill):

@@ -10,26 +10,26 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from ..control.cartesian.compliant_motion import CartesianStiffness as CartesianStiffness
-    from ..control.cartesian.compliant_motion import CompliantMotion as CompliantMotion
-    from ..control.cartesian.compliant_motion import ContactState as ContactState
-    from ..control.cartesian.twist import Twist as Twist
-    from ..control.contact.guarded_move import GuardedMoveResult as GuardedMoveResult
-    from ..control.execution.jog_motion import JogFeedback as JogFeedback
-    from ..control.execution.jog_motion import JogResult as JogResult
-    from ..planning.requests import BoxConstraint as BoxConstraint
-    from ..planning.requests import HeldObject as HeldObject
-    from ..planning.requests import JointGoal as JointGoal
-    from ..planning.requests import LineGoal as LineGoal
-    from ..planning.requests import NamedGoal as NamedGoal
-    from ..planning.requests import OffsetGoal as OffsetGoal
-    from ..planning.requests import PoseGoal as PoseGoal
-    from ..planning.requests import RegionGoal as RegionGoal
-    from ..planning.requests import Request as Request
-    from ..planning.requests import Scaling as Scaling
-    from ..planning.requests import UprightConstraint as UprightConstraint
-    from ..planning.search.path_search import SearchProblem as SearchProblem
-    from ..skill_world.world import World as World
+    from ..robot.control.compliant_motion import CartesianStiffness as CartesianStiffness
+    from ..robot.control.compliant_motion import CompliantMotion as CompliantMotion
+    from ..robot.control.compliant_motion import ContactState as ContactState
+    from ..robot.control.guarded_move import GuardedMoveResult as GuardedMoveResult
+    from ..robot.control.jog_motion import JogFeedback as JogFeedback
+    from ..robot.control.jog_motion import JogResult as JogResult
+    from ..robot.control.twist import Twist as Twist
+    from ..robot.planning.path_search import SearchProblem as SearchProblem
+    from ..robot.planning.requests import BoxConstraint as BoxConstraint
+    from ..robot.planning.requests import HeldObject as HeldObject
+    from ..robot.planning.requests import JointGoal as JointGoal
+    from ..robot.planning.requests import LineGoal as LineGoal
+    from ..robot.planning.requests import NamedGoal as NamedGoal
+    from ..robot.planning.requests import OffsetGoal as OffsetGoal
+    from ..robot.planning.requests import PoseGoal as PoseGoal
+    from ..robot.planning.requests import RegionGoal as RegionGoal
+    from ..robot.planning.requests import Request as Request
+    from ..robot.planning.requests import Scaling as Scaling
+    from ..robot.planning.requests import UprightConstraint as UprightConstraint
+    from ..robot.world import World as World
     from ..trees.controls.decorator import Decorator as Decorator
     from ..trees.controls.leaves import ConditionNode as ConditionNode
     from ..trees.node import ControlNode as ControlNode
@@ -80,19 +80,19 @@ _NAMES: Final = {
         "Cause", "Failure", "register_cause", "perception", "planning", "grasp", "place", "insert", "push",
         "control", "safety", "world", "feed", "tree", "internal",
     ),
-    "skill_world.world": ("World",),
+    "robot.world": ("World",),
     "world.belief.planning_scene": ("BeliefObject",),
     "world.values": ("ObjectId", "Pose", "Wrench", "Array"),
     "world.trajectory": ("Trajectory",),
-    "planning.requests": (
+    "robot.planning.requests": (
         "NamedGoal", "JointGoal", "PoseGoal", "RegionGoal", "LineGoal", "OffsetGoal", "UprightConstraint",
         "BoxConstraint", "Request", "HeldObject", "Scaling",
     ),
-    "planning.search.path_search": ("SearchProblem",),
-    "control.cartesian.compliant_motion": ("CompliantMotion", "ContactState", "CartesianStiffness"),
-    "control.cartesian.twist": ("Twist",),
-    "control.contact.guarded_move": ("GuardedMoveResult",),
-    "control.execution.jog_motion": ("JogFeedback", "JogResult"),
+    "robot.planning.path_search": ("SearchProblem",),
+    "robot.control.compliant_motion": ("CompliantMotion", "ContactState", "CartesianStiffness"),
+    "robot.control.twist": ("Twist",),
+    "robot.control.guarded_move": ("GuardedMoveResult",),
+    "robot.control.jog_motion": ("JogFeedback", "JogResult"),
 }  # fmt: skip
 """Names by their module."""
 _MODULES: Final = {name: module for module, names in _NAMES.items() for name in names}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, cast
 
-from ..manipulation.push.closed_loop_pushing import (
+from ..robot.manipulation.closed_loop_pushing import (
     PushTask,
     PushTolerance,
     check_goal,
@@ -15,15 +15,15 @@ from ..manipulation.push.closed_loop_pushing import (
     push_goal,
     push_to_goal,
 )
+from ..trees.port_types import PortProblem, PortValues
 from ..trees.ports import In, port
 from ..trees.skill import ARM, CAMERA, GRIPPER, Skill, Steps
-from ..trees.values.port_types import PortProblem, PortValues
 from ..world.causes import control, perception, planning, push, safety
 from ..world.causes import world as world_causes
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..skill_world.world import World
+    from ..robot.world import World
 
 
 class Push(Skill):

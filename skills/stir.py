@@ -11,7 +11,7 @@ from ..world.causes import world as world_causes
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..skill_world.world import World
+    from ..robot.world import World
 
 
 class Stir(Skill):
@@ -47,8 +47,8 @@ class Stir(Skill):
 
     def run(self, world: World) -> Steps:
         # OpenCV, which the search among strokes takes, is slow to load, and a check does without.
-        from ..manipulation.pick.heap_stirring import HeapPickTask, stir
-        from ..manipulation.push.closed_loop_pushing import check_hand_is_free
+        from ..robot.manipulation.closed_loop_pushing import check_hand_is_free
+        from ..robot.manipulation.heap_stirring import HeapPickTask, stir
 
         world.handover.drop()
         check_hand_is_free(world, self.tote)

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..calibration.observations import DetectedTile, TargetImage, Viewpoint, viewpoints
-from ..calibration.targets import CalibrationTarget, target_named
-from ..planning.requests import NamedGoal, PoseGoal, Request
+from ..robot.calibration.observations import DetectedTile, TargetImage, Viewpoint, viewpoints
+from ..robot.calibration.targets import CalibrationTarget, target_named
+from ..robot.planning.requests import NamedGoal, PoseGoal, Request
 from ..trees.ports import In, port
 from ..trees.skill import ARM, CAMERA, Doing, Skill, Steps
 from ..world.causes import Failure, control, perception, planning, safety
 from ..world.causes import world as world_causes
-from ..world.events.skill_events import CalibrationSkippedEvent
+from ..world.skill_events import CalibrationSkippedEvent
 
 if TYPE_CHECKING:
-    from ..skill_world.world import World
+    from ..robot.world import World
     from ..world.scene.description import CameraDescription
 
 PLACES_PER_VIEW = 3
@@ -122,7 +122,7 @@ class Survey(Skill):
         self, world: World, target: CalibrationTarget, camera: CameraDescription, pictures: int
     ) -> Doing[TargetImage | None]:
         """Return the average of several images from here; None when they do not show the target."""
-        from ..calibration.target_detection import average_tiles, detect_tiles  # needs OpenCV
+        from ..robot.calibration.target_detection import average_tiles, detect_tiles  # needs OpenCV
 
         yield from world.control.settle()
         seen: list[tuple[DetectedTile, ...]] = []
@@ -139,7 +139,7 @@ class Survey(Skill):
         )
 
     def _seen(self, world: World, target: CalibrationTarget, pictures: int) -> Doing[bool]:
-        from ..calibration.target_detection import detect_tiles
+        from ..robot.calibration.target_detection import detect_tiles
 
         yield from world.control.settle()
         for _ in range(pictures):

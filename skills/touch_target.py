@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..calibration.observations import TargetTouch
-from ..calibration.targets import TouchPoint, fingertip_corners, target_named, touch_points
-from ..planning.requests import PoseGoal, Request
+from ..robot.calibration.observations import TargetTouch
+from ..robot.calibration.targets import TouchPoint, fingertip_corners, target_named, touch_points
+from ..robot.planning.requests import PoseGoal, Request
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, planning, safety
 from ..world.causes import world as world_causes
-from ..world.events.skill_events import CalibrationSkippedEvent
+from ..world.skill_events import CalibrationSkippedEvent
 
 if TYPE_CHECKING:
-    from ..skill_world.world import World
+    from ..robot.world import World
     from ..world.values import Pose
 
 APPROACH_DISTANCE = 0.03

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..skill_world.world import World
+from ..robot.world import World
 from ..trees.controls.decorator import Decorator
 from ..trees.declaration import Resource
 from ..trees.flow import FAILURE, IDLE, RUNNING, ChildFlow
@@ -14,7 +14,7 @@ from ..world.causes import Failure, perception
 from ..world.journal import Plain
 
 if TYPE_CHECKING:
-    from ..skill_world.vision import CapturedImage
+    from ..robot.vision import CapturedImage
     from ..trees.runtime import TreeWorld
 
 SETTLE_TIME = 0.5

@@ -32,10 +32,10 @@ from pathlib import Path
 from typing import NoReturn
 
 from picktree.__main__ import main
-from picktree.batch.workers import local_executor
-from picktree.batch.workers.job_output import flush
-from picktree.batch.workers.job_process import die_with_parent
-from picktree.batch.workers.local_executor import load, serve
+from picktree.apps.batch import local_executor
+from picktree.apps.batch.job_output import flush
+from picktree.apps.batch.job_process import die_with_parent
+from picktree.apps.batch.local_executor import load, serve
 
 PATIENCE = 120.0
 """Wall s after which an event counts as one that never comes."""
@@ -189,7 +189,7 @@ def until(happened: Callable[[], object], what: str = "it") -> None:
 def _load() -> None:
     """Load what commands load when they need it, once for all."""
     for module in (
-        "picktree.cli.app",
+        "picktree.apps.cli.app",
         "picktree.analysis.report.report",
         "picktree.analysis.render.renderer",
     ):

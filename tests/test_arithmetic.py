@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree import arithmetic
-from picktree.errors import PicktreeError
+from picktree.files import arithmetic
+from picktree.files.errors import PicktreeError
 
 PROBE = """
 import json
@@ -63,7 +63,7 @@ def test_other_kernels_would_show_in_the_probe(pinned: dict[str, str]) -> None:
 def test_a_tuned_c_library_shows_in_the_probe_and_a_command_starts_again(tmp_path: Path) -> None:
     tuned = {"GLIBC_TUNABLES": "glibc.malloc.check=0:glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F"}
     assert words(**tuned)["probe of glibc"] != words()["probe of glibc"]
-    assert words("from picktree.arithmetic import restart\nrestart()" + PROBE, **tuned) == words()
+    assert words("from picktree.files.arithmetic import restart\nrestart()" + PROBE, **tuned) == words()
 
 
 def test_what_else_is_tuned_stays(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -85,7 +85,7 @@ def test_numpy_before_picktree_is_warned_of_once() -> None:
     program = """
 import json, os, warnings
 import numpy
-from picktree import arithmetic
+from picktree.files import arithmetic
 with warnings.catch_warnings(record=True) as said:
     warnings.simplefilter("always")
     arithmetic.check()

@@ -13,7 +13,7 @@ import picktree
 def test_import_alone_loads_nothing_else_of_picktree() -> None:
     program = "import sys, picktree; print(sorted(n for n in sys.modules if n.startswith('picktree')))"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    own = ["picktree", "picktree.arithmetic", "picktree.errors"]
+    own = ["picktree", "picktree.files", "picktree.files.arithmetic", "picktree.files.errors"]
     assert ran.stdout == f"{own}\n"
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.studio.folder_slice import example_files
+from picktree.apps.studio.folder_slice import example_files
 
 from .rooms import ROOMS, ROOT
 

@@ -13,7 +13,7 @@ import pytest
 from picktree.simulation.backends import Backend
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.protocols import RgbdImage
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.scene.scene_loading import load_scene
 from picktree.world.values import ObjectId, Vector3
 
 from .rooms import ROOT, modules
@@ -28,7 +28,9 @@ def modules_that_decide() -> list[Path]:
     """Everything on the floors below the session, besides the simulation."""
     return [
         path
-        for path in modules(but=("analysis", "batch", "cli", "commissioning", "logs", "session"))
+        for path in modules(
+            but=("analysis", "apps/batch", "apps/cli", "apps/commissioning", "logs", "session")
+        )
         if "simulation" not in path.parts
     ]
 

@@ -14,8 +14,8 @@ from picktree.session.session import RunRequest, Session
 from picktree.simulation.backends import Backend
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.world.causes import all_causes, cause_named, matches
-from picktree.world.events.run_events import InternalErrorEvent, RecoveryEvent
 from picktree.world.journal import JournalEvent
+from picktree.world.run_events import InternalErrorEvent, RecoveryEvent
 
 from .skills.cell import EXAMPLES
 

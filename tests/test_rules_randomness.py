@@ -14,9 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.cli.run.operator_prompt import DebugPrompt
+from picktree.apps.cli.operator_prompt import DebugPrompt
 from picktree.logs.run_result import RunResult
-from picktree.robots.loading import load_robot
 from picktree.session.debugger import Debugger, DebuggerStop
 from picktree.session.execution import Execution
 from picktree.session.observer import Observer
@@ -24,8 +23,9 @@ from picktree.session.session import RunRequest, Session
 from picktree.simulation.backends import Backend
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.trees.running.runner import TickReport
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.trees.runner import TickReport
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.scene.scene_loading import load_scene
 
 from .rooms import ROOT, modules
 from .skills.cell import EXAMPLES, Cell, items, mission, sorting
@@ -113,7 +113,7 @@ PLANNED_BEFORE = """\
 import sys
 from picktree.session.arithmetic_probe import arithmetic
 if sys.argv[1] == "plan":
-    from picktree.planning.requests import PoseGoal, Request
+    from picktree.robot.planning.requests import PoseGoal, Request
     from tests.planning.motion_cell import Cell, Pose, np, shelf_scene
     left = Pose.from_rpy((0.6, 0.17, 0.4), (0.0, np.pi / 2, 0.0))
     Cell(shelf_scene(), verify=False).plan.solver.solve(Request(PoseGoal((left,))), 1)
@@ -227,7 +227,7 @@ def test_a_picture_more_shifts_neither_the_other_sensors_nor_the_planner() -> No
 def test_every_generator_is_keyed() -> None:
     """`default_rng` is called with a key in one module; nobody uses Python's or numpy's global generators."""
     calls: dict[str, list[str]] = {}
-    for path in modules(but=("batch", "cli", "studio")):
+    for path in modules(but=("apps/batch", "apps/cli", "apps/studio")):
         where, text = str(path.relative_to(ROOT)), path.read_text(encoding="utf-8")
         if not re.search(r"random|secrets|uuid", text):
             continue
@@ -240,32 +240,30 @@ def test_every_generator_is_keyed() -> None:
             if isinstance(node, ast.Call) and "random." in ast.unparse(node.func):
                 calls.setdefault(where, []).append(ast.unparse(node))
     assert calls == {
-        "analysis/explain/investigation/case.py": [
-            "np.random.default_rng(0)"
-        ],  # of an analysis; no run depends on it
+        "analysis/explain/case.py": ["np.random.default_rng(0)"],  # of an analysis; no run depends on it
         # Where inverse kinematics begins, and what a failure is looked into with, are always the same.
-        "planning/kinematics/levenberg_marquardt.py": [
+        "robot/planning/levenberg_marquardt.py": [
             "np.random.default_rng(0).uniform(size=(SEED_COUNT, model.n))",
             "np.random.default_rng(0)",
         ],
-        "planning/search/constrained_rrt.py": ["np.random.default_rng(seed)"],
-        "planning/search/goal_configurations.py": ["np.random.default_rng(seed)"],
-        "planning/failures/obstructions.py": ["np.random.default_rng(0)"],
-        "planning/search/joint_planner.py": [
+        "robot/planning/constrained_rrt.py": ["np.random.default_rng(seed)"],
+        "robot/planning/goal_configurations.py": ["np.random.default_rng(seed)"],
+        "robot/planning/obstructions.py": ["np.random.default_rng(0)"],
+        "robot/planning/joint_planner.py": [
             "np.random.default_rng([seed, len(STEP_SHARES)])",
             "np.random.default_rng([seed, attempt])",
         ],
-        "planning/search/return_path.py": ["np.random.default_rng(seed)"],
+        "robot/planning/return_path.py": ["np.random.default_rng(seed)"],
         # Samples of a robot file that is made; no run depends on them.
-        "commissioning/robot_setup/arm_poses.py": [
+        "apps/commissioning/arm_poses.py": [
             "np.random.default_rng([seed, 1])",
             "np.random.default_rng([seed, 2])",
         ],
-        "commissioning/robot_setup/base_pose.py": ["np.random.default_rng(0)"],
-        "commissioning/robot_setup/joint_limits.py": ["np.random.default_rng([seed, 3])"] * 2,
-        "commissioning/robot_setup/free_space.py": ["np.random.default_rng([seed, 4])"],
-        "commissioning/robot_setup/model_checks.py": ["np.random.default_rng(0)"],
-        "commissioning/trial_advice.py": ["np.random.default_rng(0)"],
-        "commissioning/robot_setup/self_collision.py": ["np.random.default_rng([seed, 0])"],
+        "apps/commissioning/base_pose.py": ["np.random.default_rng(0)"],
+        "apps/commissioning/joint_limits.py": ["np.random.default_rng([seed, 3])"] * 2,
+        "apps/commissioning/free_space.py": ["np.random.default_rng([seed, 4])"],
+        "apps/commissioning/model_checks.py": ["np.random.default_rng(0)"],
+        "apps/commissioning/trial_advice.py": ["np.random.default_rng(0)"],
+        "apps/commissioning/self_collision.py": ["np.random.default_rng([seed, 0])"],
         "world/random_streams.py": ["np.random.default_rng([self.seed, zlib.crc32(stream.encode()), n])"],
     }

@@ -90,7 +90,7 @@ def test_a_check_loads_the_nodes_of_its_mission_and_no_others() -> None:
 
 
 def test_who_only_hands_jobs_to_workers_loads_no_large_library() -> None:
-    modules = "picktree.batch.workers.local_executor, picktree.batch.cluster.messages"
+    modules = "picktree.apps.batch.local_executor, picktree.apps.batch.messages"
     program = f"import sys, {modules}; print(*sys.modules)"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert set(ran.stdout.split()) & LARGE == set(), ran.stderr
@@ -115,7 +115,7 @@ def test_no_garbage_is_looked_for_as_a_command_ends() -> None:
 
 
 def test_help_builds_only_the_command_that_is_called() -> None:
-    program = "import sys; from picktree.cli import app; built = []; make = app._built\n"
+    program = "import sys; from picktree.apps.cli import app; built = []; make = app._built\n"
     program += "app._built = lambda name: built.append(name) or make(name)\n"
     program += "app.answer(sys.argv[1:]); print(built)"
     for arguments, built in (["--help"], []), (["run", "--help"], ["run"]), (["batch", "--help"], ["batch"]):
@@ -129,10 +129,10 @@ import numpy as np
 import picktree
 {first}
 from picktree.files.library_parts import library_part
-import picktree.planning.kinematics.levenberg_marquardt as descent
-import picktree.perception.data_association as association
-import picktree.planning.timing.path_curves as curves
-import picktree.planning.timing.toppra_profile as profile
+import picktree.robot.planning.levenberg_marquardt as descent
+import picktree.robot.perception.data_association as association
+import picktree.robot.planning.path_curves as curves
+import picktree.robot.planning.toppra_profile as profile
 from picktree.world.shapes import convex_hull
 hull = convex_hull(np.random.default_rng(0).random((20, 3)))
 import scipy.linalg, scipy.linalg.lapack, scipy.optimize, scipy.spatial

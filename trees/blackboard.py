@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 from ..world.belief.planning_scene import PlanningScene
 from ..world.journal import Plain
-from .values.port_types import plain_copy
-from .values.references import ROOT_KEY, Reference, resolve
+from .port_types import plain_copy
+from .references import ROOT_KEY, Reference, resolve
 
 
 @dataclass(frozen=True, slots=True)

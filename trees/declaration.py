@@ -15,12 +15,12 @@ from typing import Literal, Protocol, TypeAlias
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
 from ..world.causes import Cause, Family
 from .flow import ChildFlow, Flow, Hand, LeafFlow
+from .port_types import PortType, convert_literal
 from .ports import In, Out, PortDeclaration, PortSpec, Required, Slot, SlotDeclaration
-from .values.port_types import PortType, convert_literal
-from .values.references import Binding, Constant
+from .references import Binding, Constant
 
 Kind: TypeAlias = Literal["action", "condition", "control", "decorator", "subtree"]
 

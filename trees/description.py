@@ -12,8 +12,8 @@ from typing import Final, Protocol, TypeAlias, cast
 from ..files.value_wording import suggest_name
 from ..files.yaml.reader import Value
 from .declaration import NodeDeclaration
+from .port_types import show
 from .ports import PortDeclaration, SlotDeclaration
-from .values.port_types import show
 
 
 class Described(Protocol):

@@ -8,16 +8,16 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Final, Literal, Protocol
 
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
 from ..files.expressions.expression import Expression
 from ..files.marks import Diagnostic, Mark
 from ..files.shipped_files import is_file, shipped_names
 from ..files.value_wording import suggest_name
 from ..files.yaml.document import Document, read_document
+from .fault_collector import MAX_NODES
 from .node import Node
 from .ports import PortDeclaration
-from .values.fault_collector import MAX_NODES
-from .values.references import Assignment, Binding
+from .references import Assignment, Binding
 
 LIBRARY: Final = Path(__file__).parent / "library"
 """Folder of the sub-trees that come with picktree."""

@@ -11,12 +11,20 @@ from py_trees.common import Status
 
 from ..files.expressions.expression import Expression
 from ..world.causes import Cause, Failure, FailureReport, Family, internal, matches, tree, world
-from ..world.events.event_kinds import event_of
-from ..world.events.run_events import InternalErrorEvent, PostconditionFailedEvent, UndeclaredCauseEvent
+from ..world.event_kinds import event_of
 from ..world.journal import Plain
+from ..world.run_events import InternalErrorEvent, PostconditionFailedEvent, UndeclaredCauseEvent
 from .declaration import Hand, Kind, Resource, declare, reserved_names
 from .described_node import DescribedNode
 from .description import documented
+from .failure_reports import (
+    internal_error_report,
+    pack,
+    plain_evidence,
+    report_from_plain,
+    report_to_plain,
+    unpack,
+)
 from .flow import Flow
 from .node_values import (
     accept_output,
@@ -28,18 +36,10 @@ from .node_values import (
     settled_before,
     wired_inputs,
 )
+from .port_types import PortProblem, PortValues, plain_copy
+from .references import Reference
 from .runtime import Runtime, TreeWorld, Wiring, end_transition, evaluate, start_transition
 from .status import PY_TREES_STATUS, NodeStatus
-from .values.failure_reports import (
-    internal_error_report,
-    pack,
-    plain_evidence,
-    report_from_plain,
-    report_to_plain,
-    unpack,
-)
-from .values.port_types import PortProblem, PortValues, plain_copy
-from .values.references import Reference
 
 _ALWAYS_POSSIBLE = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT, internal.ERROR)
 

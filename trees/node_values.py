@@ -8,12 +8,12 @@ from typing import cast
 from ..world.causes import Failure, FailureReport, tree
 from ..world.journal import Plain
 from .declaration import PRECONDITIONS
+from .failure_reports import with_attached
+from .port_types import accept_value, plain_copy
 from .ports import PortDeclaration
+from .references import Assignment, Constant, PortExpression, Reference
 from .runtime import TreeWorld, Wiring, evaluate
 from .status import NodeStatus
-from .values.failure_reports import with_attached
-from .values.port_types import accept_value, plain_copy
-from .values.references import Assignment, Constant, PortExpression, Reference
 
 
 def wired_inputs(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Generic, Literal, Protocol, Self, TypeAlias, TypeVar, cast, overload
 
 from ..world.journal import Plain
-from .values.port_types import ANY_NUMBER, PortType, Range
+from .port_types import ANY_NUMBER, PortType, Range
 
 Arity: TypeAlias = Literal["one", "many", "table"]
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Final, Literal, Protocol
 from ..files.expressions.expression import Expression, ExpressionError
 from ..world.causes import Evidence, Failure, FailureReport, tree
 from .blackboard import Blackboard, Namespace
+from .port_types import plain_copy
 from .ports import PortDeclaration
+from .references import Assignment, Binding, Constant, Reference, attribute
 from .status import NodeStatus
-from .values.port_types import plain_copy
-from .values.references import Assignment, Binding, Constant, Reference, attribute
 
 if TYPE_CHECKING:
     from ..world.belief.planning_scene import PlanningScene

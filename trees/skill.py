@@ -7,7 +7,7 @@ from collections.abc import Generator
 from typing import TYPE_CHECKING, ClassVar, Final, TypeAlias, TypeVar, cast
 
 from ..world.causes import Failure, FailureReport, internal, tree
-from ..world.events.run_events import InternalErrorEvent
+from ..world.run_events import InternalErrorEvent
 from .declaration import Resource
 from .flow import LeafFlow
 from .node import Node
@@ -15,7 +15,7 @@ from .runtime import Runtime, Wiring
 from .status import NodeStatus
 
 if TYPE_CHECKING:
-    from ..skill_world.world import World
+    from ..robot.world import World
 
 T = TypeVar("T")
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from ..errors import PicktreeError
+from ..files.errors import PicktreeError
 from ..files.marks import Diagnostic, Mark
 from ..files.value_wording import suggest_name
 from ..files.yaml.document import Document, read_document

@@ -11,16 +11,14 @@ from ...logs.recording.rotated_log import NEXT_METADATA
 from ...logs.run_log import Stamped
 from ...logs.schema.event_records import BeliefEvent
 from ...logs.visits import Visit
-from ...simulation.scoring.scorer import ItemScore
+from ...simulation.scorer import ItemScore
 from ...world.belief.facts import RODE_ON, TAKEN_AWAY
-from ...world.events.run_events import FaultEvent, HandledEvent
-from ...world.events.skill_events import ItemDoneEvent, PickEvent, SetAsideEvent
 from ...world.journal import JournalEvent
+from ...world.run_events import FaultEvent, HandledEvent
 from ...world.scene.destinations import is_at
-from .causes.held_items import held_periods
-from .failure_stories import failure_context, failures_of
-from .investigation.case import Investigation
-from .investigation.explanation import (
+from ...world.skill_events import ItemDoneEvent, PickEvent, SetAsideEvent
+from .case import Investigation
+from .explanation import (
     ExplainedOutcome,
     Explanation,
     FailureStory,
@@ -30,7 +28,9 @@ from .investigation.explanation import (
     KeyMoment,
     RootCause,
 )
-from .investigation.number_wording import distance, place
+from .failure_stories import failure_context, failures_of
+from .held_items import held_periods
+from .number_wording import distance, place
 from .root_causes import root_causes_of
 
 if TYPE_CHECKING:

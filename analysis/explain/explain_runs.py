@@ -9,16 +9,16 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from ...errors import PicktreeError
 from ...files.diagnostics.fault_rendering import Paint, plain
+from ...files.errors import PicktreeError
 from ...files.value_wording import listed
-from ...logs.episodes.episode_counts import CauseCount, CureCount, added_cures, by_cause
+from ...logs.episode_counts import CauseCount, CureCount, added_cures, by_cause
 from ...logs.log_paths import find_log
 from ...logs.run_index import logs_below
 from ..run import Run
 from .explain import explain
-from .investigation.explanation import CONFIDENCES, Confidence, RootCause
-from .investigation.number_wording import counted, wrapped
+from .explanation import CONFIDENCES, Confidence, RootCause
+from .number_wording import counted, wrapped
 
 
 @dataclass(frozen=True, slots=True)

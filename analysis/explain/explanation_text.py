@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, cast
 from ...files.diagnostics.fault_rendering import Paint, plain
 from ...files.node_patterns import short_names
 from ...files.value_wording import listed
-from ...logs.episodes.episode_counts import CauseCount
+from ...logs.episode_counts import CauseCount
 from ...logs.schema.json_records import encode
-from ...world.events.run_events import BlackboardSetEvent
 from ...world.journal import Plain
+from ...world.run_events import BlackboardSetEvent
+from .explanation import RATES, Explanation, ItemStory, RootCause
 from .failure_text import FailureText, recovery_lines
-from .investigation.explanation import RATES, Explanation, ItemStory, RootCause
-from .investigation.number_wording import counted, seconds, wrapped
+from .number_wording import counted, seconds, wrapped
 
 if TYPE_CHECKING:
     from ..run import Run

@@ -13,16 +13,16 @@ from ...logs.run_account import Failure, RunAccount
 from ...logs.run_log import Stamped
 from ...logs.schema.records import BodyRecord, Candidates, Plan
 from ...logs.visits import HALTED, Visit, VisitTree
-from ...manipulation.pick.pick_candidates import count_rejections
+from ...robot.manipulation.pick_candidates import count_rejections
 from ...world.belief.height_map import heap_id
 from ...world.causes import Cause, all_causes, remedy_of
-from ...world.events.run_events import FaultEvent
-from ...world.events.skill_events import SafetyStopEvent
-from .causes.item_whereabouts import MISPLACED
-from .investigation.body_tracks import horizontal_distance
-from .investigation.case import Investigation
-from .investigation.explanation import CandidateChoice, FailureStory, RejectedCandidate, number
-from .investigation.number_wording import distance, place, seconds
+from ...world.run_events import FaultEvent
+from ...world.skill_events import SafetyStopEvent
+from .body_tracks import horizontal_distance
+from .case import Investigation
+from .explanation import CandidateChoice, FailureStory, RejectedCandidate, number
+from .item_whereabouts import MISPLACED
+from .number_wording import distance, place, seconds
 
 if TYPE_CHECKING:
     from ...logs.run_record import RunRecord

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from ...files.diagnostics.fault_rendering import Paint
 from ...files.value_wording import listed
-from ...logs.episodes.episode import Episode, Planted
-from ...logs.episodes.episode_counts import ENDS, CauseCount
+from ...logs.episode import Episode, Planted
+from ...logs.episode_counts import ENDS, CauseCount
 from ...logs.run_account import CureAttempt, Episodes
-from ...manipulation.pick.pick_candidates import RANKED_STAGE
-from .investigation.explanation import CandidateChoice, FailureStory
-from .investigation.number_wording import counted, seconds, wrapped
+from ...robot.manipulation.pick_candidates import RANKED_STAGE
+from .explanation import CandidateChoice, FailureStory
+from .number_wording import counted, seconds, wrapped
 
 PLANTED = 12
 """Planted faults that are told."""

@@ -10,12 +10,12 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ...logs.meshes.binary_gltf import with_y_up
-from ...logs.meshes.triangle_meshes import part_mesh, shape_mesh
+from ...logs.binary_gltf import with_y_up
 from ...logs.recording import foxglove_messages
 from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
 from ...logs.schema import topics
 from ...logs.schema.records import BlockRecord, BodyRecord, PartRecord, Scene, Transform
+from ...logs.triangle_meshes import part_mesh, shape_mesh
 from ...world.colours import COLOURS, TRUTH_COLOUR, Rgb
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Pose

@@ -13,9 +13,9 @@ import orjson
 from ...files.atomic_write import whole
 from ...logs.optional_libraries import optional_import
 from ...logs.schema.records import BodyRecord
-from ...world.events.skill_events import ItemDoneEvent, PickEvent
 from ...world.journal import Plain
-from ..explain.investigation.explanation import ItemStory
+from ...world.skill_events import ItemDoneEvent, PickEvent
+from ..explain.explanation import ItemStory
 from ..run import Run
 from . import row_types
 from .table_files import Column, cells, columns, counts_text, row_of, write_tables

@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from ...files.file_names import fitted
 from ...logs.run_log import RunLog
 from ...logs.schema.records import LinkMesh

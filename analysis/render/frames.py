@@ -7,11 +7,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from ...logs.run_log import RunLog, Stamped
 from ...logs.schema.records import Plan, Scene, Tick
 from ...logs.visits import Visit, VisitBuilder, with_transitions
-from ...world.events.skill_events import ItemDoneEvent
+from ...world.skill_events import ItemDoneEvent
 from .captions import Caption, CaptionFailure
 from .scene_view import SceneContent, Show
 
@@ -199,7 +199,7 @@ def moments(
 
 def _truths(log: RunLog, span: tuple[float, float]) -> Iterator[Stamped[Scene]]:
     """Yield the truth within a span as often as the log has it: a held item stays in the hand."""
-    from ..explain.investigation.body_tracks import true_scenes, true_states  # slow to import
+    from ..explain.body_tracks import true_scenes, true_states  # slow to import
 
     start, end = span
     for at in true_scenes(list(log.truths(end=end)), true_states(log)):

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...logs.meshes.triangle_meshes import unit
+from ...logs.triangle_meshes import unit
 from ...world.values import Array, Vector3
 from .rasterizer import Floats, TriangleCorners, draw_depth, unpack_marks
 

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...logs.meshes.triangle_meshes import Mesh
+from ...logs.triangle_meshes import Mesh
 from ...world.values import Array
 
 Picture: TypeAlias = NDArray[np.uint8]

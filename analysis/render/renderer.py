@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...logs.meshes.triangle_meshes import Mesh, join_meshes, unit
+from ...logs.triangle_meshes import Mesh, join_meshes, unit
 from ...world.values import Array, Pose
 from .lighting import AmbientOcclusion, LightingSetup, PixelSamples, ShadowMap, Shadows, shade_samples
 from .rasterizer import Floats, Palette, Picture, RasterModel, Surfaces, TriangleCorners, place_models

@@ -11,11 +11,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...logs.meshes.binary_gltf import parts_of, read_glb
-from ...logs.meshes.triangle_meshes import Mesh, join_meshes, part_mesh, shape_mesh
+from ...logs.binary_gltf import parts_of, read_glb
 from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
 from ...logs.run_log import RunLog
 from ...logs.schema.records import BlockRecord, BodyRecord, LinkMesh, PartRecord, Scene
+from ...logs.triangle_meshes import Mesh, join_meshes, part_mesh, shape_mesh
 from ...world.colours import COLOURS, TRUTH_COLOUR
 from ...world.scene.destinations import colours_of_destinations
 from ...world.shapes import Box, Shape, top
@@ -140,7 +140,7 @@ def bin_tints(log: RunLog) -> dict[str, str]:
     """Return the colour of the items that belong into a bin, by bin, where all its items have the same one.
 
     Empty when the log holds no scene that can be read."""
-    from ..explain.investigation.case import scene_of  # slow to import
+    from ..explain.case import scene_of  # slow to import
 
     scene = scene_of(log)
     if scene is None:

@@ -9,14 +9,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ...errors import PicktreeError
 from ...files.atomic_write import whole
-from ...logs.meshes.triangle_meshes import Mesh, join_meshes, shape_mesh
+from ...files.errors import PicktreeError
 from ...logs.recording.images import require_picture_name, write_picture
 from ...logs.run_log import RunLog
-from ...robots.description import RobotDescription
-from ...robots.link_shapes import link_shapes
-from ...robots.model import RobotModel
+from ...logs.triangle_meshes import Mesh, join_meshes, shape_mesh
+from ...world.robot_model.description import RobotDescription
+from ...world.robot_model.link_shapes import link_shapes
+from ...world.robot_model.model import RobotModel
 from ...world.values import Array, Pose
 from .captions import write
 from .frames import moments

@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from ...errors import PicktreeError
-from ...logs.meshes.triangle_meshes import unit
+from ...files.errors import PicktreeError
+from ...logs.triangle_meshes import unit
 from ...world.values import Array, Vector3
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...files.library_parts import library_part
 from ...logs.schema.records import BodyRecord
-from ...world.events.run_events import FaultEvent
+from ...world.run_events import FaultEvent
 from ...world.values import Array
 from ..run import Run
 from .packing import between, composed, filled, inverse, row

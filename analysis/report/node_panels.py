@@ -12,8 +12,8 @@ import orjson
 
 from ...authoring.drawing.chart import Branch, Chart, ChartNode, ChartPort, ChartTree, symbol_of
 from ...authoring.drawing.chart_builder import chart
-from ...authoring.drawing.formats.html import chart_json
-from ...errors import PicktreeError
+from ...authoring.drawing.html import chart_json
+from ...files.errors import PicktreeError
 from ...logs.schema.event_records import BeliefEvent
 from ...logs.schema.records import Tree, TreeNode
 from ...logs.visits import HALTED, Visit

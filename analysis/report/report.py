@@ -16,12 +16,12 @@ import numpy as np
 import orjson
 
 from ... import __version__
-from ...authoring.drawing.formats import shapes
-from ...errors import PicktreeError
+from ...authoring.drawing import shapes
 from ...files.atomic_write import whole
-from ...logs.episodes.episode_counts import CauseCount
+from ...files.errors import PicktreeError
+from ...logs.episode_counts import CauseCount
 from ...logs.schema.records import Plan
-from ..explain.investigation.explanation import ExplainedOutcome
+from ..explain.explanation import ExplainedOutcome
 from ..run import Run
 from .board_panel import pack_board
 from .images_panel import pack_images

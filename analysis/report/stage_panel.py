@@ -7,15 +7,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...errors import PicktreeError
-from ...logs.meshes.binary_gltf import read_glb
-from ...logs.meshes.triangle_meshes import Mesh, decimate, part_mesh, shape_mesh, smooth_mesh
+from ...files.errors import PicktreeError
+from ...logs.binary_gltf import read_glb
 from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
 from ...logs.run_log import RunLog
 from ...logs.schema.records import BodyRecord, Candidates, LinkMesh, PartRecord
-from ...manipulation.pick.pick_candidates import ACCEPTED_VERDICT, count_rejections, describe_rejections
-from ...robots.loading import read_tcp
+from ...logs.triangle_meshes import Mesh, decimate, part_mesh, shape_mesh, smooth_mesh
+from ...robot.manipulation.pick_candidates import ACCEPTED_VERDICT, count_rejections, describe_rejections
 from ...world.colours import COLOURS
+from ...world.robot_model.loading import read_tcp
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Array, Pose
 from ..render.scene_view import bin_tints, body_mesh, heap_remark, part_colour

@@ -10,16 +10,16 @@ from pathlib import Path
 from typing import Final
 
 from ...authoring.check import check_mission
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from ...files.marks import Diagnostic, FileError
 from ...files.yaml.document import read_document
-from ...robots.loading import load_robot
 from ...session.recipe import Recipe, mission_files
-from ...simulation.fault_files.fault_entries import FaultFile
-from ...simulation.fault_files.fault_loading import load_faults
+from ...simulation.faults.fault_entries import FaultFile
+from ...simulation.faults.fault_loading import load_faults
 from ...trees.loading.loader import scene_names
 from ...trees.mission import Mission
-from ...world.scene.loading.scene_loading import load_scene
+from ...world.robot_model.loading import load_robot
+from ...world.scene.scene_loading import load_scene
 from ..run import Run
 
 _TIME: Final = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*(s|ms|min)")

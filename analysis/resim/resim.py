@@ -19,17 +19,17 @@ from typing import IO, cast
 
 from pydantic import TypeAdapter
 
-from ...errors import PicktreeError
 from ...files.diagnostics.fault_rendering import fault_lines
+from ...files.errors import PicktreeError
 from ...files.marks import FileError
 from ...logs.run_result import RunResult
 from ...logs.schema.json_records import Arithmetic
 from ...session.arithmetic_probe import arithmetic
 from ...session.observer import Observer
 from ...session.recipe import Recording
-from ...session.resume.recorded_recipe import RecordedRun
+from ...session.recorded_recipe import RecordedRun
 from ...session.session import Session
-from ...trees.running.runner import TickReport
+from ...trees.runner import TickReport
 from ..compare.alignment import align
 from ..compare.divergence import MessageDifference
 from ..compare.divergence_text import parting_lines

@@ -14,7 +14,7 @@ from ...logs.recording import foxglove_messages
 from ...logs.schema import topics
 from ...logs.schema.topics import Digest, Topic
 from ...session.observer import Interrupter
-from ...session.resume.recorded_recipe import simulated_messages
+from ...session.recorded_recipe import simulated_messages
 from ...trees.mission import MAIN
 from ..compare.divergence import NO_FIELD, MessageDifference, Missing, moments, present
 from ..compare.message_fields import FieldDifference, first_differing_field

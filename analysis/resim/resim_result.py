@@ -10,11 +10,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from ...logs.schema.json_records import Arithmetic, arithmetic_difference
 from ...session import environment
 from ...session.recipe import ROBOT_MESHES
-from ...world.scene.loading.scene_loading import load_scene
+from ...world.scene.scene_loading import load_scene
 from ..compare.divergence import MessageDifference
 from ..compare.divergence_text import aligned
 from ..compare.run_outcome import RunOutcome

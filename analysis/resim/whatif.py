@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from ...files.marks import Diagnostic
 from ...logs.run_result import RunResult, RunStatus
 from ...logs.schema.json_records import arithmetic_difference
 from ...session.arithmetic_probe import arithmetic
 from ...session.observer import Observer
 from ...session.recipe import Recipe, Recording
-from ...session.resume.recorded_recipe import RecordedRun, tally_of
+from ...session.recorded_recipe import RecordedRun, tally_of
 from ...session.run_tally import RunCounters
 from ...session.session import Session
 from ...simulation.faults.injector import new_states

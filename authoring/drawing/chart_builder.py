@@ -12,7 +12,7 @@ from ...files.yaml.document import read_document
 from ...trees.loading.loader import examine
 from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec, name_of
 from ...trees.ports import PortDeclaration, SlotDeclaration
-from ...trees.values.references import Binding, Constant
+from ...trees.references import Binding, Constant
 from ...world.journal import Plain
 from .chart import (
     RECOVERY,

@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias, cast
 from ...files.marks import Location
 from ...files.yaml.reader import resolve
 from ...trees.declaration import PRECONDITIONS
-from ...trees.values.references import ATTRIBUTES
+from ...trees.references import ATTRIBUTES
 from ...world.belief.facts import FACTS
 from ..schema.schema_parts import Schema, schema
 from .cursor import Cursor

@@ -8,16 +8,16 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from ...files.marks import Location, Mark
 from ...files.shipped_files import find_file, is_file
 from ...files.yaml.document import Document
 from ...files.yaml.reader import YamlNode
-from ...robots.loading import SHIPPED as ROBOTS
 from ...trees.loading.registry import NodeRegistry
 from ...trees.mission import MissionFiles, path_of
 from ...trees.node import Node
-from ...world.scene.loading.scene_loading import SHIPPED as SCENES
+from ...world.robot_model.loading import SHIPPED as ROBOTS
+from ...world.scene.scene_loading import SHIPPED as SCENES
 from ..schema.mission_context import mission_files
 from .cursor import Cursor
 from .navigation import calls_with, key_at, key_home, key_places_of, writes

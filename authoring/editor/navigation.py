@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from ...files.marks import Mark
 from ...files.yaml.reader import YamlNode
 from ...trees.declaration import IDENTIFIER
 from ...trees.mission import MAIN
-from ...trees.values.references import ROOT_KEY
+from ...trees.references import ROOT_KEY
 from ..schema.schema_parts import Schema
 from .completion import is_expression
 from .cursor import Cursor, Place, Span

@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TypeAlias
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from ...files.marks import Mark
 from ...files.yaml.document import KINDS, Document, read_document
 from ...files.yaml.reader import YamlNode

@@ -14,7 +14,7 @@ from ...files.marks import Location, Mark
 from ...files.yaml.reader import YamlNode
 from ...trees.declaration import POSTCONDITIONS, PRECONDITIONS
 from ...trees.mission import MAIN
-from ...trees.values.references import ROOT_KEY
+from ...trees.references import ROOT_KEY
 from .text_repair import CURSOR
 
 IsExpression: TypeAlias = Callable[[Location], bool]

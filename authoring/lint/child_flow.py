@@ -29,9 +29,9 @@ from ...trees.flow import (
     Turns,
 )
 from ...trees.mission import NodeSpec
+from ...trees.port_types import show
+from ...trees.references import Constant
 from ...trees.status import NodeStatus
-from ...trees.values.port_types import show
-from ...trees.values.references import Constant
 from ...world.causes import internal
 from .failure_reasons import NO_REPORT, UNREPORTED, FailureReasons, joined
 from .flow_walk import FlowWalk

@@ -19,9 +19,9 @@ from ...trees.controls import (
     Timeout,
 )
 from ...trees.flow import AGAIN, ChildFlow, LeafFlow, Loop, Recovery
+from ...trees.key_writers import uses_of
 from ...trees.mission import MAIN, NodeSpec, TreeSpec
 from ...trees.node import Node
-from ...trees.wiring.key_writers import uses_of
 from ...world.belief.facts import FACTS
 from .mission_survey import LintModel
 

@@ -8,7 +8,7 @@ from ...files.expressions.expression import Expression
 from ...trees.declaration import PRECONDITIONS, NodeDeclaration
 from ...trees.flow import FAILURE, RUNNING, SKIPPED, SUCCESS, AtOnce, ChildFlow, CleanUp, Hand, LeafFlow
 from ...trees.mission import Mission, NodeSpec, TreeSpec, bottom_up
-from ...trees.values.references import Reference
+from ...trees.references import Reference
 from .child_flow import ChildWalk
 from .clean_up_flow import clean_up_outcomes
 from .failure_reasons import NO_REPORT, UNREPORTED, FailureReasons, joined

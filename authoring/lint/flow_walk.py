@@ -13,7 +13,7 @@ from ...files.expressions.expression import Expression
 from ...trees.flow import FAILURE, ChildFlow, Loop, Recovery
 from ...trees.mission import NodeSpec
 from ...trees.ports import Required
-from ...trees.values.references import Constant, PortExpression, Reference
+from ...trees.references import Constant, PortExpression, Reference
 from ...world.belief.facts import FACTS
 from ...world.causes import perception
 from ...world.causes import tree as tree_causes

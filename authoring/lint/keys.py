@@ -21,9 +21,9 @@ from ...files.expressions.syntax_tree import (
 )
 from ...files.expressions.syntax_tree import children as parts_of
 from ...trees.flow import Once, Pipeline, Resumed, Turns
+from ...trees.key_writers import KeyUse, uses_of
 from ...trees.mission import MAIN, NodeSpec, TreeSpec
-from ...trees.values.references import ROOT_KEY, Reference
-from ...trees.wiring.key_writers import KeyUse, uses_of
+from ...trees.references import ROOT_KEY, Reference
 
 
 class KeyUsage:

@@ -7,10 +7,10 @@ from functools import cached_property
 
 from ...files.marks import Diagnostic, Mark
 from ...files.node_patterns import short_names
+from ...trees.key_writers import PlacedNode, placed_nodes
 from ...trees.loading.loader import SceneNames
 from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec, bottom_up, reachable
 from ...trees.node import Node
-from ...trees.wiring.key_writers import PlacedNode, placed_nodes
 from .flow_analysis import FlowAnalysis
 from .outcomes import EMPTY, KEPT, FlowState, Outcomes
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from ...files.marks import Diagnostic
 from ...trees.controls import Switch, Timeout
 from ...trees.controls.decorator import Decorator
+from ...trees.key_writers import PlacedNode
 from ...trees.mission import NodeSpec
-from ...trees.values.references import ATTRIBUTE_TYPES, Constant, Reference
-from ...trees.wiring.key_writers import PlacedNode
+from ...trees.references import ATTRIBUTE_TYPES, Constant, Reference
 from ...world.causes import internal, tree
 from .failure_reasons import UNREPORTED, joined
 from .mission_survey import LintModel

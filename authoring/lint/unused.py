@@ -8,10 +8,10 @@ from collections.abc import Iterable, Iterator
 from ...files.marks import Diagnostic
 from ...files.value_wording import suggest_name
 from ...files.yaml.document import Document
+from ...trees.key_writers import KeyUse
 from ...trees.mission import IN_LIBRARY, MAIN, TreeSpec, called_by
 from ...trees.ports import PortDeclaration
-from ...trees.values.references import ROOT_KEY
-from ...trees.wiring.key_writers import KeyUse
+from ...trees.references import ROOT_KEY
 from .flow_walk import KeyRead
 from .keys import KeyUsage
 from .mission_survey import LintModel

@@ -6,8 +6,8 @@ from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
-from ...errors import PicktreeError
 from ...files.diagnostics.fault_codes import apply_suppressions, pages
+from ...files.errors import PicktreeError
 from ...files.marks import FileError
 from ...files.node_patterns import short_names
 from ...files.value_wording import suggest_name
@@ -16,12 +16,12 @@ from ...trees.loading.loader import read_mission
 from ...trees.mission import Mission
 from ...trees.status import NodeStatus
 from ..check import check_mission
-from .cases.cases_schema import CaseFile, RehearsalCase
-from .checking.case_checks import examine_cases
-from .stage.mission_staging import StubbedMission, play_case, scene_of, stub_mission
-from .stage.rehearsal_world import TICK_PERIOD
-from .verdict.rehearsal_result import CaseResult, CoverageRecord, Rehearsal, coverage
-from .verdict.verdict import CaseOutcome, differences
+from .case_checks import examine_cases
+from .cases_schema import CaseFile, RehearsalCase
+from .mission_staging import StubbedMission, play_case, scene_of, stub_mission
+from .rehearsal_result import CaseResult, CoverageRecord, Rehearsal, coverage
+from .rehearsal_world import TICK_PERIOD
+from .verdict import CaseOutcome, differences
 
 
 def rehearse_files(

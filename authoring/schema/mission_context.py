@@ -8,17 +8,17 @@ from __future__ import annotations
 
 from typing import cast
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from ...files.yaml.document import Document
+from ...trees.fault_collector import MissionDiagnostics
 from ...trees.loading.loader import SceneNames, load_surroundings
 from ...trees.loading.registry import NodeRegistry
 from ...trees.loading.tree_ports import TreePorts
 from ...trees.loading.tree_set import IncludeReader
 from ...trees.mission import FilesOnDisk, MissionFiles
 from ...trees.ports import NameKind, PortDeclaration
-from ...trees.values.fault_collector import MissionDiagnostics
 from ...world.planner_names import planner_names
-from ...world.scene.loading.scene_loading import scene_names
+from ...world.scene.scene_loading import scene_names
 from .mission_schema import MissionSpecifics
 from .port_schema import ProposedNames
 from .schema_parts import NULL, Schema, ref, schema, schemas

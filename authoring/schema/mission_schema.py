@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 from ...trees.loading.registry import NodeRegistry
 from ...trees.mission import MAIN
+from ...trees.port_types import NAMES_IN_FILES
 from ...trees.ports import PortDeclaration
-from ...trees.values.port_types import NAMES_IN_FILES
 from ...world.causes import OUR_PREFIXES, Cause
-from ..reference.node_reference import required_one_of
+from .node_reference import required_one_of
 from .node_schema import (
     NodeIds,
     bare_docs,

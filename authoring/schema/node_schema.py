@@ -15,9 +15,9 @@ from ...trees.declaration import (
 )
 from ...trees.ports import PortDeclaration, SlotDeclaration
 from ...world.causes import Cause
-from ..reference.node_reference import RequiredOneOf
-from ..reference.port_wording import COMMON_DOCS, hand_words, unwrapped, uses_words
+from .node_reference import RequiredOneOf
 from .port_schema import ProposedNames, port_schema
+from .port_wording import COMMON_DOCS, hand_words, unwrapped, uses_words
 from .schema_parts import ID_PATTERN, NAME_PATTERN, Schema, escaped, if_bare, one_needed, ref, schemas
 
 _END = r"(?![\s\S])"

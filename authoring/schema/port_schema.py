@@ -8,7 +8,7 @@ from typing import cast
 
 from ...trees.ports import NameKind, PortDeclaration, Required
 from ...world.journal import Plain
-from ..reference.port_wording import default_words, expression_words, type_words
+from .port_wording import default_words, expression_words, type_words
 from .schema_parts import (
     Schema,
     bounds,

@@ -9,8 +9,8 @@ from typing import Final, TypeAlias, cast
 
 from ...files.quantities import example, spellings
 from ...files.yaml.document import FORMAT, KINDS
-from ...trees.values.port_types import Range
-from ...trees.values.references import ATTRIBUTES
+from ...trees.port_types import Range
+from ...trees.references import ATTRIBUTES
 
 NULL: Schema = {"type": "null"}
 

@@ -7,16 +7,16 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from ...files.marks import FileError
 from ...files.shipped_files import is_folder
 from ...files.yaml.document import read_document
 from ...files.yaml.file_text import read_text
 from ...trees.loading.loader import examine
 from ...trees.loading.registry import NodeRegistry
-from .export.mission_export import mission_to_xml
-from .importing.mission_import import ImportedMission, ImportOptions, import_xml
-from .importing.source import XmlText
+from .mission_export import mission_to_xml
+from .mission_import import ImportedMission, ImportOptions, import_xml
+from .source import XmlText
 
 _TREES = re.compile(r"<BehaviorTree\b|<TreeNodesModel\b")
 

@@ -1,7 +1,7 @@
 """Plan motions without moving: one that is possible, and one that is explained."""
 
 import picktree as pt
-from picktree.planning.requests import NamedGoal
+from picktree.robot.planning.requests import NamedGoal
 from picktree.world.values import Pose
 
 with pt.Cell("three_bins", backend="kinematic", seed=3) as cell:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import yaml
 
-from ...errors import PicktreeError
+from ..errors import PicktreeError
 from ..marks import MAX_FAULTS, Diagnostic, Mark
 from ..value_wording import suggest_name
 from ..yaml.file_text import PositionIndex

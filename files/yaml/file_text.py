@@ -9,7 +9,7 @@ from bisect import bisect_right
 from pathlib import Path
 from typing import Final, cast
 
-from ...errors import PicktreeError
+from ..errors import PicktreeError
 from ..marks import Diagnostic, FileError, Mark
 from ..value_wording import MOST_NEAR, suggest_name
 

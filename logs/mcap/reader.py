@@ -22,7 +22,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.summary import Summary
 from numpy.typing import NDArray
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from .record_file import DAMAGE_ERRORS, RecordFile, parsed
 from .salvage import Salvage
 from .writer import LIBRARY, MAGIC

@@ -17,7 +17,7 @@ from mcap.records import Footer, McapRecord
 from mcap.stream_reader import StreamReader
 from mcap.summary import Summary
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from .writer import MAGIC
 
 DAMAGE_ERRORS = (

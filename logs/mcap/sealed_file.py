@@ -16,7 +16,7 @@ try:
 except ImportError:  # Windows
     fcntl = None
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from ...files.file_names import fitted
 
 MIN_FREE_BYTES = 32_000_000

@@ -31,8 +31,7 @@ from ...world.colours import COLOURS, Rgb
 from ...world.protocols import Intrinsics
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Pose, Vector3
-from ..meshes.binary_gltf import parts_of
-from ..meshes.triangle_meshes import Mesh, part_mesh, shape_mesh
+from ..binary_gltf import parts_of
 from ..schema.json_records import decode, encode
 from ..schema.records import (
     BodyRecord,
@@ -44,6 +43,7 @@ from ..schema.records import (
     ThingRecord,
     Transform,
 )
+from ..triangle_meshes import Mesh, part_mesh, shape_mesh
 
 WORLD = "world"
 UNKNOWN_COLOUR: Rgb = (0.6, 0.6, 0.65)

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 
 _PNG_SETTINGS = (
     *(cv2.IMWRITE_PNG_COMPRESSION, 0),

@@ -10,7 +10,7 @@ from typing import Final, Protocol
 
 import orjson
 
-from ...simulation.scoring.truth import TrueBody as SimulatedBody
+from ...simulation.truth import TrueBody as SimulatedBody
 from ...world.belief.planning_scene import BeliefChange, BeliefObject
 from ...world.journal import CandidateSearchEntry, PlanEntry
 from ...world.scene.calibration_results import tile_body

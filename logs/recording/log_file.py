@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from ..mcap.sealed_file import require_free_space
 from ..mcap.writer import McapFile
 from ..schema import topics

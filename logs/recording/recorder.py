@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeAlias
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from ...world.belief.planning_scene import BeliefChange, BeliefObject
 from ...world.journal import CandidateSearchEntry, Entry, ImageEntry, JournalEvent, PlanEntry
 from ...world.protocols import RgbdImage
@@ -124,7 +124,7 @@ class Recorder:
         self._file.metadata("picktree.physics", run.physics)
         self._file.metadata("picktree.versions", run.versions)
         self._file.metadata("picktree.machine", run.machine)
-        self._file.metadata("picktree.arithmetic", run.arithmetic.words())
+        self._file.metadata("picktree.files.arithmetic", run.arithmetic.words())
         self._file.metadata("picktree.files", run.files)
         if run.continues is not None:
             self._file.metadata("picktree.continues", run.continues.words())

@@ -11,7 +11,7 @@ from typing import Final
 
 import orjson
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from ..mcap.reader import ChannelInfo, McapReader, RawMessage
 
 PART_METADATA = "picktree.part"

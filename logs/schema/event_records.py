@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, Self, cast, get_args
 
-from ...world.events.event_kinds import event_of
+from ...world.event_kinds import event_of
 from ...world.journal import EVENT_KINDS, EventField, JournalEvent, OtherEvent, event_fields
 from .json_records import decode, is_viewable, schema, value_schema
 from .records import BodyRecord, Event

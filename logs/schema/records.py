@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from ...simulation.scoring.truth import HoleSeating
+from ...simulation.truth import HoleSeating
 from ...world.scene.description import Hole
 from ...world.shapes import Shape
 from ...world.values import Pose, Vector3

@@ -12,7 +12,8 @@ from ...world.protocols import Clock, Gripper
 from ...world.scene.description import Fixture
 from ...world.values import Array, ObjectId, Pose, Quaternion, Vector3, Wrench, rotated
 from ..checkpoints import GripperCommand
-from ..fault_files.device_entries import (
+from ..truth import TrueBody, TrueObstacle
+from .device_entries import (
     Ailing,
     CameraDrop,
     CameraFault,
@@ -27,7 +28,6 @@ from ..fault_files.device_entries import (
     WrenchBias,
     WrenchDead,
 )
-from ..scoring.truth import TrueBody, TrueObstacle
 
 JAM_SQUEEZE_DEPTH = 1e-3
 """Depth inside the gripped item at which jammed fingers aim, so that they keep pressing, m."""

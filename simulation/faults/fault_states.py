@@ -15,7 +15,9 @@ from ...files.node_patterns import node_matches
 from ...world.journal import Plain
 from ...world.random_streams import RandomStreams
 from ...world.values import Vector3
-from ..fault_files.device_entries import (
+from ..feed.spawn import item_number
+from ..truth import TrueBody
+from .device_entries import (
     Ailing,
     AtNode,
     AtTime,
@@ -32,10 +34,8 @@ from ..fault_files.device_entries import (
     WrenchBias,
     WrenchDead,
 )
-from ..fault_files.fault_entries import Bump, FaultTarget, Friction, Heavier, ItemFault, Larger, Remove
-from ..scoring.truth import TrueBody
-from ..spawning.spawn import item_number
 from .device_faults import InjectableRobot
+from .fault_entries import Bump, FaultTarget, Friction, Heavier, ItemFault, Larger, Remove
 
 
 def choose_target(

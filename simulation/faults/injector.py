@@ -7,11 +7,11 @@ from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, cast
 
-from ...errors import PicktreeError
-from ...world.events.run_events import FaultEvent
+from ...files.errors import PicktreeError
 from ...world.journal import JournalEvent
+from ...world.run_events import FaultEvent
 from ...world.values import ObjectId, Vector3
-from ..fault_files.device_entries import (
+from .device_entries import (
     Ailing,
     CameraDrop,
     CameraMislabel,
@@ -28,7 +28,8 @@ from ..fault_files.device_entries import (
     WrenchBias,
     WrenchDead,
 )  # fmt: skip
-from ..fault_files.fault_entries import (
+from .device_faults import InjectableRobot
+from .fault_entries import (
     Appear,
     Bump,
     FaultFile,
@@ -41,7 +42,6 @@ from ..fault_files.fault_entries import (
     Remove,
     Slip,
 )
-from .device_faults import InjectableRobot
 from .fault_states import (
     NO_ITEM,
     FaultSchedule,

@@ -11,13 +11,13 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from ...planning.collision.collision_bodies import CoalShapes
-from ...planning.collision.collision_checker import robot_geometry
-from ...robots.model import RobotModel
+from ...robot.planning.collision_bodies import CoalShapes
+from ...robot.planning.collision_checker import robot_geometry
+from ...world.robot_model.model import RobotModel
 from ...world.scene.description import Fixture
 from ...world.shapes import Shape
 from ...world.values import Array, ObjectId, Pose
-from ..scoring.truth import TrueObstacle
+from ..truth import TrueObstacle
 
 MIN_OBSTACLE_CLEARANCE = 0.01
 """Least distance of an added obstacle to items and robot, m."""

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from ...world.scene.description import Belt, Fixture
 from ...world.shapes import Box
 from ...world.values import ObjectId, Pose, Vector3

@@ -6,17 +6,17 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
-from ...world.events.run_events import BeltRunsEvent, BeltStopsEvent
 from ...world.journal import JournalEvent
 from ...world.random_streams import RandomStreams
+from ...world.run_events import BeltRunsEvent, BeltStopsEvent
 from ...world.scene.description import Delivery, SceneDescription
-from ...world.scene.loading.feed_loading import MIN_BELT_GAP, SPACING_SPREAD, reach
+from ...world.scene.feed_loading import MIN_BELT_GAP, SPACING_SPREAD, reach
 from ...world.shapes import bottom
 from ...world.values import Pose
 from ..footprints import distance, footprint
-from ..spawning.spawn import LooseItem, SpawnedItem, draw_load
 from .belt_drive import BeltDrive, BeltSurface
 from .cell_interface import CELL_CHECK_INTERVAL, FeedCell, Zone
+from .spawn import LooseItem, SpawnedItem, draw_load
 
 MIN_ARM_DISTANCE = 0.05
 """Margin around the running belt in which the arm may not be, m."""

@@ -14,12 +14,12 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from ...planning.collision.collision_checker import robot_geometry
-from ...robots.model import RobotModel
+from ...robot.planning.collision_checker import robot_geometry
 from ...world.journal import JournalEvent
+from ...world.robot_model.model import RobotModel
 from ...world.values import Array, ObjectId
-from ..scoring.truth import TrueBody
-from ..spawning.spawn import SpawnedItem
+from ..truth import TrueBody
+from .spawn import SpawnedItem
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,13 +7,13 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from ...errors import PicktreeError
-from ...world.events.run_events import BinExchangedEvent
+from ...files.errors import PicktreeError
 from ...world.journal import JournalEvent
 from ...world.protocols import FeedSignals
+from ...world.run_events import BinExchangedEvent
 from ...world.scene.description import Bin, SceneDescription
 from ...world.values import ObjectId
-from ..scoring.truth import TrueBody
+from ..truth import TrueBody
 from .belt_drive import BeltDrive
 from .belt_source import BeltFeed, BeltFeedState
 from .cell_interface import CELL_CHECK_INTERVAL, FeedCell, ItemSource, Zone

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from ...errors import PicktreeError
-from ...world.events.run_events import DeliveryEvent
+from ...files.errors import PicktreeError
 from ...world.journal import JournalEvent
 from ...world.random_streams import RandomStreams
+from ...world.run_events import DeliveryEvent
 from ...world.scene.description import AtIntervals, AtTimes, Delivery, SceneDescription, WhenClear
-from ...world.scene.loading.feed_loading import reach
+from ...world.scene.feed_loading import reach
 from ...world.values import Array, ObjectId, Quaternion
 from ..footprints import footprint, support_height
-from ..spawning.spawn import (
+from .cell_interface import CELL_CHECK_INTERVAL, FeedCell, Zone
+from .spawn import (
     LooseItem,
     SpawnedItem,
     draw_load,
@@ -21,7 +22,6 @@ from ..spawning.spawn import (
     occupied_outlines,
     set_down,
 )
-from .cell_interface import CELL_CHECK_INTERVAL, FeedCell, Zone
 
 MIN_ARM_DISTANCE = 0.05
 """Least distance between new items and the arm, m."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from ...errors import PicktreeError
-from ...world.events.run_events import DeliveryEvent
+from ...files.errors import PicktreeError
 from ...world.journal import JournalEvent
 from ...world.random_streams import RandomStreams
+from ...world.run_events import DeliveryEvent
 from ...world.scene.description import SceneDescription
 from ...world.values import ObjectId
-from ..spawning.spawn import SpawnedItem, draw_heap
 from .cell_interface import CELL_CHECK_INTERVAL, FeedCell
+from .spawn import SpawnedItem, draw_heap
 
 MAX_SETTLING_TIME = 5.0
 """Longest wait for poured items to come to rest, s."""

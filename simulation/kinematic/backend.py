@@ -9,25 +9,23 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ...errors import PicktreeError
-from ...robots.description import RobotDescription
-from ...robots.model import RobotModel
+from ...files.errors import PicktreeError
 from ...world.journal import JournalEvent
 from ...world.protocols import Camera, Feed, NoFeed, SensorStamps
 from ...world.random_streams import RandomStreams
+from ...world.robot_model.description import RobotDescription
+from ...world.robot_model.model import RobotModel
 from ...world.scene.description import Fixture, SceneDescription
 from ...world.shapes import Shape, scaled
 from ...world.values import GRAVITY, ObjectId, Pose, Vector3
 from ..checkpoints import GripperCommand, ItemState, KinematicState
-from ..fault_files.device_entries import Ailing, GripperJam, Stall, WrenchDead, counted
+from ..faults.device_entries import Ailing, GripperJam, Stall, WrenchDead, counted
 from ..faults.device_faults import DeviceFaults, jam_command
 from ..faults.planted_obstacles import MIN_OBSTACLE_CLEARANCE, FreeSpaceCheck, HiddenObstacles
 from ..feed.belt_drive import BeltDrive
 from ..feed.feeder import Feeder, FeederState, has_feeder
-from ..footprints import floor_height
-from ..scoring.truth import HoledFixtures, TrueBody, TrueObstacle
-from ..spawning.inventory import Inventory
-from ..spawning.spawn import (
+from ..feed.inventory import Inventory
+from ..feed.spawn import (
     MIN_ITEM_CLEARANCE,
     SpawnedItem,
     displace_fixtures,
@@ -36,6 +34,8 @@ from ..spawning.spawn import (
     spawn_items,
     walls,
 )
+from ..footprints import floor_height
+from ..truth import HoledFixtures, TrueBody, TrueObstacle
 from .belts import KinematicBelts, KinematicCell, body_of, true_body
 from .bodies import KinematicBodies, KinematicBody
 from .camera import KinematicCamera, Posture, RenderStage

@@ -9,16 +9,16 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ...robots.model import RobotModel
 from ...world.protocols import Clock
+from ...world.robot_model.model import RobotModel
 from ...world.scene.description import Belt, Fixture, SceneDescription
 from ...world.shapes import ray_span
 from ...world.values import ObjectId, Vector3
 from ..feed.belt_drive import BeltDrive, BeltState, check_belts
 from ..feed.cell_interface import LightCurtain, Zone
-from ..scoring.truth import TrueBody
-from ..spawning.inventory import Inventory
-from ..spawning.spawn import SpawnedItem
+from ..feed.inventory import Inventory
+from ..feed.spawn import SpawnedItem
+from ..truth import TrueBody
 from .bodies import KinematicBodies, KinematicBody, Prism
 from .camera import Posture
 

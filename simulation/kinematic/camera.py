@@ -8,19 +8,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...robots.description import RobotDescription
 from ...world.protocols import Clock, NoImage, RgbdImage
 from ...world.random_streams import RandomStreams
+from ...world.robot_model.description import RobotDescription
 from ...world.scene.description import CameraDescription, Fixture, SceneDescription
 from ...world.shapes import Shape
 from ...world.values import Array, ObjectId, Pose
 from ..engine import Client, pb
 from ..faults.device_faults import DeviceFaults
+from ..feed.spawn import SpawnedItem
 from ..physics.bodies import ItemShapes, add_item, add_obstacle
 from ..physics.rgbd_camera import CameraRenderer, RenderedImage, StaticScene, in_front
-from ..physics.robot.robot_body import RobotBody
+from ..physics.robot_body import RobotBody
 from ..sensor_noise import mislabelled, noisy_colour, noisy_depth
-from ..spawning.spawn import SpawnedItem
 from .bodies import KinematicBodies, KinematicBody
 
 

@@ -12,10 +12,10 @@ from collections.abc import Iterable
 import numpy as np
 import pinocchio as pin
 
-from ...robots.description import GripperDescription, tool_outline
-from ...robots.model import RobotModel, pose_of
 from ...world.planar_geometry import PlanarOutline, PlanarPose, moved
 from ...world.quasi_static_pushing import PlanarPushModel
+from ...world.robot_model.description import GripperDescription, tool_outline
+from ...world.robot_model.model import RobotModel, pose_of
 from ...world.values import GRAVITY, Array, ObjectId, Wrench
 from .bodies import KinematicBodies, KinematicBody, Prism
 from .devices import KinematicArm, KinematicGripper, KinematicWrench

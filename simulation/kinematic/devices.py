@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ...robots.description import GripperDescription
-from ...robots.model import RobotModel
 from ...world.pad_contacts import pad_contacts
+from ...world.robot_model.description import GripperDescription
+from ...world.robot_model.model import RobotModel
 from ...world.shapes import CompoundMesh, extents
 from ...world.values import GRAVITY, Array, GripperState, JointState, ObjectId, Pose, Quaternion, Wrench
 from ..checkpoints import GripperCommand

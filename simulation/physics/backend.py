@@ -8,13 +8,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from ...files.library_parts import library_version
-from ...robots.description import RobotDescription
-from ...robots.model import RobotModel
 from ...world.journal import JournalEvent
 from ...world.protocols import Camera, Clock, Feed, NoFeed, SensorStamps
 from ...world.random_streams import RandomStreams
+from ...world.robot_model.description import RobotDescription
+from ...world.robot_model.model import RobotModel
 from ...world.scene.description import Fixture, SceneDescription
 from ...world.shapes import Shape
 from ...world.values import GRAVITY, ObjectId, Pose, Vector3
@@ -32,14 +32,12 @@ from ..engine import (
     reset,
     set_step_rate,
 )
-from ..fault_files.device_entries import Ailing, GripperJam, Stall, WrenchDead, counted
+from ..faults.device_entries import Ailing, GripperJam, Stall, WrenchDead, counted
 from ..faults.device_faults import DeviceFaults, jam_command
 from ..faults.planted_obstacles import MIN_OBSTACLE_CLEARANCE, FreeSpaceCheck
 from ..feed.belt_drive import BeltDrive
 from ..feed.feeder import Feeder, FeederState, has_feeder
-from ..scoring.truth import HoledFixtures, TrueBody, TrueObstacle
-from ..sensor_noise import RobotSensorNoise
-from ..spawning.spawn import (
+from ..feed.spawn import (
     MIN_ITEM_CLEARANCE,
     displace_fixtures,
     enlarged_item,
@@ -47,12 +45,14 @@ from ..spawning.spawn import (
     spawn_items,
     walls,
 )
+from ..sensor_noise import RobotSensorNoise
+from ..truth import HoledFixtures, TrueBody, TrueObstacle
 from .belts import PhysicsBelts, PhysicsCell
 from .contacts import ContactPoints, CrushDetector, Penetrations, TrueContact
+from .devices import IdealSensors, PhysicsArm, PhysicsGripper, PhysicsWrench
 from .items import PhysicsItems
 from .rgbd_camera import PhysicsCamera, StaticScene
-from .robot.devices import IdealSensors, PhysicsArm, PhysicsGripper, PhysicsWrench
-from .robot.robot_body import RobotBody
+from .robot_body import RobotBody
 from .sleeping_items import REST, SLEEP_CHECK_INTERVAL
 from .static_bodies import StaticBodies
 

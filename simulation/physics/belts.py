@@ -16,19 +16,19 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ...robots.description import RobotDescription
-from ...robots.model import RobotModel
+from ...world.robot_model.description import RobotDescription
+from ...world.robot_model.model import RobotModel
 from ...world.scene.description import Belt, Fixture, SceneDescription
 from ...world.shapes import Box
 from ...world.values import ObjectId
 from ..engine import pb
 from ..feed.belt_drive import BeltDrive, BeltState, check_belts
 from ..feed.cell_interface import LightCurtain, Zone
-from ..scoring.truth import TrueBody
-from ..spawning.spawn import SpawnedItem
+from ..feed.spawn import SpawnedItem
+from ..truth import TrueBody
 from .bodies import STATIC_BODY_FRICTION
+from .devices import EVERYDAY_PERIOD, IdealSensors
 from .items import PhysicsItems
-from .robot.devices import EVERYDAY_PERIOD, IdealSensors
 
 SLAB_SET_BACK = 0.01
 """Travel after which the slab is set back, m. Its ends are off the belt's by half of that at most."""

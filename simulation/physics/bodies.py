@@ -18,8 +18,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ...errors import PicktreeError
 from ...files.disk_cache import cached_arrays
+from ...files.errors import PicktreeError
 from ...world.colours import COLOURS
 from ...world.convex_parts import centre_and_spread
 from ...world.mesh_reader import hulls_text
@@ -29,8 +29,8 @@ from ...world.scene.hole_geometry import convex_pieces, surface
 from ...world.shapes import Box, CompoundMesh, ConvexMesh, Cylinder, Shape, Sphere, convex_hull, convex_parts
 from ...world.values import Array, ObjectId, Pose, Vector3
 from ..engine import pb
+from ..feed.spawn import SpawnedItem
 from ..footprints import floor_height, support_height
-from ..spawning.spawn import SpawnedItem
 
 
 def add_holed_fixture(fixture: Fixture, client: int) -> tuple[int, ...]:

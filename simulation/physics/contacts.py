@@ -7,14 +7,14 @@ from collections import deque
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from ...world.events.run_events import CrushedEvent
 from ...world.journal import JournalEvent
+from ...world.run_events import CrushedEvent
 from ...world.values import ObjectId
 from ..checkpoints import PressedItem, RobotReading
 from ..engine import pb
-from ..scoring.truth import TrueBody
+from ..truth import TrueBody
 from .items import PhysicsItems
-from .robot.robot_body import RobotBody
+from .robot_body import RobotBody
 from .static_bodies import StaticBodies
 
 

@@ -7,19 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from ...world.scene.description import SceneDescription
 from ...world.scene.heap_regions import heap_regions, region_of
 from ...world.shapes import Shape
 from ...world.values import ObjectId, Pose, Vector3
 from ..checkpoints import BodyState, DynamicsChange
 from ..engine import pb
-from ..scoring.truth import TrueBody
-from ..spawning.heap_spawning import Sticker, check_contained, pile_walls
-from ..spawning.inventory import Inventory, InventoryState
-from ..spawning.spawn import SpawnedItem
+from ..feed.heap_spawning import Sticker, check_contained, pile_walls
+from ..feed.inventory import Inventory, InventoryState
+from ..feed.spawn import SpawnedItem
+from ..truth import TrueBody
 from .bodies import ItemShapes, add_item, add_obstacle, forget_contacts, set_friction, set_mass
-from .robot.robot_body import finite
+from .robot_body import finite
 from .sleeping_items import SleepingItems
 
 ZERO_VELOCITY = (0.0, 0.0, 0.0)

@@ -17,8 +17,8 @@ from ...world.scene.description import Bin, CameraDescription, Fixture, SceneDes
 from ...world.values import Pose
 from ..engine import Client, pb
 from ..faults.device_faults import DeviceFaults
+from ..feed.heap_spawning import Sticker
 from ..sensor_noise import mislabelled, noisy_colour, noisy_depth
-from ..spawning.heap_spawning import Sticker
 from .bodies import add_scenery
 
 LIGHT_DIRECTION = (0.3, 0.2, 1.0)

@@ -10,8 +10,8 @@ from pydantic import TypeAdapter
 from picktree.analysis.explain.explain import explain
 from picktree.analysis.explain.explanation_text import to_json_text, to_text
 from picktree.analysis.run import Run
-from picktree.logs.episodes.episode_counts import CureCount, PlantedCount, added_planted, by_cause
-from picktree.session.resume.recorded_recipe import tally_of
+from picktree.logs.episode_counts import CureCount, PlantedCount, added_planted, by_cause
+from picktree.session.recorded_recipe import tally_of
 from picktree.session.run_tally import EpisodeCountersState, RunCounters, RunCountersState
 
 from ..logs.scripted_log import begins, ends, record, tree
@@ -71,7 +71,7 @@ def test_the_story_of_a_failure_says_what_cured_it(tmp_path: Path) -> None:
         told = json.loads(to_json_text(run, found))
     assert (
         "Recover tried LookAgain for grasp.* (SUCCESS after 0.9 s). Cured by LookAgain after 1 try: "
-        "Recover went on after 2.0 s."
+        "Recover went on at 3.00 s; 2.0 s lost."
     ) in " ".join(text.split())
     assert (
         "Recovery (1 episode: 1 cured; 2.0 s lost)\n"

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from picktree.analysis import Run
 from picktree.analysis.explain.explain import explain
+from picktree.analysis.explain.explanation import FailureStory
 from picktree.analysis.explain.failure_stories import failures_of
-from picktree.analysis.explain.investigation.explanation import FailureStory
 from picktree.logs.run_account import account_of
 from picktree.logs.run_log import Stamped
 from picktree.logs.schema.records import NodeStatusRecord, Tick

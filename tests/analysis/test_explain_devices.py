@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.explain.causes.device_causes import smooth_spans
+from picktree.analysis.explain.device_causes import smooth_spans
 from picktree.analysis.explain.explain import explain
+from picktree.analysis.explain.explanation import Explanation
 from picktree.analysis.explain.explanation_text import to_text
-from picktree.analysis.explain.investigation.explanation import Explanation
 from picktree.simulation.backends import Backend
 from picktree.simulation.kinematic.camera import KinematicCamera
 from picktree.simulation.physics.rgbd_camera import PhysicsCamera

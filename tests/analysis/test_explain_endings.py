@@ -10,13 +10,13 @@ import pytest
 
 from picktree.analysis import Run
 from picktree.analysis.cursor import Cursor
+from picktree.analysis.explain import case
 from picktree.analysis.explain.explanation_text import notes_on, to_text
-from picktree.analysis.explain.investigation import case
-from picktree.cli.analyse.replay_views import evidence_lines
+from picktree.apps.cli.replay_views import evidence_lines
 from picktree.logs.recording.rotated_log import Rotation
 from picktree.logs.run_log import RunLog
 from picktree.session.mission_edits import MissionReload
-from picktree.session.resume.resumption import ResumeRequest, Resumption
+from picktree.session.resumption import ResumeRequest, Resumption
 from picktree.session.session import RunRequest, Session
 
 from ..session.test_watch import LOGGED, MISSION, Editor
@@ -28,7 +28,7 @@ HEAD = "picktree: 1\nkind: mission\nscene: sort_small\n"
 PLUGIN = """
 from picktree.trees.ports import In, port
 from picktree.trees.skill import Skill, Steps
-from picktree.skill_world.world import World
+from picktree.robot.world import World
 
 
 class Broken(Skill):

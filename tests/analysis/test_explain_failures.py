@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis import Run
+from picktree.analysis.explain.explanation import FailureStory
 from picktree.analysis.explain.failure_stories import failures_of
-from picktree.analysis.explain.investigation.explanation import FailureStory
 from picktree.logs.schema.records import TransitionRecord, WriteRecord
-from picktree.world.events.run_events import RecoveryEvent
 from picktree.world.journal import CandidateEntry, CandidateSearchEntry, JournalEvent, PlanEntry
+from picktree.world.run_events import RecoveryEvent
 from picktree.world.values import ObjectId, Pose
 
 from ..logs.scripted_log import Said, begins, ends, record, tree

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.explain.causes.heap_remains import Remainder, lying, remains
+from picktree.analysis.explain.body_tracks import BodyTracks
+from picktree.analysis.explain.case import Investigation
 from picktree.analysis.explain.failure_stories import failures_of
-from picktree.analysis.explain.investigation.body_tracks import BodyTracks
-from picktree.analysis.explain.investigation.case import Investigation
-from picktree.analysis.explain.investigation.identities import Identities
+from picktree.analysis.explain.heap_remains import Remainder, lying, remains
+from picktree.analysis.explain.identities import Identities
 from picktree.analysis.run import Run
 from picktree.logs.run_log import Stamped
 from picktree.logs.schema.records import BlockRecord, BodyRecord, Scene
-from picktree.manipulation.grasp.grasp_candidates import GraspCandidate
+from picktree.robot.manipulation.grasp_candidates import GraspCandidate
 from picktree.session.session import RunRequest, Session
 from picktree.world.scene.description import Bin
 from picktree.world.shapes import Box
@@ -64,7 +64,7 @@ def vain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
     folder = tmp_path_factory.mktemp("vain")
     mission = pick_from_a_tote(folder)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("picktree.manipulation.pick.heap_pick.grasps", no_grasps)
+        patch.setattr("picktree.robot.manipulation.heap_pick.grasps", no_grasps)
         result = Session(RunRequest(mission, seed=5, out=folder)).run()
     with Run(result.log) as run:
         yield run

@@ -9,7 +9,7 @@ import pytest
 
 from picktree.analysis import Run
 from picktree.analysis.explain.explain import explain
-from picktree.analysis.explain.investigation.explanation import Explanation
+from picktree.analysis.explain.explanation import Explanation
 from picktree.logs.run_log import Stamped
 from picktree.session.session import RunRequest, Session
 from picktree.simulation.backends import Backend

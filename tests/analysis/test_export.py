@@ -23,7 +23,7 @@ from picktree.analysis.export.table_files import (
     write_csv,
     write_parquet,
 )
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.logs.optional_libraries import install_command
 
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"

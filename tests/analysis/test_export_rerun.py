@@ -13,7 +13,7 @@ import pytest
 
 from picktree.analysis import Run
 from picktree.analysis.export.run_export import export
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.logs.run_result import RunResult
 
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"

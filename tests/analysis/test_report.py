@@ -12,7 +12,7 @@ import pytest
 
 from picktree.analysis.report.report import TREE_SCRIPTS, pack_run, report, write_report
 from picktree.analysis.run import Run
-from picktree.cli.app import answer
+from picktree.apps.cli.app import answer
 
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
 

@@ -20,7 +20,7 @@ from picktree.analysis.report.tick_table import (
     nodes_of,
     tick_table,
 )
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.logs.schema.records import Tree, TreeNode, WriteRecord
 from picktree.session.mission_edits import MissionReload
 from picktree.session.session import RunRequest, Session

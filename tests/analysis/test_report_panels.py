@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.explain.investigation.explanation import FailureStory
+from picktree.analysis.explain.explanation import FailureStory
 from picktree.analysis.report.report import write_report
 from picktree.logs.visits import Visit
 

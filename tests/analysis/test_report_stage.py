@@ -23,8 +23,7 @@ from picktree.analysis.report.packing import Quantised, between, composed, conti
 from picktree.analysis.report.report import style
 from picktree.analysis.report.stage_panel import MAX_LINK_FACES, pack_stage, packed_link, search_summary
 from picktree.analysis.run import Run
-from picktree.logs.meshes.binary_gltf import write_glb
-from picktree.logs.meshes.triangle_meshes import join_meshes, shape_mesh
+from picktree.logs.binary_gltf import write_glb
 from picktree.logs.schema.records import (
     BlockRecord,
     BodyRecord,
@@ -34,6 +33,7 @@ from picktree.logs.schema.records import (
     PartRecord,
     StageCount,
 )
+from picktree.logs.triangle_meshes import join_meshes, shape_mesh
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Array, Pose
 

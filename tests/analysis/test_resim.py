@@ -14,7 +14,7 @@ from picktree.analysis.resim.changes import RunChanges
 from picktree.analysis.resim.resim import ResimAnswer, ResimOrder, resimulate, run_order
 from picktree.analysis.resim.resim_result import notes, reasons
 from picktree.analysis.run import Run
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
 from picktree.logs.schema.json_records import Arithmetic
@@ -22,7 +22,7 @@ from picktree.session import environment
 from picktree.session.mission_edits import MissionReload
 from picktree.session.observer import Observer
 from picktree.session.session import RunRequest, Session
-from picktree.trees.running.runner import TickReport
+from picktree.trees.runner import TickReport
 
 from ..rooms import ROOT, modules
 
@@ -220,7 +220,7 @@ def test_what_is_not_as_it_was_is_a_reason(greeting: RunResult, monkeypatch: pyt
     with Run(greeting.log) as run:
         now = run.info.arithmetic
         assert reasons(run, now) == ()
-        sources = {**environment.sources(), "control/execution/control_loop.py": "0" * 12}
+        sources = {**environment.sources(), "robot/control/control_loop.py": "0" * 12}
         monkeypatch.setattr(environment, "sources", lambda: sources)
         versions = {**run.info.versions, "pybullet": "9"}
 
@@ -232,7 +232,7 @@ def test_what_is_not_as_it_was_is_a_reason(greeting: RunResult, monkeypatch: pyt
         told = [str(reason) for reason in reasons(run, elsewhere)]
     glibc = now.versions["glibc"]
     assert told == [
-        "picktree itself was changed in control/execution/control_loop.py",
+        "picktree itself was changed in robot/control/control_loop.py",
         f"recorded with other arithmetic (glibc {glibc}, here 2.41): the runs may part",
         f"pybullet: {run.info.versions['pybullet']} then, 9 now",
     ]

@@ -8,7 +8,7 @@ import pytest
 
 from picktree.analysis.resim.changes import RunChanges
 from picktree.analysis.resim.resim import ResimAnswer, ResimOrder, run_order
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
 from picktree.session.session import RunRequest, Session

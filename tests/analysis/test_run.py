@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from picktree.analysis import Run
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.session.session import RunRequest, Session
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

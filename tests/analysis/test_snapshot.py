@@ -15,11 +15,11 @@ from picktree.analysis.render.renderer import render
 from picktree.analysis.render.scene_view import bin_tints
 from picktree.analysis.render.snapshot import draw, draw_robot, snapshot
 from picktree.analysis.render.viewpoint import VIEWS, PictureView
-from picktree.errors import PicktreeError
-from picktree.logs.meshes.triangle_meshes import join_meshes, shape_mesh
+from picktree.files.errors import PicktreeError
 from picktree.logs.recording.images import decode_colour
 from picktree.logs.run_log import RunLog
-from picktree.robots.loading import load_robot
+from picktree.logs.triangle_meshes import join_meshes, shape_mesh
+from picktree.world.robot_model.loading import load_robot
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Pose
 

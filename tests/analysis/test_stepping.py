@@ -9,7 +9,7 @@ import pytest
 
 from picktree.analysis import Run
 from picktree.analysis.cursor import Cursor
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.files.node_patterns import find_node, find_nodes
 from picktree.logs.schema.records import TransitionRecord, WriteRecord
 from picktree.world.journal import JournalEvent, OtherEvent, PlanEntry

@@ -8,8 +8,8 @@ import pytest
 from picktree.analysis.render.captions import Caption, CaptionFailure, write
 from picktree.analysis.render.renderer import MeshRenderer, render
 from picktree.analysis.render.viewpoint import PictureView, parse_size, parse_view
-from picktree.errors import PicktreeError
-from picktree.logs.meshes.triangle_meshes import Mesh, join_meshes, shape_mesh
+from picktree.files.errors import PicktreeError
+from picktree.logs.triangle_meshes import Mesh, join_meshes, shape_mesh
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Pose
 

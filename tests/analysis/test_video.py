@@ -12,12 +12,12 @@ from picktree.analysis.render.film import FilmRequest, FrameSetup, FrameWorkers,
 from picktree.analysis.render.frames import moments
 from picktree.analysis.render.scene_view import Show
 from picktree.analysis.render.viewpoint import PictureView
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.logs.optional_libraries import install_command
 from picktree.logs.recording.rotated_log import Rotation
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
-from picktree.session.resume.resumption import ResumeRequest, Resumption
+from picktree.session.resumption import ResumeRequest, Resumption
 from picktree.session.session import RunRequest, Session
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

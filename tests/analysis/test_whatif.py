@@ -10,7 +10,7 @@ import pytest
 from picktree.analysis.resim.changes import RunChanges
 from picktree.analysis.resim.whatif import Continuation, what_if
 from picktree.analysis.run import Run
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.logs.run_result import RunResult
 from picktree.session.session import RunRequest, Session
 

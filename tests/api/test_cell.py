@@ -12,9 +12,9 @@ import pytest
 import picktree as pt
 from picktree.analysis import Run
 from picktree.analysis.resim.resim import resimulate
-from picktree.planning.requests import NamedGoal
+from picktree.robot.planning.requests import NamedGoal
 from picktree.simulation.backends import Backend
-from picktree.trees.running.runner import BehaviourTree
+from picktree.trees.runner import BehaviourTree
 from picktree.world.causes import Failure
 from picktree.world.values import Pose
 

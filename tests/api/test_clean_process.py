@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 import picktree as pt
-from picktree import arithmetic
 from picktree.analysis import Run
-from picktree.api.clean_process import in_clean_process
+from picktree.apps.api.clean_process import in_clean_process
+from picktree.files import arithmetic
 from picktree.files.marks import FileError
 
 PROGRAM = """

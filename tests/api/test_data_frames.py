@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import picktree as pt
-from picktree.batch.results.queries import QueryResult
+from picktree.apps.batch.queries import QueryResult
 from picktree.logs.data_frames import PandasTable
 from picktree.logs.optional_libraries import install_command
 from picktree.logs.series import GripperSeries, JointSeries, WrenchSeries

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 import picktree as pt
-from picktree.batch.workers import local_executor
+from picktree.apps.batch import local_executor
 
 from ..commands import forked_worker
 from ..rooms import ROOT

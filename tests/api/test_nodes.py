@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 
 import picktree as pt
-from picktree.api.batches import batch as batch_function
-from picktree.authoring.reference.python_stub import stub
+from picktree.authoring.schema.python_stub import stub
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.node import Node
 
@@ -33,14 +32,6 @@ def test_help_tells_every_name() -> None:
     assert pt.__doc__ is not None
     told = [name for name in pt.__all__ if re.search(rf"\b{name}\b", pt.__doc__)]
     assert sorted({*pt.__all__} - {*told}) == ["__version__"]
-
-
-def test_batch_is_a_room_and_a_function() -> None:
-    import picktree.batch.plan as plan
-
-    assert callable(pt.batch)
-    assert inspect.signature(pt.batch) == inspect.signature(batch_function)
-    assert plan.BatchPlan is pt.batch.plan.BatchPlan  # type: ignore[attr-defined]
 
 
 def test_signature_shows_ports_with_defaults() -> None:
@@ -66,7 +57,9 @@ def test_docstring_has_units_and_bounds() -> None:
 
 def test_every_node_is_in_the_stub_that_is_shipped() -> None:
     declared = NodeRegistry().declarations()
-    assert stub(declared) == (ROOT / "nodes.pyi").read_text(encoding="utf-8"), "run make docs"
+    assert stub(declared) == (ROOT / "apps" / "api" / "nodes.pyi").read_text(encoding="utf-8"), (
+        "run make docs"
+    )
     assert {node.id for node in declared} < set(dir(pt.nodes))
 
 

@@ -18,7 +18,7 @@ from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import NodeSpec
 from picktree.trees.node import Node
 from picktree.trees.ports import PortDeclaration, SlotDeclaration
-from picktree.trees.values.references import Constant, Reference
+from picktree.trees.references import Constant, Reference
 
 from ..rooms import ROOT
 

@@ -11,12 +11,12 @@ from typing import TypeAlias, cast
 
 import pytest
 
-from picktree.authoring.xml.export.mission_export import mission_to_xml
-from picktree.skill_world.world import World
+from picktree.authoring.xml.mission_export import mission_to_xml
+from picktree.robot.world import World
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.node import Node
-from picktree.trees.running.runner import build
+from picktree.trees.runner import build
 from picktree.trees.status import NodeStatus
 
 from ..trees.scripted import FILE, AnyFacts, FakeWorld, Run

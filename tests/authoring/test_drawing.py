@@ -12,10 +12,10 @@ import pytest
 
 from picktree.authoring.drawing.chart import Chart, ChartPort
 from picktree.authoring.drawing.chart_builder import chart, chart_of_file
-from picktree.authoring.drawing.formats.file_formats import dot, drawing_text, suffix_of
-from picktree.authoring.drawing.formats.svg import svg
-from picktree.authoring.drawing.formats.text import text
-from picktree.errors import PicktreeError
+from picktree.authoring.drawing.file_formats import dot, drawing_text, suffix_of
+from picktree.authoring.drawing.svg import svg
+from picktree.authoring.drawing.text import text
+from picktree.files.errors import PicktreeError
 from picktree.trees.loading.loader import parse_mission
 
 from ..other_process import OtherProcess

@@ -14,8 +14,8 @@ import pytest
 
 from picktree.authoring.drawing.chart import Chart
 from picktree.authoring.drawing.chart_builder import chart, chart_of_file
-from picktree.authoring.drawing.formats.html import chart_json, html
-from picktree.authoring.drawing.formats.shapes import PAGE_FOLDER
+from picktree.authoring.drawing.html import chart_json, html
+from picktree.authoring.drawing.shapes import PAGE_FOLDER
 
 from ..needs import CHROMIUM, CHROMIUM_PROGRAM, NODE, needs, packages
 from ..trees.scripted import mission

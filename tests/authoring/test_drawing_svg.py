@@ -15,11 +15,10 @@ from pathlib import Path
 
 import pytest
 
+from picktree.authoring.drawing.cards import NodeCard, width, wrapped
 from picktree.authoring.drawing.chart import Chart
 from picktree.authoring.drawing.chart_builder import chart, chart_of_file
-from picktree.authoring.drawing.formats.svg import svg
-from picktree.authoring.drawing.layout.cards import NodeCard, width, wrapped
-from picktree.authoring.drawing.layout.frames import (
+from picktree.authoring.drawing.frames import (
     COLUMN_GAP,
     FRAME_GAP,
     ROW_GAP,
@@ -31,6 +30,7 @@ from picktree.authoring.drawing.layout.frames import (
     lay_out_boxes,
     page,
 )
+from picktree.authoring.drawing.svg import svg
 from picktree.trees.status import NodeStatus
 
 from ..trees.scripted import mission
@@ -239,7 +239,7 @@ def test_a_machine_without_fonts_says_nothing_and_draws_the_same(tmp_path: Path)
     program = f"""
 from pathlib import Path
 from picktree.authoring.drawing.chart_builder import chart_of_file
-from picktree.authoring.drawing.formats.svg import svg
+from picktree.authoring.drawing.svg import svg
 print(svg(chart_of_file(Path({str(SHIFT)!r}))), end="")
 """
     nowhere = {"FONTCONFIG_FILE": str(tmp_path / "none"), "FONTCONFIG_PATH": str(tmp_path)}

@@ -14,11 +14,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.authoring.editing.node_edits import EditedText, NodeEditor, Target, piece_from
-from picktree.authoring.editing.outline import Outline, OutlineNode, outline
-from picktree.authoring.editing.pieces import scalar
-from picktree.authoring.editing.syntax import Source
-from picktree.authoring.editing.text_changes import changes
+from picktree.authoring.editor.node_edits import EditedText, NodeEditor, Target, piece_from
+from picktree.authoring.editor.outline import Outline, OutlineNode, outline
+from picktree.authoring.editor.pieces import scalar
+from picktree.authoring.editor.syntax import Source
+from picktree.authoring.editor.text_changes import changes
 from picktree.files.marks import Mark
 from picktree.files.yaml.document import read_document
 from picktree.files.yaml.writer import from_value, mission_text

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from picktree.authoring.rehearsal.rehearsal_result import Rehearsal
 from picktree.authoring.rehearsal.rehearse import rehearse_files
-from picktree.authoring.rehearsal.verdict.rehearsal_result import Rehearsal
 from picktree.trees.loading.loader import load_mission
 
 from ..trees.rehearsing import case_file, rehearse

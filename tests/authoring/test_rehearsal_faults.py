@@ -7,8 +7,8 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.authoring.rehearsal.checking.case_checks import check_cases, load_cases
-from picktree.errors import PicktreeError
+from picktree.authoring.rehearsal.case_checks import check_cases, load_cases
+from picktree.files.errors import PicktreeError
 from picktree.files.yaml.document import read_document
 
 from ..trees.rehearsing import faults_of, mission_of, nodes

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.authoring.rehearsal.cases.cases_schema import ExpectedStart
-from picktree.authoring.rehearsal.stage.trace import LeafRun
-from picktree.authoring.rehearsal.verdict.verdict import compare_order
+from picktree.authoring.rehearsal.cases_schema import ExpectedStart
+from picktree.authoring.rehearsal.trace import LeafRun
+from picktree.authoring.rehearsal.verdict import compare_order
 
 RUNS = [
     LeafRun(1, "Main/Look", 1, "SUCCESS"),

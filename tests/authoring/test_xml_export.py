@@ -6,7 +6,7 @@ from textwrap import dedent, indent
 
 import pytest
 
-from picktree.authoring.xml.export.mission_export import mission_to_xml
+from picktree.authoring.xml.mission_export import mission_to_xml
 from picktree.files.marks import FileError
 
 from .btcpp_rules import complaints

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.xml.export.mission_export import mission_to_xml
-from picktree.authoring.xml.importing.mission_import import ImportedMission, ImportOptions, import_xml
-from picktree.authoring.xml.importing.source import XmlText
+from picktree.authoring.xml.mission_export import mission_to_xml
+from picktree.authoring.xml.mission_import import ImportedMission, ImportOptions, import_xml
+from picktree.authoring.xml.source import XmlText
 from picktree.files.marks import FileError
 
 from .xml_missions import parsed, registry

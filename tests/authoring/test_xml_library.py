@@ -14,7 +14,7 @@ from typing import cast
 import pytest
 from hypothesis import given, settings
 
-from picktree.authoring.xml.export.mission_export import mission_to_xml
+from picktree.authoring.xml.mission_export import mission_to_xml
 from picktree.files.marks import FileError
 from picktree.files.yaml.document import read_document
 from picktree.trees.declaration import AUTOREMAP

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 
-from picktree.authoring.xml.export.mission_export import mission_to_xml
+from picktree.authoring.xml.mission_export import mission_to_xml
 from picktree.files.yaml.document import read_document
 from picktree.trees.loading.loader import examine
 from picktree.trees.loading.registry import NodeRegistry

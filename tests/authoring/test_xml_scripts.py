@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.authoring.xml.export.script_export import (
+from picktree.authoring.xml.script_export import (
     NotExpressible,
     assignments_script,
     expression_text,
     script,
 )
-from picktree.authoring.xml.importing.script_import import ScriptError, read_expression, read_parts
+from picktree.authoring.xml.script_import import ScriptError, read_expression, read_parts
 from picktree.files.expressions.expression import Expression
 from picktree.files.expressions.syntax_tree import (
     Arithmetic,

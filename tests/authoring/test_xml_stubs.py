@@ -9,16 +9,16 @@ from xml.sax.saxutils import quoteattr
 import pytest
 
 from picktree.authoring.xml.conversion import convert_all, read_files
-from picktree.authoring.xml.importing.import_faults import ImportFaults
-from picktree.authoring.xml.importing.mission_import import ImportOptions
-from picktree.authoring.xml.importing.source import XmlText, read_source
-from picktree.authoring.xml.importing.stubs import StubFinder, stub_class
-from picktree.errors import PicktreeError
+from picktree.authoring.xml.import_faults import ImportFaults
+from picktree.authoring.xml.mission_import import ImportOptions
+from picktree.authoring.xml.source import XmlText, read_source
+from picktree.authoring.xml.stubs import StubFinder, stub_class
+from picktree.files.errors import PicktreeError
 from picktree.files.marks import FileError
 from picktree.trees.loading.loader import load_mission
+from picktree.trees.loading.plugin import load_plugin
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.node import Node
-from picktree.trees.plugins.plugin import load_plugin
 
 XML = """<root BTCPP_format="4" main_tree_to_execute="Main">
   <BehaviorTree ID="Main">

@@ -26,16 +26,16 @@ from picktree.trees.controls import (
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.mission import Mission, NodeSpec
 from picktree.trees.node import Node
-from picktree.trees.running.runner import BehaviourTree, SubTree, build
+from picktree.trees.references import Reference
+from picktree.trees.runner import BehaviourTree, SubTree, build
 from picktree.trees.status import NodeStatus
-from picktree.trees.values.references import Reference
 from picktree.world.journal import JournalEvent
 
 from ..trees.scripted import FILE, TICK
 from .wild_leaves import WildWorld, registry
 
 if TYPE_CHECKING:
-    from picktree.skill_world.world import World
+    from picktree.robot.world import World
 
 
 TRIES = (Fallback, AsyncFallback, ReactiveFallback, RoundRobin, RetryUntilSuccessful, RecoveryControl)

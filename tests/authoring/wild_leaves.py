@@ -20,7 +20,7 @@ from picktree.world.causes import Failure, cause_named, control, grasp, safety
 from ..trees.scripted import FakeWorld
 
 if TYPE_CHECKING:
-    from picktree.skill_world.world import World
+    from picktree.robot.world import World
 
 CAUSES = (
     "grasp.missed",

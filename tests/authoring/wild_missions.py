@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import TypeAlias, cast
 
 from picktree.trees.declaration import AUTOREMAP
-from picktree.trees.values.references import ROOT_KEY
+from picktree.trees.references import ROOT_KEY
 
 PATTERNS = (
     "grasp.*",

@@ -9,15 +9,15 @@ from typing import TypeAlias, cast
 from hypothesis import strategies as st
 
 from picktree import recovery
-from picktree.authoring.xml.export.script_export import expression_text
-from picktree.authoring.xml.format.literal_text import is_pointer
-from picktree.authoring.xml.importing.mission_import import import_xml
-from picktree.authoring.xml.importing.source import XmlText
+from picktree.authoring.xml.literal_text import is_pointer
+from picktree.authoring.xml.mission_import import import_xml
+from picktree.authoring.xml.script_export import expression_text
+from picktree.authoring.xml.source import XmlText
 from picktree.files.expressions.expression import Expression
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import Mission, NodeSpec
-from picktree.trees.values.references import Binding, Constant
+from picktree.trees.references import Binding, Constant
 
 from ..trees.scripted import FILE, NODES
 

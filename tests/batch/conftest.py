@@ -7,10 +7,9 @@ from contextlib import nullcontext
 
 import pytest
 
-from picktree.batch.statistics import comparison_text
-from picktree.batch.workers import rerun_job
-from picktree.batch.workers.executor import Event, Executor, JobOrder
-from picktree.batch.workers.local_executor import LocalExecutor
+from picktree.apps.batch import comparison_text, rerun_job
+from picktree.apps.batch.executor import Event, Executor, JobOrder
+from picktree.apps.batch.local_executor import LocalExecutor
 
 
 @pytest.fixture(scope="package")

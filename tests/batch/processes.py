@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from picktree.batch.workers.job_process import children
+from picktree.apps.batch.job_process import children
 
 
 def below(pid: int) -> set[int]:

@@ -10,11 +10,11 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from picktree.batch.plan import BatchPlan
-from picktree.batch.report import write_report
-from picktree.batch.workers.batch import Batch
-from picktree.batch.workers.local_executor import LocalExecutor
-from picktree.cli.batch.progress import progress
+from picktree.apps.batch.batch import Batch
+from picktree.apps.batch.local_executor import LocalExecutor
+from picktree.apps.batch.plan import BatchPlan
+from picktree.apps.batch.report import write_report
+from picktree.apps.cli.batch_progress import progress
 
 from ..browser import Chromium
 

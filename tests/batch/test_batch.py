@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.plan import BatchPlan, jobs_of
-from picktree.batch.plan_loading import check_plan, load_plan
-from picktree.batch.workers.batch import Batch
-from picktree.batch.workers.executor import Executor
-from picktree.batch.workers.local_executor import LocalExecutor
-from picktree.errors import PicktreeError
+from picktree.apps.batch.batch import Batch
+from picktree.apps.batch.executor import Executor
+from picktree.apps.batch.local_executor import LocalExecutor
+from picktree.apps.batch.plan import BatchPlan, jobs_of
+from picktree.apps.batch.plan_loading import check_plan, load_plan
+from picktree.files.errors import PicktreeError
 from picktree.files.marks import FileError
 from picktree.files.yaml.document import read_document
 from picktree.session.session import RunRequest, Session

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis.run import Run
-from picktree.batch.plan import BatchPlan, JobLimits
-from picktree.batch.workers.batch import Batch
-from picktree.batch.workers.executor import Executor
-from picktree.batch.workers.local_executor import LocalExecutor
+from picktree.apps.batch.batch import Batch
+from picktree.apps.batch.executor import Executor
+from picktree.apps.batch.local_executor import LocalExecutor
+from picktree.apps.batch.plan import BatchPlan, JobLimits
 from picktree.session.session import RunRequest, Session
 
 from .trouble import troubled

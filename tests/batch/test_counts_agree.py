@@ -17,12 +17,12 @@ import pytest
 from picktree.analysis import Run
 from picktree.analysis.explain.explain_runs import explain_runs, runs_json_text, runs_text
 from picktree.analysis.explain.explanation_text import to_json_text, to_text
-from picktree.batch.plan import BatchPlan
-from picktree.batch.results.store import Store, dropped_logs
-from picktree.batch.statistics.summary import summarise
-from picktree.batch.workers.batch import Batch
-from picktree.batch.workers.executor import Executor
-from picktree.logs.episodes.episode_counts import ENDS, by_cause
+from picktree.apps.batch.batch import Batch
+from picktree.apps.batch.executor import Executor
+from picktree.apps.batch.plan import BatchPlan
+from picktree.apps.batch.store import Store, dropped_logs
+from picktree.apps.batch.summary import summarise
+from picktree.logs.episode_counts import ENDS, by_cause
 from picktree.logs.run_index import RunIndex
 
 from .test_done_instead import SCENE

@@ -12,10 +12,10 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from picktree.batch.results.store import Store, export
-from picktree.batch.results.tables import TABLES, JobPickRow, JobRows
-from picktree.cli.app import answer
-from picktree.errors import PicktreeError
+from picktree.apps.batch.store import Store, export
+from picktree.apps.batch.tables import TABLES, JobPickRow, JobRows
+from picktree.apps.cli.app import answer
+from picktree.files.errors import PicktreeError
 from picktree.logs.optional_libraries import install_command
 
 from .test_store import ITEMS, SUCCESS, store

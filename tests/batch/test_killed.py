@@ -12,12 +12,12 @@ from typing import Any
 
 import pytest
 
-from picktree.batch.plan import BatchPlan
-from picktree.batch.results.store import Store
-from picktree.batch.workers import local_executor
-from picktree.batch.workers.batch import Batch
-from picktree.batch.workers.local_executor import LocalExecutor
-from picktree.errors import PicktreeError
+from picktree.apps.batch import local_executor
+from picktree.apps.batch.batch import Batch
+from picktree.apps.batch.local_executor import LocalExecutor
+from picktree.apps.batch.plan import BatchPlan
+from picktree.apps.batch.store import Store
+from picktree.files.errors import PicktreeError
 
 from ..commands import PATIENCE, forked_worker
 from .trouble import troubled

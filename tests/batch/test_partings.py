@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.plan import BatchPlan
-from picktree.batch.workers.batch import Batch
-from picktree.batch.workers.executor import Executor
-from picktree.batch.workers.rerun_job import rerun_job
-from picktree.cli.app import answer
+from picktree.apps.batch.batch import Batch
+from picktree.apps.batch.executor import Executor
+from picktree.apps.batch.plan import BatchPlan
+from picktree.apps.batch.rerun_job import rerun_job
+from picktree.apps.cli.app import answer
 
 from .watching import Remembering
 

@@ -17,15 +17,15 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis.run import Run
-from picktree.batch.cluster import ray_executor
-from picktree.batch.cluster.messages import Installation, difference, installed
-from picktree.batch.cluster.ray_executor import RayExecutor
-from picktree.batch.plan import BatchPlan, JobLimits
-from picktree.batch.workers.batch import Batch
-from picktree.batch.workers.executor import Executor
-from picktree.batch.workers.local_executor import LocalExecutor
-from picktree.cli.app import answer
-from picktree.errors import PicktreeError
+from picktree.apps.batch import ray_executor
+from picktree.apps.batch.batch import Batch
+from picktree.apps.batch.executor import Executor
+from picktree.apps.batch.local_executor import LocalExecutor
+from picktree.apps.batch.messages import Installation, difference, installed
+from picktree.apps.batch.plan import BatchPlan, JobLimits
+from picktree.apps.batch.ray_executor import RayExecutor
+from picktree.apps.cli.app import answer
+from picktree.files.errors import PicktreeError
 from picktree.logs.optional_libraries import install_command
 
 from ..benchmarks.test_campaign import BENCHMARKS, PROGRAM
@@ -42,7 +42,7 @@ PLAN = BatchPlan("test", (ONE_PICK,), (0, 1, 2), backend="kinematic", keep="all"
 TABLE = "SELECT seed, status, digest, items_sorted, attempts FROM jobs ORDER BY number"
 TROUBLE = """\
 from picktree.trees.skill import Skill, Steps
-from picktree.skill_world.world import World
+from picktree.robot.world import World
 from pathlib import Path
 import os, signal, time
 
@@ -247,13 +247,15 @@ def test_a_campaign_runs_on_a_cluster(cluster: str, tmp_path: Path) -> None:
 def test_the_sources_of_a_worker_are_those_of_its_runs_and_of_batches() -> None:
     found = set(installed().sources)
     assert {
-        "batch/workers/local_executor.py",
-        "batch/cluster/node_worker.py",
+        "apps/batch/local_executor.py",
+        "apps/batch/node_worker.py",
         "analysis/resim/resim.py",
     } <= found
-    assert {"analysis/explain/explain.py", "skills/grasp.py", "control/execution/control_loop.py"} <= found
+    assert {"analysis/explain/explain.py", "skills/grasp.py", "robot/control/control_loop.py"} <= found
     assert [
-        path for path in found if path.startswith(("cli/", "batch/report.py", "analysis/render/film.py"))
+        path
+        for path in found
+        if path.startswith(("apps/cli/", "apps/batch/report.py", "analysis/render/film.py"))
     ] == []
 
 
@@ -293,7 +295,9 @@ def test_without_the_extra_it_is_said_how_to_get_it(monkeypatch: pytest.MonkeyPa
 
 
 def test_ray_is_loaded_in_processes_of_its_own_alone() -> None:
-    load = "import sys, picktree.cli.app, picktree.batch.cluster.ray_executor; sys.exit('ray' in sys.modules)"
+    load = (
+        "import sys, picktree.apps.cli.app, picktree.apps.batch.ray_executor; sys.exit('ray' in sys.modules)"
+    )
     assert subprocess.run([sys.executable, "-c", load], check=False).returncode == 0
 
 

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.plan import BatchPlan
-from picktree.batch.results.store import RESULTS_FILE, Store
-from picktree.batch.workers.batch import Batch
-from picktree.batch.workers.executor import Executor
-from picktree.batch.workers.rerun_job import rerun_job
-from picktree.cli.app import answer
-from picktree.errors import PicktreeError
+from picktree.apps.batch.batch import Batch
+from picktree.apps.batch.executor import Executor
+from picktree.apps.batch.plan import BatchPlan
+from picktree.apps.batch.rerun_job import rerun_job
+from picktree.apps.batch.store import RESULTS_FILE, Store
+from picktree.apps.cli.app import answer
+from picktree.files.errors import PicktreeError
 
 from .trouble import troubled
 from .watching import Remembering

@@ -8,10 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from picktree.batch.plan import BatchPlan
-from picktree.batch.report import write_report
-from picktree.batch.workers.batch import Batch
-from picktree.batch.workers.executor import Executor
+from picktree.apps.batch.batch import Batch
+from picktree.apps.batch.executor import Executor
+from picktree.apps.batch.plan import BatchPlan
+from picktree.apps.batch.report import write_report
 
 from .watching import Remembering
 

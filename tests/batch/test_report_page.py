@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from picktree.batch.plan import BatchPlan, Job, write_plan
-from picktree.batch.report import write_report
-from picktree.batch.results.store import RESULTS_FILE, Store
-from picktree.batch.results.tables import (
+from picktree.apps.batch.plan import BatchPlan, Job, write_plan
+from picktree.apps.batch.report import write_report
+from picktree.apps.batch.store import RESULTS_FILE, Store
+from picktree.apps.batch.tables import (
     EpisodeRow,
     JobFailureRow,
     JobPickRow,

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from picktree.analysis.explain.investigation.explanation import (
+from picktree.analysis.explain.explanation import (
     ExplainedOutcome,
     Explanation,
     KeyMoment,
     RootCause,
 )
-from picktree.batch.workers.run_rows import look_at, root_of
+from picktree.apps.batch.run_rows import look_at, root_of
 from picktree.logs.run_account import Episodes
 
 SLIPPED = RootCause("item.slippery", "can_1 is slippery", (), ended_run=False, reasons=(), time=3.0)

@@ -2,9 +2,9 @@ import math
 
 import pytest
 
-from picktree.batch.plan_loading import parse_seeds
-from picktree.batch.statistics.differences import paired_difference, unpaired_difference
-from picktree.batch.statistics.rates import (
+from picktree.apps.batch.differences import paired_difference, unpaired_difference
+from picktree.apps.batch.plan_loading import parse_seeds
+from picktree.apps.batch.rates import (
     CONFIDENCE,
     difference_of_paired_rates,
     difference_of_rates,
@@ -13,7 +13,7 @@ from picktree.batch.statistics.rates import (
     paired,
     rate,
 )
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 
 
 def test_wilsons_interval_is_that_of_the_textbook() -> None:

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.plan import BatchPlan, Job
-from picktree.batch.results.store import RESULTS_FILE, Store
-from picktree.batch.results.tables import JobFailureRow, JobItemRow, JobRow, JobRows, JobTimingRow
-from picktree.batch.statistics.summary import summarise
-from picktree.errors import PicktreeError
+from picktree.apps.batch.plan import BatchPlan, Job
+from picktree.apps.batch.store import RESULTS_FILE, Store
+from picktree.apps.batch.summary import summarise
+from picktree.apps.batch.tables import JobFailureRow, JobItemRow, JobRow, JobRows, JobTimingRow
+from picktree.files.errors import PicktreeError
 
 SUCCESS = JobRow(
     status="success",

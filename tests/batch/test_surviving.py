@@ -11,12 +11,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from picktree.batch.plan import BatchPlan, Keep
-from picktree.batch.results.store import RESULTS_FILE, Store
-from picktree.batch.workers import batch as module
-from picktree.batch.workers.batch import Batch
-from picktree.batch.workers.executor import Executor
-from picktree.errors import PicktreeError
+from picktree.apps.batch import batch as module
+from picktree.apps.batch.batch import Batch
+from picktree.apps.batch.executor import Executor
+from picktree.apps.batch.plan import BatchPlan, Keep
+from picktree.apps.batch.store import RESULTS_FILE, Store
+from picktree.files.errors import PicktreeError
 
 from .trouble import troubled
 from .watching import Remembering

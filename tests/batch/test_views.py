@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.results.store import Store
-from picktree.batch.results.tables import EpisodeRow, JobPickRow, JobRows, JobTimingRow, PlantedRow
-from picktree.batch.statistics.rates import rate
-from picktree.batch.statistics.summary import summarise
+from picktree.apps.batch.rates import rate
+from picktree.apps.batch.store import Store
+from picktree.apps.batch.summary import summarise
+from picktree.apps.batch.tables import EpisodeRow, JobPickRow, JobRows, JobTimingRow, PlantedRow
 
 from .test_store import ITEMS, MISSED, SLIP, SUCCESS, store
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from picktree.trees.skill import Skill, Steps
-from picktree.skill_world.world import World
+from picktree.robot.world import World
 
 HERE = Path({here!r})
 

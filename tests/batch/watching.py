@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from picktree.batch.plan import Job
-from picktree.batch.results.tables import JobRow
-from picktree.batch.workers.batch import RecordedJob
+from picktree.apps.batch.batch import RecordedJob
+from picktree.apps.batch.plan import Job
+from picktree.apps.batch.tables import JobRow
 
 
 @dataclass

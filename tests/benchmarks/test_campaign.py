@@ -18,8 +18,8 @@ from typing import Any
 
 import pytest
 
-from picktree.batch.cluster import ray_executor
-from picktree.batch.workers.executor import Event, JobFailed, JobFinished, JobOrder
+from picktree.apps.batch import ray_executor
+from picktree.apps.batch.executor import Event, JobFailed, JobFinished, JobOrder
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 PROGRAM = """

@@ -47,7 +47,7 @@ def test_files_that_are_read_for_their_digests_do_not_count(dependencies: Module
 def test_what_workers_load_for_others_counts_only_where_the_benchmark_imports_it(
     dependencies: ModuleType,
 ) -> None:
-    everywhere = ("skills/push.py", "analysis/run.py", "batch/workers/executor.py", "benchmarks/_campaign.py")
+    everywhere = ("skills/push.py", "analysis/run.py", "apps/batch/executor.py", "benchmarks/_campaign.py")
     assert dependencies.used((), loaded(*everywhere, "benchmarks/sorting.py")) == [
         "benchmarks/sorting.py",
         "skills/push.py",
@@ -66,8 +66,8 @@ def test_a_run_that_starts_a_command_depends_on_all_that_commands_run(dependenci
 def test_a_program_depends_on_its_helpers_and_on_no_page_of_figures(dependencies: ModuleType) -> None:
     found = dependencies.of_program(ROOT / "benchmarks" / "fault_campaign.py")
     assert {"benchmarks/fault_campaign.py", "benchmarks/_fault_table.py", "analysis/run.py"} <= set(found)
-    assert "cli/run/run.py" in found
-    assert "cli/run/attach.py" not in found
+    assert "apps/cli/run.py" in found
+    assert "apps/cli/attach.py" not in found
     assert not {"benchmarks/_evidence.py", "benchmarks/_soaking.py", "benchmarks/_insertion_cell.py"} & set(
         found
     )

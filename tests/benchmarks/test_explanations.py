@@ -11,10 +11,10 @@ from typing import Any, get_args
 
 import pytest
 
-from picktree.simulation.fault_files.fault_loading import load_faults
-from picktree.simulation.fault_files.fault_schema import FaultName
+from picktree.simulation.faults.fault_loading import load_faults
+from picktree.simulation.faults.fault_schema import FaultName
 from picktree.trees.loading.loader import load_mission
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.scene.scene_loading import load_scene
 
 Program = Callable[[str], ModuleType]
 

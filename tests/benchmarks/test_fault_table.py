@@ -9,10 +9,10 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from picktree.batch.plan import Job, Variant
-from picktree.batch.results.store import RESULTS_FILE, Store
-from picktree.batch.results.tables import JobRow, JobRows
-from picktree.simulation.fault_files.fault_entries import FaultExpectation
+from picktree.apps.batch.plan import Job, Variant
+from picktree.apps.batch.store import RESULTS_FILE, Store
+from picktree.apps.batch.tables import JobRow, JobRows
+from picktree.simulation.faults.fault_entries import FaultExpectation
 
 Program = Callable[[str], ModuleType]
 

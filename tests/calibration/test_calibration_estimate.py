@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.calibration.estimate import CalibrationEstimate, camera_in_tcp, estimate, spread
-from picktree.calibration.observations import (
+from picktree.files.errors import PicktreeError
+from picktree.robot.calibration.estimate import CalibrationEstimate, camera_in_tcp, estimate, spread
+from picktree.robot.calibration.observations import (
     CalibrationData,
     DetectedTile,
     TargetImage,
     TargetTouch,
     viewpoints,
 )
-from picktree.calibration.target_detection import area_and_centroid, pixels_of
-from picktree.calibration.targets import touch_points
-from picktree.errors import PicktreeError
+from picktree.robot.calibration.target_detection import area_and_centroid, pixels_of
+from picktree.robot.calibration.targets import touch_points
 from picktree.world.protocols import Intrinsics
 from picktree.world.scene.calibration_results import tiles_on
 from picktree.world.values import Array, Pose

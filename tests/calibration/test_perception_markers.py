@@ -8,14 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.calibration.target_detection import area_and_centroid, average_tiles, detect_tiles, pixels_of
+from picktree.robot.calibration.target_detection import (
+    area_and_centroid,
+    average_tiles,
+    detect_tiles,
+    pixels_of,
+)
 from picktree.simulation.engine import Client
 from picktree.simulation.physics.bodies import add_scenery
 from picktree.simulation.physics.rgbd_camera import CameraRenderer
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import Fixture, SceneDescription
-from picktree.world.scene.loading.scene_entries import look_at_frame
-from picktree.world.scene.loading.scene_loading import parse_scene
+from picktree.world.scene.scene_entries import look_at_frame
+from picktree.world.scene.scene_loading import parse_scene
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose, Vector3
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from picktree.cli.app import answer
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.apps.cli.app import answer
+from picktree.world.scene.scene_loading import load_scene
 
 SCENE = "picktree: 1\nkind: scene\nrobot: panda\n"
 WRONG = SCENE + "goal: sorted = total\n"

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.cli.app import answer
-from picktree.cli.author.file_schemas import CHECKS
+from picktree.apps.cli.app import answer
+from picktree.apps.cli.file_schemas import CHECKS
 from picktree.files.diagnostics.file_checks import check_files
 
 FOLDER = Path(__file__).parent / "faulty"

@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.cli.app import answer
-from picktree.cli.author.file_schemas import CHECKS
+from picktree.apps.cli.app import answer
+from picktree.apps.cli.file_schemas import CHECKS
 from picktree.files.diagnostics.fault_rendering import as_github
 from picktree.files.diagnostics.file_checks import check_files
 from picktree.files.diagnostics.sarif import to_sarif

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
+from picktree.apps.cli.file_schemas import CHECKS
 from picktree.authoring.xml.conversion import convert_all
-from picktree.authoring.xml.importing.mission_import import ImportOptions
-from picktree.authoring.xml.importing.source import XmlText
-from picktree.cli.author.file_schemas import CHECKS
-from picktree.errors import PicktreeError
+from picktree.authoring.xml.mission_import import ImportOptions
+from picktree.authoring.xml.source import XmlText
 from picktree.files.diagnostics.fault_codes import CodeExample, index, page, pages
 from picktree.files.diagnostics.file_checks import UnsavedText, check_files
+from picktree.files.errors import PicktreeError
 from picktree.files.marks import FileError
-from picktree.trees.plugins.plugin import PLUGINS_VARIABLE
+from picktree.trees.loading.plugin import PLUGINS_VARIABLE
 
 from ..rooms import ROOT, modules
 

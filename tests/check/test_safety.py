@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.cli.author.file_schemas import CHECKS
+from picktree.apps.cli.file_schemas import CHECKS
 from picktree.files.diagnostics.file_checks import check_files
 
 HEAD = "picktree: 1\nkind: {}\n"

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from picktree.logs.episodes.episode_counts import CureCount, PlantedCount
+from picktree.logs.episode_counts import CureCount, PlantedCount
 from picktree.logs.run_result import FormCount, ItemCount, PickCount, RunResult, WallSeconds
 
 RESULT = RunResult(

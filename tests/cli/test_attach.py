@@ -15,9 +15,9 @@ from typing import Any
 
 import pytest
 
-from picktree.cli.app import answer
+from picktree.apps.cli.app import answer
 from picktree.logs.run_log import RunLog
-from picktree.session.live.attach_socket import SOCKET_NAME, connect_to_run, listen_in, socket_address
+from picktree.session.attach_socket import SOCKET_NAME, connect_to_run, listen_in, socket_address
 from picktree.session.observer import PresetAnswers
 from picktree.session.session import RunRequest, Session
 

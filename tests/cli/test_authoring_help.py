@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.cli.app import answer
+from picktree.apps.cli.app import answer
 
 ROOT = Path(__file__).parents[2]
 MISSION = ROOT / "examples/sort_by_colour.yaml"

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.workers import local_executor
-from picktree.cli.app import answer
+from picktree.apps.batch import local_executor
+from picktree.apps.cli.app import answer
 
 from ..commands import forked_worker
 

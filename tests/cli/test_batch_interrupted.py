@@ -9,7 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from picktree.batch.results.store import RESULTS_FILE, Store
+from picktree.apps.batch.store import RESULTS_FILE, Store
 
 from ..batch.processes import alive
 from ..commands import PATIENCE, Command, Streams, Terminal, until
@@ -19,7 +19,7 @@ import os, time
 from pathlib import Path
 
 from picktree.trees.skill import Skill, Steps
-from picktree.skill_world.world import World
+from picktree.robot.world import World
 
 
 class Work(Skill):

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from picktree.batch.plan import Job, Variant
-from picktree.batch.results.tables import JobRow
-from picktree.batch.workers.batch import RecordedJob
-from picktree.cli.batch.progress import BatchCount, Lines, LiveTable, span
+from picktree.apps.batch.batch import RecordedJob
+from picktree.apps.batch.plan import Job, Variant
+from picktree.apps.batch.tables import JobRow
+from picktree.apps.cli.batch_progress import BatchCount, Lines, LiveTable, span
 
 NOON = datetime(2026, 3, 4, 12, 0).timestamp()
 REACHED = JobRow(

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.cli.app import answer
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.apps.cli.app import answer
+from picktree.world.scene.scene_loading import load_scene
 
 SCENE = """\
 picktree: 1

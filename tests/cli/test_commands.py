@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
-from picktree.cli.app import answer
-from picktree.cli.run.run import HELP_GROUPS
-from picktree.cli.terminal.output import program
-from picktree.errors import PicktreeError
+from picktree.apps.cli.app import answer
+from picktree.apps.cli.output import program
+from picktree.apps.cli.run import HELP_GROUPS
+from picktree.files.errors import PicktreeError
 from picktree.logs.recording.rotated_log import Rotation
 from picktree.logs.run_result import RunResult
 
@@ -29,7 +29,7 @@ HEAVY = {
 def test_help_and_version_import_nothing_heavy(option: str) -> None:
     program = f"""
 import sys
-from picktree.cli.app import answer
+from picktree.apps.cli.app import answer
 code = answer([{option!r}])
 print(sorted({{name.split(".")[0] for name in sys.modules}}), file=sys.stderr)
 sys.exit(code)
@@ -172,7 +172,7 @@ import os, sys
 from types import ModuleType
 sys.path.insert(0, {str(Path(__file__).parent)!r})
 from conftest import RESULT
-from picktree.cli.app import answer
+from picktree.apps.cli.app import answer
 
 class Session:
     def __init__(self, request, observers=(), planning_worker=False): pass

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.cli.run.run import parse_parameters
+from picktree.apps.cli.run import parse_parameters
 from picktree.trees.loading.loader import load_mission
-from picktree.trees.running.run_settings import parameter_value
+from picktree.trees.run_settings import parameter_value
 from picktree.world.causes import feed
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.cli.app import answer
+from picktree.apps.cli.app import answer
 from picktree.session.session import RunRequest, Session
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.cli.app import answer
+from picktree.apps.cli.app import answer
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.schema.records import NodeStatusRecord, RunInfo, Tick, TransitionRecord, Tree, TreeNode
 from picktree.session.session import RunRequest, Session
@@ -172,7 +172,7 @@ def test_three_hundred_failures_are_told_in_groups(tmp_path: Path, capfd: pytest
 
 def test_help_comes_fast_and_names_the_command() -> None:
     ran = subprocess.run(
-        [sys.executable, "-c", "from picktree.cli.app import answer; import sys;"
+        [sys.executable, "-c", "from picktree.apps.cli.app import answer; import sys;"
          "answer(['explain', '--help']); assert 'numpy' not in sys.modules"],
         capture_output=True, text=True, check=True,
     )  # fmt: skip

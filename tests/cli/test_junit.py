@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from junitparser import Error, Failure, JUnitXml, Skipped, TestCase, TestSuite
 
-from picktree.batch.junit import to_junit
-from picktree.batch.results.store import Store
-from picktree.batch.workers import local_executor
-from picktree.cli.app import answer
+from picktree.apps.batch import local_executor
+from picktree.apps.batch.junit import to_junit
+from picktree.apps.batch.store import Store
+from picktree.apps.cli.app import answer
 from picktree.files.junit import JunitCase, junit_text
 
 from ..commands import forked_worker

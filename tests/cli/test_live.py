@@ -11,14 +11,14 @@ from typing import cast
 import pytest
 from rich.console import Console
 
-from picktree.cli.terminal.progress import LinesDisplay, LiveDisplay, deepest_running, tree_rows
+from picktree.apps.cli.progress import LinesDisplay, LiveDisplay, deepest_running, tree_rows
 from picktree.logs.run_result import RunResult
 from picktree.session.execution import Execution
 from picktree.session.run_tally import RunCounters
-from picktree.trees.running.runner import NodeInfo, NodeReport, TickReport
+from picktree.trees.runner import NodeInfo, NodeReport, TickReport
 from picktree.trees.status import NodeStatus
-from picktree.world.events.skill_events import ItemDoneEvent, SetAsideEvent
 from picktree.world.journal import JournalEvent
+from picktree.world.skill_events import ItemDoneEvent, SetAsideEvent
 
 STRUCTURE = (
     NodeInfo("Main", "Sequence", "Main", "control", None, ("Main/1", "Main/2", "Main/3"), {}),
@@ -183,7 +183,7 @@ m.yaml:3:1: error P207: [no markup]
 
 
 def test_live_view_tells_above_the_tree(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("picktree.cli.terminal.progress._REDRAW_PERIOD", -1.0)
+    monkeypatch.setattr("picktree.apps.cli.progress._REDRAW_PERIOD", -1.0)
     file = io.StringIO()
     console = Console(file=file, force_terminal=True, width=60, height=20, color_system=None)
     with LiveDisplay(console) as view:
@@ -198,7 +198,7 @@ def test_live_view_tells_above_the_tree(monkeypatch: pytest.MonkeyPatch) -> None
 def test_live_view_draws_the_tree_and_leaves_nothing_behind(
     result: RunResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("picktree.cli.terminal.progress._REDRAW_PERIOD", -1.0)
+    monkeypatch.setattr("picktree.apps.cli.progress._REDRAW_PERIOD", -1.0)
     file = io.StringIO()
     console = Console(file=file, force_terminal=True, width=60, height=20, color_system=None)
     with LiveDisplay(console) as view:

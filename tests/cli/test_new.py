@@ -13,9 +13,9 @@ import jsonschema
 import pytest
 import yaml
 
-from picktree.cli.app import answer
-from picktree.cli.author.new import STARTERS, StartKind, write_start
-from picktree.errors import PicktreeError
+from picktree.apps.cli.app import answer
+from picktree.apps.cli.new import STARTERS, StartKind, write_start
+from picktree.files.errors import PicktreeError
 
 KINDS: tuple[StartKind, ...] = ("mission", "scene", "plugin")
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from picktree.analysis.render.rasterizer import Picture
-from picktree.cli.app import answer
+from picktree.apps.cli.app import answer
 
 
 def asked(capfd: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:

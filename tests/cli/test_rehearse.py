@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.cli.app import answer
-from picktree.robots.loading import SHIPPED
+from picktree.apps.cli.app import answer
+from picktree.world.robot_model.loading import SHIPPED
 
 from ..commands import call
 

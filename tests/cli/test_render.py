@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.cli.app import answer
+from picktree.apps.cli.app import answer
 
 MISSION = """picktree: 1
 kind: mission

@@ -14,7 +14,7 @@ from picktree.analysis.compare.divergence import MessageDifference
 from picktree.analysis.compare.run_outcome import RunOutcome
 from picktree.analysis.resim.changes import RunChanges
 from picktree.analysis.resim.resim_result import Reason, Resimulation
-from picktree.cli.app import answer
+from picktree.apps.cli.app import answer
 
 GRASP = "Main/Sequence/Grasp"
 SAME = Resimulation(

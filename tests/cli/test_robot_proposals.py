@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 import trimesh
 
-from picktree.cli.app import answer
-from picktree.commissioning.robot_setup.base_pose import TargetPlace, propose_base
-from picktree.commissioning.robot_setup.joint_limits import is_placeholder
-from picktree.commissioning.robot_setup.model_checks import RobotUnderTest, check_model
-from picktree.commissioning.robot_setup.proposal import Proposal, ProposalRequest, propose
-from picktree.commissioning.trial_advice import advice, opening_advice, reach_advice
-from picktree.errors import PicktreeError
-from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.planning.standing_links import standing_pairs
-from picktree.robots.loading import load_robot
-from picktree.robots.mesh_files import mesh_file
-from picktree.robots.model import RobotModel
+from picktree.apps.cli.app import answer
+from picktree.apps.commissioning.base_pose import TargetPlace, propose_base
+from picktree.apps.commissioning.joint_limits import is_placeholder
+from picktree.apps.commissioning.model_checks import RobotUnderTest, check_model
+from picktree.apps.commissioning.proposal import Proposal, ProposalRequest, propose
+from picktree.apps.commissioning.trial_advice import advice, opening_advice, reach_advice
+from picktree.files.errors import PicktreeError
+from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning.standing_links import standing_pairs
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.mesh_files import mesh_file
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose

@@ -10,17 +10,17 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis import Run
-from picktree.cli.app import answer
-from picktree.cli.author.file_schemas import CHECKS
-from picktree.commissioning.robot_setup.model_checks import RobotUnderTest, Verdict, check_model
+from picktree.apps.cli.app import answer
+from picktree.apps.cli.file_schemas import CHECKS
+from picktree.apps.commissioning.model_checks import RobotUnderTest, Verdict, check_model
 from picktree.files.diagnostics.file_checks import check_files
-from picktree.perception.expectation.robot_mask import hidden_shares
-from picktree.robots.loading import SHIPPED, load_robot, robot_names
-from picktree.robots.mesh_files import mesh_file
-from picktree.robots.model import RobotModel
-from picktree.robots.urdf_text import parsed_urdf
+from picktree.robot.perception.robot_mask import hidden_shares
+from picktree.world.robot_model.loading import SHIPPED, load_robot, robot_names
+from picktree.world.robot_model.mesh_files import mesh_file
+from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.urdf_text import parsed_urdf
 from picktree.world.scene.description import MAX_HIDDEN_SHARE
-from picktree.world.scene.loading.scene_loading import load_scene, scene_names
+from picktree.world.scene.scene_loading import load_scene, scene_names
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 HIDING = "  home: [0, 0.05, 0, -1.75, 0, 1.8, 0.785]"

@@ -7,9 +7,9 @@ from contextlib import nullcontext
 
 import pytest
 
-from picktree.cli.app import answer
-from picktree.cli.run.operator_prompt import PersonAtTerminal
-from picktree.skill_world.operator_desk import OperatorQuestion
+from picktree.apps.cli.app import answer
+from picktree.apps.cli.operator_prompt import PersonAtTerminal
+from picktree.robot.operator_desk import OperatorQuestion
 
 QUESTION = OperatorQuestion("Main/Ask", "the can slips", ("go on", "give up"), "can_1", "the hand is empty")
 

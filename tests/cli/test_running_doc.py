@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from picktree.cli.app import answer, app
-from picktree.cli.run.operator_prompt import DebugPrompt
+from picktree.apps.cli.app import answer, app
+from picktree.apps.cli.operator_prompt import DebugPrompt
 
 ROOT = Path(__file__).parents[2]
 PROMPT = DebugPrompt.text

@@ -8,7 +8,7 @@ from pathlib import Path
 import av
 import pytest
 
-from picktree.cli.app import answer
+from picktree.apps.cli.app import answer
 from picktree.logs.recording.images import decode_colour
 
 from ..commands import Terminal

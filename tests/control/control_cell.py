@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from picktree.control.execution.control_loop import ControlLoop
-from picktree.control.execution.gripper_motion import GripperControl
-from picktree.control.execution.motions import ArmMotion
-from picktree.control.safety.safety_monitor import SafetyMonitor
-from picktree.robots.description import RobotDescription
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
+from picktree.robot.control.control_loop import ControlLoop
+from picktree.robot.control.gripper_motion import GripperControl
+from picktree.robot.control.motions import ArmMotion
+from picktree.robot.control.safety_monitor import SafetyMonitor
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.journal import Journal, JournalEvent
+from picktree.world.robot_model.description import RobotDescription
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.scene.description import (
     Bin,
     CatalogueEntry,

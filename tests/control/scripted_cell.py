@@ -6,9 +6,9 @@ from typing import cast
 
 import numpy as np
 
-from picktree.control.execution.control_loop import ControlLoop
-from picktree.control.joints.joint_controllers import TrajectoryController
-from picktree.control.safety.motion_lease import Lease
+from picktree.robot.control.control_loop import ControlLoop
+from picktree.robot.control.joint_controllers import TrajectoryController
+from picktree.robot.control.motion_lease import Lease
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.protocols import Hardware
 from picktree.world.values import GRAVITY, Array, JointState, Wrench

@@ -7,13 +7,13 @@ from typing import cast
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.soft_limits import SoftJointLimits, distance_to_workspace_edge
-from picktree.control.commands import JointCommand
-from picktree.control.execution.contact_reflex import ContactReflex
-from picktree.control.joints.joint_controllers import BrakeController, TrajectoryController
-from picktree.control.safety.safety_monitor import SafetyMonitor
-from picktree.planning.requests import Scaling
-from picktree.planning.timing.time_parameterization import time_corners
+from picktree.robot.control.commands import JointCommand
+from picktree.robot.control.contact_reflex import ContactReflex
+from picktree.robot.control.joint_controllers import BrakeController, TrajectoryController
+from picktree.robot.control.safety_monitor import SafetyMonitor
+from picktree.robot.control.soft_limits import SoftJointLimits, distance_to_workspace_edge
+from picktree.robot.planning.requests import Scaling
+from picktree.robot.planning.time_parameterization import time_corners
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.causes import Failure
 from picktree.world.scene.description import SafetyLimits

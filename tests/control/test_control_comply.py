@@ -7,9 +7,9 @@ from collections.abc import Generator
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.compliant_motion import CartesianStiffness, CompliantMotion, ContactState
-from picktree.control.execution.contact_motion import CompliantMotionResult
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
+from picktree.robot.control.compliant_motion import CartesianStiffness, CompliantMotion, ContactState
+from picktree.robot.control.contact_motion import CompliantMotionResult
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.values import Vector3
 

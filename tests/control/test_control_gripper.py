@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from picktree.control.execution.gripper_motion import GripperControl
+from picktree.robot.control.gripper_motion import GripperControl
 from picktree.world.causes import Failure
 from picktree.world.values import GripperState
 

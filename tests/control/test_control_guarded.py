@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.compliant_motion import CartesianStiffness
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
+from picktree.robot.control.compliant_motion import CartesianStiffness
 from picktree.world.causes import Failure
 from picktree.world.values import Pose
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.world.causes import Failure, grasp
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array, Pose

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.twist import Twist
-from picktree.control.cartesian.velocity_controller import JogSetpointGenerator, JogState
-from picktree.control.execution.jog_motion import JogFeedback, JogResult
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
+from picktree.robot.control.jog_motion import JogFeedback, JogResult
+from picktree.robot.control.twist import Twist
+from picktree.robot.control.velocity_controller import JogSetpointGenerator, JogState
 from picktree.simulation.backends import Backend
 from picktree.world.causes import Failure
 from picktree.world.values import Array, Bounds

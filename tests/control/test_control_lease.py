@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.compliant_motion import HoldPose
-from picktree.control.cartesian.impedance import CartesianImpedance
-from picktree.control.cartesian.velocity_controller import JogController
-from picktree.control.execution.contact_reflex import ContactReflex
-from picktree.control.joints.joint_controllers import BrakeController, HoldController, TrajectoryController
-from picktree.control.joints.soft_controller import (
+from picktree.files.errors import PicktreeError
+from picktree.robot.control.compliant_motion import HoldPose
+from picktree.robot.control.contact_reflex import ContactReflex
+from picktree.robot.control.impedance import CartesianImpedance
+from picktree.robot.control.joint_controllers import BrakeController, HoldController, TrajectoryController
+from picktree.robot.control.motion_lease import Lease
+from picktree.robot.control.soft_controller import (
     GravityCompensationController,
     JointImpedanceController,
 )
-from picktree.control.safety.motion_lease import Lease
-from picktree.errors import PicktreeError
+from picktree.robot.control.velocity_controller import JogController
 from picktree.world.causes import Failure
 from picktree.world.values import Array
 

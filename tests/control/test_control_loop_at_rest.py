@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.control.joints.external_torque import EffortCheck
-from picktree.control.joints.joint_controllers import HoldController
+from picktree.robot.control.external_torque import EffortCheck
+from picktree.robot.control.joint_controllers import HoldController
 from picktree.world.values import GRAVITY, Array, JointState
 
 from .control_cell import HOME, MODEL

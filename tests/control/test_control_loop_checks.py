@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.control.joints.joint_controllers import HoldController, TrajectoryController
-from picktree.control.safety.motion_lease import ForceGuard, Lease
-from picktree.control.wrist.payload_estimate import Payload
+from picktree.robot.control.joint_controllers import HoldController, TrajectoryController
+from picktree.robot.control.motion_lease import ForceGuard, Lease
+from picktree.robot.control.payload_estimate import Payload
 from picktree.world.values import Array
 
 from .control_cell import HOME, MODEL, TICK, Cell, swing

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.control.safety.safety_monitor import SafetyMonitor
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
+from picktree.robot.control.safety_monitor import SafetyMonitor
 from picktree.world.causes import Failure
 from picktree.world.journal import Journal
 from picktree.world.scene.description import SafetyLimits

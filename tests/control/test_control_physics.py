@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.compliant_motion import CartesianStiffness, HoldPose
-from picktree.control.cartesian.impedance import CartesianImpedance
-from picktree.control.joints.joint_controllers import HoldController
+from picktree.robot.control.compliant_motion import CartesianStiffness, HoldPose
+from picktree.robot.control.impedance import CartesianImpedance
+from picktree.robot.control.joint_controllers import HoldController
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.causes import Failure
 from picktree.world.values import Array, Pose

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.control.wrist.payload_estimate import (
+from picktree.robot.control.payload_estimate import (
     MassEstimate,
     Payload,
     SlipDetector,
@@ -13,8 +13,8 @@ from picktree.control.wrist.payload_estimate import (
     estimate_moving_mass,
     wrist_sample,
 )
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
 
 MODEL = RobotModel(load_robot("panda"))
 TICK = 0.05

@@ -11,14 +11,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from picktree.control.commands import ContactThresholds
-from picktree.control.joints.external_torque import ExternalTorqueObserver
-from picktree.control.joints.slowed_trajectory import MAX_IMPULSE, slowed_trajectory
-from picktree.control.joints.soft_controller import GravityCompensationController, JointImpedanceController
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
+from picktree.robot.control.commands import ContactThresholds
+from picktree.robot.control.external_torque import ExternalTorqueObserver
+from picktree.robot.control.slowed_trajectory import MAX_IMPULSE, slowed_trajectory
+from picktree.robot.control.soft_controller import GravityCompensationController, JointImpedanceController
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.causes import Failure
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.values import Array, JointState
 
 from ..planning.motion_cell import down

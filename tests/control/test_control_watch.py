@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.control.joints.external_torque import EffortCheck
-from picktree.control.joints.joint_controllers import TrajectoryController
-from picktree.control.safety.safety_monitor import SafetyMonitor, payload_limit
-from picktree.control.wrist.payload_estimate import Payload
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
-from picktree.simulation.fault_files.fault_loading import parse_faults
+from picktree.robot.control.external_torque import EffortCheck
+from picktree.robot.control.joint_controllers import TrajectoryController
+from picktree.robot.control.payload_estimate import Payload
+from picktree.robot.control.safety_monitor import SafetyMonitor, payload_limit
+from picktree.simulation.faults.fault_loading import parse_faults
 from picktree.simulation.faults.injector import FaultInjector
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.causes import Failure
 from picktree.world.journal import Journal, JournalEvent
 from picktree.world.protocols import SensorStamps
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.scene.description import SafetyLimits
 from picktree.world.values import Array, JointState, Wrench
 

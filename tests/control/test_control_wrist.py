@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from picktree.control.wrist.contact_detection import ContactDetector, ForceSample
-from picktree.control.wrist.payload_estimate import Payload, PayloadEstimator
-from picktree.control.wrist.wrist_wrench import WristWrench
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
+from picktree.robot.control.contact_detection import ContactDetector, ForceSample
+from picktree.robot.control.payload_estimate import Payload, PayloadEstimator
+from picktree.robot.control.wrist_wrench import WristWrench
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.values import Array, Wrench
 
 MODEL = RobotModel(load_robot("panda"))

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.control.safety.safety_monitor import SafetyMonitor, payload_limit
-from picktree.robots.model import RobotModel
-from picktree.world.events.skill_events import WristBiasEvent
+from picktree.robot.control.safety_monitor import SafetyMonitor, payload_limit
 from picktree.world.journal import Journal
 from picktree.world.protocols import SensorStamps
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.scene.description import SafetyLimits
+from picktree.world.skill_events import WristBiasEvent
 from picktree.world.values import JointState
 
 from .control_cell import HOME, MODEL, ROBOT

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.compliant_motion import ContactState
-from picktree.control.contact.hole_search import InsertionMotion, InsertionParameters, Search
-from picktree.control.contact.peg_motion import (
+from picktree.robot.control.compliant_motion import ContactState
+from picktree.robot.control.hole_search import InsertionMotion, InsertionParameters, Search
+from picktree.robot.control.peg_motion import (
     CLEAR_FOOT_HEIGHT,
     BelievedHole,
     HeldPeg,

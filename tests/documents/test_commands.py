@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from picktree.cli.app import _command  # pyright: ignore[reportPrivateUsage]
+from picktree.apps.cli.app import _command  # pyright: ignore[reportPrivateUsage]
 
 from ..commands import call
 from ..pages import TypedCommand, blocks, pages, prose, typed

@@ -111,7 +111,7 @@ def test_a_type_checker_knows_all_names_of_the_blocks(tmp_path: Path) -> None:
     settings = {
         "typeCheckingMode": "basic",
         "extraPaths": [str(ROOT / ".links")],
-        "stubPath": str(ROOT / "typings"),
+        "stubPath": str(ROOT / "tests" / "typings"),
         "reportMissingImports": False,
         "reportMissingModuleSource": False,
         "reportOptionalMemberAccess": False,

@@ -16,10 +16,10 @@ import pytest
 import trimesh
 import yaml
 
-from picktree.cli.author.file_schemas import CHECKS
+from picktree.apps.cli.file_schemas import CHECKS
 from picktree.files.diagnostics.file_checks import UnsavedText, check_files
-from picktree.robots.robot_schema import RobotFile
 from picktree.trees.mission import library_names
+from picktree.world.robot_model.robot_schema import RobotFile
 from picktree.world.scene.scene_schema import SceneFile
 
 from ..pages import Block, blocks, pages

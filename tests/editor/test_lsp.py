@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from picktree.apps.cli.app import answer
 from picktree.authoring.editor.text_repair import read_repaired
-from picktree.cli.app import answer
 from picktree.logs.optional_libraries import install_command
 
 from .language_server import LanguageServer, Proposal
@@ -337,10 +337,10 @@ def test_a_text_that_is_being_written_is_read(text: str, keys: list[str]) -> Non
 def test_without_pygls_the_extra_is_named(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.delitem(sys.modules, "picktree.cli.author.language_server", raising=False)
+    monkeypatch.delitem(sys.modules, "picktree.apps.cli.language_server", raising=False)
     for name in [name for name in sys.modules if name.partition(".")[0] == "pygls"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "pygls", None)
-    monkeypatch.setattr("picktree.cli.author.commands.keep_stdout", lambda: sys.stdout)
+    monkeypatch.setattr("picktree.apps.cli.author_commands.keep_stdout", lambda: sys.stdout)
     assert answer(["lsp"]) == 2
     assert capsys.readouterr().err == f"The language server needs the extra 'lsp': {install_command('lsp')}\n"

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from picktree.apps.cli.app import answer
 from picktree.authoring.editor.file_start import SKELETONS
-from picktree.cli.app import answer
 
 from .language_server import LanguageServer
 from .test_lsp import MAIN, Editor

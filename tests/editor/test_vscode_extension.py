@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-FOLDER = ROOT / "editors" / "vscode"
+FOLDER = ROOT / "docs" / "editors" / "vscode"
 
 
 def test_manifest_lock_file_and_project_have_one_version() -> None:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.errors import PicktreeError
 from picktree.files.atomic_write import whole
+from picktree.files.errors import PicktreeError
 from picktree.files.file_names import MAX_NAME_BYTES, fitted, is_utf8, require_utf8
 
 LATIN_1 = os.fsdecode(b"caf\xe9")

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from picktree.apps.cli.file_schemas import CHECKS
 from picktree.authoring.editor.document_faults import document_faults
-from picktree.cli.author.file_schemas import CHECKS
 from picktree.files.diagnostics.file_checks import UnsavedText, check_files
 from picktree.files.marks import FileError
 from picktree.files.quantities import units_like

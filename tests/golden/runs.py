@@ -23,12 +23,12 @@ from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from picktree.arithmetic import restart
+from picktree.files.arithmetic import restart
 from picktree.logs.schema import topics
 from picktree.logs.schema.topics import Topic
 from picktree.session.arithmetic_probe import arithmetic
 from picktree.session.observer import Observer
-from picktree.session.resume.resumption import ResumeRequest, Resumption
+from picktree.session.resumption import ResumeRequest, Resumption
 from picktree.session.session import DEFAULT_TIME_LIMIT, RunRequest, Session
 from picktree.simulation.backends import Backend
 

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from picktree.logs.meshes.binary_gltf import write_glb
-from picktree.logs.meshes.triangle_meshes import shape_mesh
+from picktree.logs.binary_gltf import write_glb
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.run_log import RunLog
 from picktree.logs.schema import topics
@@ -30,6 +29,7 @@ from picktree.logs.schema.records import (
     TreeNode,
     WriteRecord,
 )
+from picktree.logs.triangle_meshes import shape_mesh
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.journal import (
     CandidateEntry,

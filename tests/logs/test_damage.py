@@ -16,7 +16,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.records import ChunkIndex
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.run_log import RunLog
 from picktree.world.belief.planning_scene import PlanningScene

@@ -8,13 +8,13 @@ from collections.abc import Mapping, Sequence
 import pytest
 from pydantic import TypeAdapter
 
-from picktree.logs.episodes.episode import DecidedFailure, Episode, EpisodeTrackerState, Planted
-from picktree.logs.episodes.episode_counts import cause_lines, counted
-from picktree.logs.episodes.episode_tracker import EpisodeTracker
+from picktree.logs.episode import DecidedFailure, Episode, EpisodeTrackerState, Planted
+from picktree.logs.episode_counts import cause_lines, counted
+from picktree.logs.episode_tracker import EpisodeTracker
 from picktree.logs.schema.records import TransitionRecord, Tree
-from picktree.world.events.run_events import FaultEvent, RecoveryEvent
-from picktree.world.events.skill_events import ItemDoneEvent, PickEvent
 from picktree.world.journal import JournalEvent
+from picktree.world.run_events import FaultEvent, RecoveryEvent
+from picktree.world.skill_events import ItemDoneEvent, PickEvent
 
 from .scripted_log import begins, ends, tree
 

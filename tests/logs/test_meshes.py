@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.logs.meshes.binary_gltf import link_meshes, read_glb, write_glb
-from picktree.logs.meshes.triangle_meshes import decimate, join_meshes, load_mesh, shape_mesh
+from picktree.logs.binary_gltf import link_meshes, read_glb, write_glb
+from picktree.logs.triangle_meshes import decimate, join_meshes, load_mesh, shape_mesh
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from picktree.world.values import Pose
 

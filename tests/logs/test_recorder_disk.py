@@ -14,7 +14,7 @@ from types import ModuleType
 import pytest
 from mcap.reader import make_reader
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.logs.mcap import sealed_file
 from picktree.logs.mcap.sealed_file import RawFile
 from picktree.logs.mcap.writer import McapFile

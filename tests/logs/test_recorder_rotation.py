@@ -13,7 +13,7 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
 
 from picktree.analysis import Run
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.logs.log_paths import find_log
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.recording.rotated_log import Rotation

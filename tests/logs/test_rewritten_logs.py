@@ -13,7 +13,7 @@ from mcap.records import Metadata
 from picktree.analysis import Run
 from picktree.analysis.compare.diff import diff
 from picktree.analysis.compare.divergence import first_difference
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.recording.rotated_log import Rotation
 from picktree.logs.run_log import RunLog

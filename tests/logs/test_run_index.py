@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.cli.app import answer
-from picktree.errors import PicktreeError
+from picktree.apps.cli.app import answer
+from picktree.files.errors import PicktreeError
 from picktree.logs import run_index
 from picktree.logs.run_index import COLUMNS, RunFilter, RunIndex, RunRow
 from picktree.logs.run_result import RunResult

@@ -8,8 +8,8 @@ from typing import TypeVar
 
 import pytest
 
-from picktree.manipulation.grasp.grasp_candidates import GraspCandidate, grasp_candidates
-from picktree.manipulation.pick.pick_candidates import (
+from picktree.robot.manipulation.grasp_candidates import GraspCandidate, grasp_candidates
+from picktree.robot.manipulation.pick_candidates import (
     APPROACH_STAGE,
     GRASP_STAGE,
     HAND_STAGE,
@@ -21,15 +21,15 @@ from picktree.manipulation.pick.pick_candidates import (
     count_rejections,
     describe_rejections,
 )
-from picktree.manipulation.pick.pick_stream import CandidateSearch
-from picktree.robots.loading import load_robot
+from picktree.robot.manipulation.pick_stream import CandidateSearch
+from picktree.robot.world import World
 from picktree.session.assembly import assemble_world
 from picktree.simulation.backends import build_hardware
-from picktree.skill_world.world import World
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import Failure, planning
 from picktree.world.journal import CandidateSearchEntry, PlanEntry
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.scene.scene_loading import load_scene
 from picktree.world.shapes import Box, Cylinder
 from picktree.world.values import ObjectId, Pose
 

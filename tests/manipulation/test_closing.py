@@ -9,17 +9,17 @@ from typing import cast
 import numpy as np
 import pytest
 
-from picktree.control.execution.control_loop import ControlLoop
-from picktree.control.execution.gripper_motion import GripperControl
-from picktree.control.execution.motions import ArmMotion
-from picktree.control.safety.safety_monitor import SafetyMonitor
-from picktree.manipulation.grasp.compliant_closing import ClosingResult, close, grip_force
-from picktree.robots.model import RobotModel
+from picktree.robot.control.control_loop import ControlLoop
+from picktree.robot.control.gripper_motion import GripperControl
+from picktree.robot.control.motions import ArmMotion
+from picktree.robot.control.safety_monitor import SafetyMonitor
+from picktree.robot.manipulation.compliant_closing import ClosingResult, close, grip_force
+from picktree.robot.world import World
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.scoring.scorer import score
-from picktree.skill_world.world import World
-from picktree.world.events.run_events import CrushedEvent
+from picktree.simulation.scorer import score
 from picktree.world.journal import Journal, JournalEvent
+from picktree.world.robot_model.model import RobotModel
+from picktree.world.run_events import CrushedEvent
 from picktree.world.scene.description import CatalogueEntry, Spawn
 from picktree.world.shapes import Box, Cylinder
 from picktree.world.values import Pose

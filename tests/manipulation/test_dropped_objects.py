@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 import pytest
 
-from picktree.manipulation.place.dropped_objects import (
+from picktree.robot.manipulation.dropped_objects import (
     apply_bin_exchanges,
     forget_belt_items,
     open_gripper,
@@ -24,7 +24,7 @@ from picktree.world.shapes import Box, Cylinder
 from picktree.world.values import ObjectId, Pose
 
 if TYPE_CHECKING:
-    from picktree.skill_world.world import World
+    from picktree.robot.world import World
 
 TABLE = Fixture(ObjectId("table"), Box((1.0, 0.8, 0.04)), Pose((0.5, 0.0, -0.02)))
 SHELF = Fixture(ObjectId("shelf"), Box((0.2, 0.3, 0.1)), Pose((0.8, 0.2, 0.05)))

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.manipulation.grasp.grasp_candidates import grasp_candidates
-from picktree.manipulation.grasp.grasp_opening import OUTER_ROOM, WIDE_EXCESSES, widened
-from picktree.manipulation.pick.pick_stream import CandidateSearch
-from picktree.manipulation.pick.transfer_requests import MAX_TOP_ERROR
-from picktree.robots.description import Linkage
-from picktree.skill_world.world import World
+from picktree.robot.manipulation.grasp_candidates import grasp_candidates
+from picktree.robot.manipulation.grasp_opening import OUTER_ROOM, WIDE_EXCESSES, widened
+from picktree.robot.manipulation.pick_stream import CandidateSearch
+from picktree.robot.manipulation.transfer_requests import MAX_TOP_ERROR
+from picktree.robot.world import World
 from picktree.world.belief.planning_scene import BeliefObject
+from picktree.world.robot_model.description import Linkage
 from picktree.world.shapes import Box
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array, ObjectId, Pose

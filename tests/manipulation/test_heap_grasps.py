@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from picktree.manipulation.grasp.heap_grasps import (
+from picktree.robot.manipulation.heap_grasps import (
     MORE_TILTED,
     STAGES,
     STRICT,
@@ -18,11 +18,11 @@ from picktree.manipulation.grasp.heap_grasps import (
     colour_between,
     grasps,
 )
-from picktree.manipulation.grasp.heap_views import surfaces
-from picktree.perception.heap_mapping import heap_object
-from picktree.perception.segmentation import LABEL_NAMES
-from picktree.robots.loading import load_robot
+from picktree.robot.manipulation.heap_views import surfaces
+from picktree.robot.perception.heap_mapping import heap_object
+from picktree.robot.perception.segmentation import LABEL_NAMES
 from picktree.world.belief.height_map import BarredPlace, Heap, HeightMap
+from picktree.world.robot_model.loading import load_robot
 from picktree.world.scene.description import Bin
 from picktree.world.scene.heap_regions import HeapRegion
 from picktree.world.values import Array, ObjectId, Pose

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from picktree.manipulation.pick.heap_stirring import heap_changed
-from picktree.manipulation.push.heap_strokes import POSTURES, HeapStroke, Posture, heap_strokes
-from picktree.robots.loading import load_robot
+from picktree.robot.manipulation.heap_stirring import heap_changed
+from picktree.robot.manipulation.heap_strokes import POSTURES, HeapStroke, Posture, heap_strokes
 from picktree.world.belief.height_map import HeightMap
 from picktree.world.planar_geometry import PlanarPose
+from picktree.world.robot_model.loading import load_robot
 from picktree.world.values import Array, Pose
 
 GRIPPER = load_robot("panda").gripper

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from picktree.manipulation.insert.insertion import (
+from picktree.robot.manipulation.insertion import (
     SEARCH_HEIGHT,
     InsertionTask,
     fit,
@@ -18,7 +18,7 @@ from picktree.manipulation.insert.insertion import (
 )
 from picktree.world.belief.hole_matching import tightest_hole
 from picktree.world.scene.description import Fixture
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.scene.scene_loading import load_scene
 from picktree.world.shapes import Box, Cylinder, Shape
 from picktree.world.values import Pose
 

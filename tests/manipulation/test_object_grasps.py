@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from picktree.manipulation.grasp.object_grasps import leaning_object_grasps, object_grasps
-from picktree.robots.loading import load_robot
+from picktree.robot.manipulation.object_grasps import leaning_object_grasps, object_grasps
 from picktree.world.belief.planning_scene import BeliefObject
+from picktree.world.robot_model.loading import load_robot
 from picktree.world.shapes import CompoundMesh, ConvexMesh, bottom
 from picktree.world.values import ObjectId, Pose
 

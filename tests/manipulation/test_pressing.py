@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.manipulation.grasp.compliant_closing import (
+from picktree.robot.manipulation.compliant_closing import (
     grip_force,
     opening_force,
     required_force,
 )
-from picktree.planning.requests import CARRYING_ACCELERATION
-from picktree.robots.loading import load_robot
+from picktree.robot.planning.requests import CARRYING_ACCELERATION
+from picktree.world.robot_model.loading import load_robot
 from picktree.world.scene.description import CatalogueEntry
 from picktree.world.shapes import Box
 

@@ -8,10 +8,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.compliant_motion import ContactState
-from picktree.manipulation.push.push_arcs import ArcPath, straight
-from picktree.manipulation.push.pushed_object import PlanarEstimate, estimate_from_camera, fuse_estimates
-from picktree.manipulation.push.stroke_course import (
+from picktree.robot.control.compliant_motion import ContactState
+from picktree.robot.manipulation.push_arcs import ArcPath, straight
+from picktree.robot.manipulation.pushed_object import PlanarEstimate, estimate_from_camera, fuse_estimates
+from picktree.robot.manipulation.stroke_course import (
     BACK_OFF_TRAVEL,
     MAX_SINK,
     VERTICAL_DRAG_STIFFNESS,

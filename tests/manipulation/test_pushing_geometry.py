@@ -9,9 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.manipulation.push.push_arcs import arc_to, biarc, push_sides, straight, truncated
-from picktree.robots.description import tool_outline
-from picktree.robots.loading import load_robot
+from picktree.robot.manipulation.push_arcs import arc_to, biarc, push_sides, straight, truncated
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.planar_geometry import (
     PlanarOutline,
@@ -24,6 +22,8 @@ from picktree.world.planar_geometry import (
     wrap_angle,
 )
 from picktree.world.quasi_static_pushing import PlanarPushModel
+from picktree.world.robot_model.description import tool_outline
+from picktree.world.robot_model.loading import load_robot
 from picktree.world.shapes import Box, Cylinder, Shape, Sphere
 from picktree.world.values import ObjectId, Pose
 

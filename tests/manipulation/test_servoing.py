@@ -9,13 +9,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from picktree.manipulation.pick.visual_servoing import match_patches
-from picktree.perception.fitting.known_object_fitting import TrackedSighting, split_at_depth_steps
-from picktree.perception.segmentation import Pixels
+from picktree.robot.manipulation.visual_servoing import match_patches
+from picktree.robot.perception.known_object_fitting import TrackedSighting, split_at_depth_steps
+from picktree.robot.perception.segmentation import Pixels
 from picktree.trees.status import NodeStatus
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.scene.description import SceneDescription
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.scene.scene_loading import load_scene
 from picktree.world.shapes import Box
 from picktree.world.values import Array, ObjectId, Pose
 

@@ -8,14 +8,14 @@ from typing import TypeVar
 
 import pytest
 
-from picktree.manipulation.insert.hole_servoing import look_at_hole
-from picktree.robots.loading import load_robot
+from picktree.robot.manipulation.hole_servoing import look_at_hole
+from picktree.robot.world import World
 from picktree.session.assembly import TICK_LENGTH, assemble_world
 from picktree.simulation.backends import build_hardware
-from picktree.simulation.spawning.spawn import displace_fixtures
-from picktree.skill_world.world import World
+from picktree.simulation.feed.spawn import displace_fixtures
 from picktree.world.causes import Failure
-from picktree.world.scene.loading.scene_loading import parse_scene
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.scene.scene_loading import parse_scene
 from picktree.world.values import ObjectId
 
 T = TypeVar("T")

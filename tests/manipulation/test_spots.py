@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.manipulation.place.release_poses import (
+from picktree.robot.manipulation.release_poses import (
     RELEASE_RIM_HEIGHT,
     free_cells,
     heap_heights,

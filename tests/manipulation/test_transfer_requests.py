@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.manipulation.grasp.grasp_candidates import GraspCandidate
-from picktree.manipulation.pick.transfer_requests import approach
-from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.planning.requests import PoseGoal, Request
+from picktree.robot.manipulation.grasp_candidates import GraspCandidate
+from picktree.robot.manipulation.transfer_requests import approach
+from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning.requests import PoseGoal, Request
 from picktree.session.cell import CellSession
 from picktree.world.values import ObjectId, Pose
 

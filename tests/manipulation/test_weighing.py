@@ -9,12 +9,12 @@ from typing import cast
 import numpy as np
 import pytest
 
-from picktree.control.wrist.payload_estimate import MassEstimate, Payload
-from picktree.manipulation.carry.weighing import GripMonitor, LiftWeighing
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
-from picktree.skill_world.world import World
+from picktree.robot.control.payload_estimate import MassEstimate, Payload
+from picktree.robot.manipulation.weighing import GripMonitor, LiftWeighing
+from picktree.robot.world import World
 from picktree.world.causes import Failure, grasp
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.values import Array
 
 MODEL = RobotModel(load_robot("panda"))

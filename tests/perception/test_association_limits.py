@@ -8,8 +8,8 @@ from functools import cache
 
 import pytest
 
-from picktree.perception.data_association import ObservationSummary, update_belief
-from picktree.perception.fitting.view import Detection, PerceivedView, UnexplainedPatch
+from picktree.robot.perception.data_association import ObservationSummary, update_belief
+from picktree.robot.perception.view import Detection, PerceivedView, UnexplainedPatch
 from picktree.world.belief.planning_scene import FALLEN_SIGMA, BeliefObject, PlanningScene
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose

@@ -10,19 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.perception.expectation.robot_mask import RobotMask
-from picktree.perception.geometry.camera_geometry import PosedCamera, register_hand_camera
-from picktree.perception.pipeline import Perception
-from picktree.perception.segmentation import downsample
-from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
+from picktree.robot.perception.camera_geometry import PosedCamera, register_hand_camera
+from picktree.robot.perception.pipeline import Perception
+from picktree.robot.perception.robot_mask import RobotMask
+from picktree.robot.perception.segmentation import downsample
+from picktree.robot.planning.inverse_kinematics import InverseKinematics
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.scoring.truth import TrueBody
 from picktree.simulation.sensor_noise import MIN_DEPTH_DEVIATION, noisy_depth
+from picktree.simulation.truth import TrueBody
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import CatalogueEntry, SceneDescription
-from picktree.world.scene.loading.scene_loading import load_scene, parse_scene
+from picktree.world.scene.scene_loading import load_scene, parse_scene
 from picktree.world.shapes import Box
 from picktree.world.values import Array, Pose
 

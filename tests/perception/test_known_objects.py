@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.perception.fitting import blob_splitting
-from picktree.perception.fitting.item_fitting import ItemFitter
-from picktree.perception.fitting.view import Detection
-from picktree.perception.segmentation import Blob, label_of
+from picktree.robot.perception import blob_splitting
+from picktree.robot.perception.item_fitting import ItemFitter
+from picktree.robot.perception.segmentation import Blob, label_of
+from picktree.robot.perception.view import Detection
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose

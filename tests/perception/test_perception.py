@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.perception.fitting.view import Detection
+from picktree.robot.perception.view import Detection
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box, Shape

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.perception import segmentation
-from picktree.perception.expectation.backdrop import BackgroundModel, level_camera
-from picktree.perception.geometry.camera_geometry import PosedCamera
-from picktree.perception.geometry.resting_poses import stable_poses
-from picktree.perception.geometry.silhouette_fitting import (
+from picktree.robot.perception import segmentation
+from picktree.robot.perception.backdrop import BackgroundModel, level_camera
+from picktree.robot.perception.camera_geometry import PosedCamera
+from picktree.robot.perception.resting_poses import stable_poses
+from picktree.robot.perception.silhouette_fitting import (
     BlobOutline,
     StandingPose,
     distances_outside,

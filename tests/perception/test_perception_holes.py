@@ -6,16 +6,16 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.perception.data_association import update_belief
-from picktree.perception.fitting.view import PerceivedView
-from picktree.perception.pipeline import Perception
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
+from picktree.robot.perception.data_association import update_belief
+from picktree.robot.perception.pipeline import Perception
+from picktree.robot.perception.view import PerceivedView
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.belief.hole_matching import fitting_hole, hole_in_world, tightest_hole
 from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.scene.destinations import destination_rule, is_at
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.scene.scene_loading import load_scene
 from picktree.world.shapes import bottom
 from picktree.world.values import Pose
 

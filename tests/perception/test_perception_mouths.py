@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.perception.fitting.hole_mouths import detect_hole
+from picktree.robot.perception.hole_mouths import detect_hole
 from picktree.simulation.engine import Client
 from picktree.simulation.physics.bodies import add_scenery
 from picktree.simulation.physics.rgbd_camera import CameraRenderer
 from picktree.simulation.sensor_noise import noisy_depth
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import Fixture, Hole, SceneDescription
-from picktree.world.scene.loading.scene_entries import look_at_frame
-from picktree.world.scene.loading.scene_loading import parse_scene
+from picktree.world.scene.scene_entries import look_at_frame
+from picktree.world.scene.scene_loading import parse_scene
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
 

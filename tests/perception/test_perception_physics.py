@@ -7,15 +7,15 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from picktree.perception.data_association import update_belief
-from picktree.perception.pipeline import Perception
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
+from picktree.robot.perception.data_association import update_belief
+from picktree.robot.perception.pipeline import Perception
 from picktree.simulation.backends import Simulation
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.belief.planning_scene import PlanningScene
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
+from picktree.world.scene.scene_loading import load_scene
 from picktree.world.values import Array
 
 PANDA = load_robot("panda")

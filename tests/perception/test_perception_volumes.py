@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.perception.data_association import update_belief
-from picktree.perception.fitting.view import Detection
-from picktree.perception.pipeline import Perception
-from picktree.perception.voxels.obstacle_volumes import merge_cells
-from picktree.perception.voxels.space_carving import (
+from picktree.robot.perception.data_association import update_belief
+from picktree.robot.perception.obstacle_volumes import merge_cells
+from picktree.robot.perception.pipeline import Perception
+from picktree.robot.perception.space_carving import (
     CELL_SIZE,
     UNSEEN_REACH,
     cell_centres,
@@ -21,7 +20,8 @@ from picktree.perception.voxels.space_carving import (
     cells_of,
     obstacle_from_cells,
 )
-from picktree.planning.collision.collision_bodies import movable_bodies
+from picktree.robot.perception.view import Detection
+from picktree.robot.planning.collision_bodies import movable_bodies
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.shapes import Box, Cylinder, Sphere, inside
 from picktree.world.values import Array, ObjectId, Pose

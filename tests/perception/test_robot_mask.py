@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from picktree.perception.expectation.robot_mask import RobotMask
-from picktree.robots.link_shapes import LinkShape, link_shapes
+from picktree.robot.perception.robot_mask import RobotMask
+from picktree.world.robot_model.link_shapes import LinkShape, link_shapes
 from picktree.world.values import Array, Pose
 
 

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from picktree.perception import segmentation
-from picktree.perception.fitting.view import PerceivedView
-from picktree.perception.segmentation import Pixels, SegmentationInput
-from picktree.perception.voxels.space_carving import (
+from picktree.robot.perception import segmentation
+from picktree.robot.perception.segmentation import Pixels, SegmentationInput
+from picktree.robot.perception.space_carving import (
     bounding_box_of,
     cell_centres,
     cell_indices,
@@ -22,6 +21,7 @@ from picktree.perception.voxels.space_carving import (
     surface_of,
     unexplained_patches,
 )
+from picktree.robot.perception.view import PerceivedView
 from picktree.world.values import Array
 
 from .synthetic_view import HEIGHT, HIGH, SIGHT, WIDE, patch_of, synthetic_view

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from picktree.perception import segmentation
-from picktree.perception.fitting.view import BinView, BodyVisibility, Detection
+from picktree.robot.perception import segmentation
+from picktree.robot.perception.view import BinView, BodyVisibility, Detection
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Array, Pose
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.perception.fitting.view import PerceivedView, UnexplainedPatch
-from picktree.perception.voxels.obstacle_volumes import merge_cells, update_volumes
-from picktree.perception.voxels.space_carving import (
+from picktree.robot.perception.obstacle_volumes import merge_cells, update_volumes
+from picktree.robot.perception.space_carving import (
     cell_indices,
     cell_keys,
     cells_of,
@@ -15,6 +14,7 @@ from picktree.perception.voxels.space_carving import (
     obstacle_from_cells,
     supposed_cells_of,
 )
+from picktree.robot.perception.view import PerceivedView, UnexplainedPatch
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.shapes import Box
 from picktree.world.values import Array, ObjectId, Pose

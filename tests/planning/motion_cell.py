@@ -7,14 +7,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from picktree.planning.collision.scene_queries import SceneQueries
-from picktree.planning.service.plan_service import PlanService
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
+from picktree.robot.planning.plan_service import PlanService
+from picktree.robot.planning.scene_queries import SceneQueries
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.computing_time import ComputeTimeAccount
 from picktree.world.journal import Journal
 from picktree.world.random_streams import RandomStreams
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.scene.description import Bin, Fixture
 from picktree.world.shapes import Box, Cylinder, Shape, Sphere
 from picktree.world.values import Array, ObjectId, Pose

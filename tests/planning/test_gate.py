@@ -9,14 +9,14 @@ from typing import TypeVar
 import numpy as np
 import pytest
 
-from picktree.planning.requests import HeldObject, JointGoal, MotionPlan, NamedGoal, PoseGoal, Request
-from picktree.planning.service.trajectory_gate import TrajectoryGate
-from picktree.robots.loading import load_robot
+from picktree.robot.planning.requests import HeldObject, JointGoal, MotionPlan, NamedGoal, PoseGoal, Request
+from picktree.robot.planning.trajectory_gate import TrajectoryGate
 from picktree.session.assembly import TICK_LENGTH, assemble_world
 from picktree.simulation.backends import Backend, build_hardware
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import Failure
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.scene.scene_loading import load_scene
 from picktree.world.shapes import Box
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array, Bounds, ObjectId, Pose

@@ -9,12 +9,12 @@ from typing import cast
 import numpy as np
 import pytest
 
-from picktree.planning.requests import HeldObject, JointGoal, Request
-from picktree.planning.service.plan_service import PlanService
-from picktree.planning.service.trajectory_gate import TrajectoryGate
-from picktree.robots.model import RobotModel
+from picktree.robot.planning.plan_service import PlanService
+from picktree.robot.planning.requests import HeldObject, JointGoal, Request
+from picktree.robot.planning.trajectory_gate import TrajectoryGate
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import Failure
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.shapes import Box
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array, Bounds, ObjectId, Pose

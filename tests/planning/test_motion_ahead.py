@@ -16,9 +16,16 @@ from typing import TypeVar
 import numpy as np
 import pytest
 
-from picktree.errors import PicktreeError
-from picktree.planning.requests import JointGoal, LineGoal, MotionPlan, PlannerOverrides, PoseGoal, Request
-from picktree.planning.service.planning_worker import ChainAnswer, ChainOrder, ChainSolver, PlanningWorker
+from picktree.files.errors import PicktreeError
+from picktree.robot.planning.planning_worker import ChainAnswer, ChainOrder, ChainSolver, PlanningWorker
+from picktree.robot.planning.requests import (
+    JointGoal,
+    LineGoal,
+    MotionPlan,
+    PlannerOverrides,
+    PoseGoal,
+    Request,
+)
 from picktree.world.causes import Failure, planning
 from picktree.world.journal import PlanEntry
 from picktree.world.shapes import Box

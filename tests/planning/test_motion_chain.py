@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.errors import PicktreeError
-from picktree.planning.requests import (
+from picktree.files.errors import PicktreeError
+from picktree.robot.planning.motion_chain import split_into_legs
+from picktree.robot.planning.requests import (
     HeldObject,
     JointGoal,
     LineGoal,
@@ -17,8 +18,7 @@ from picktree.planning.requests import (
     Request,
     Scaling,
 )
-from picktree.planning.service.motion_chain import split_into_legs
-from picktree.planning.timing.toppra_profile import ACCELERATION_RISE_TIME
+from picktree.robot.planning.toppra_profile import ACCELERATION_RISE_TIME
 from picktree.world.causes import Failure, planning
 from picktree.world.journal import PlanEntry
 from picktree.world.shapes import Box, Sphere

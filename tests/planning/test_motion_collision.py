@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.planning.collision.collision_bodies import CollisionMargins, is_board
-from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.planning.collision.trajectory_check import StartTolerance
-from picktree.planning.collision.trajectory_judge import TrajectoryVerifier
-from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
+from picktree.robot.planning.collision_bodies import CollisionMargins, is_board
+from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning.inverse_kinematics import InverseKinematics
+from picktree.robot.planning.trajectory_check import StartTolerance
+from picktree.robot.planning.trajectory_judge import TrajectoryVerifier
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.shapes import Box
 from picktree.world.trajectory import Trajectory

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.planning.collision.trajectory_judge import TrajectoryVerifier
-from picktree.planning.path_constraints import PathConstraints
-from picktree.planning.requests import (
+from picktree.robot.planning.goal_configurations import region_poses
+from picktree.robot.planning.path_constraints import PathConstraints
+from picktree.robot.planning.requests import (
     BoxConstraint,
     Constraint,
     JointGoal,
@@ -23,8 +23,8 @@ from picktree.planning.requests import (
     Request,
     UprightConstraint,
 )
-from picktree.planning.search.goal_configurations import region_poses
-from picktree.planning.service.solver import RequestSolver
+from picktree.robot.planning.solver import RequestSolver
+from picktree.robot.planning.trajectory_judge import TrajectoryVerifier
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.causes import Failure
 from picktree.world.shapes import Box

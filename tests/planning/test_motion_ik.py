@@ -6,12 +6,12 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.planning.kinematics.inverse_kinematics import (
+from picktree.robot.planning.inverse_kinematics import (
     MAX_FAILED_DESCENTS,
     MIN_SOLUTION_DIFFERENCE,
     InverseKinematics,
 )
-from picktree.planning.kinematics.levenberg_marquardt import ANGLE_ACCURACY, POSITION_ACCURACY
+from picktree.robot.planning.levenberg_marquardt import ANGLE_ACCURACY, POSITION_ACCURACY
 from picktree.world.values import Pose
 
 from .motion_cell import HOME, MODEL, down

@@ -7,16 +7,16 @@ from functools import cache
 import numpy as np
 import pytest
 
-from picktree.planning.collision.collision_bodies import fixed_bodies, movable_bodies
-from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.planning.collision.scene_queries import FclSolid, distance_between, hull, place, solid
-from picktree.planning.collision.swept_volumes import MAX_JOINT_STEP, MAX_TCP_STEP, moments_of
-from picktree.planning.collision.trajectory_judge import PENETRATION_ROUNDING, TrajectoryVerifier
-from picktree.planning.requests import Scaling
-from picktree.planning.timing.time_parameterization import time_corners
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
+from picktree.robot.planning.collision_bodies import fixed_bodies, movable_bodies
+from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning.requests import Scaling
+from picktree.robot.planning.scene_queries import FclSolid, distance_between, hull, place, solid
+from picktree.robot.planning.swept_volumes import MAX_JOINT_STEP, MAX_TCP_STEP, moments_of
+from picktree.robot.planning.time_parameterization import time_corners
+from picktree.robot.planning.trajectory_judge import PENETRATION_ROUNDING, TrajectoryVerifier
 from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.shapes import Box, ConvexMesh, Sphere
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array, Pose

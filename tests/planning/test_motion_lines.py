@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.planning.collision.trajectory_check import StartTolerance
-from picktree.planning.kinematics.cartesian_lines import (
+from picktree.robot.planning.cartesian_lines import (
     MAX_JOINT_JUMP,
     MAX_LINE_STEP,
     plan_line,
 )
-from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
+from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning.inverse_kinematics import InverseKinematics
+from picktree.robot.planning.trajectory_check import StartTolerance
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.shapes import Box
 from picktree.world.values import Array, Pose, Quaternion

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
+from picktree.robot.planning.inverse_kinematics import InverseKinematics
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.values import Array
 
 from .motion_cell import HOME, MODEL, down

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.planning.requests import (
+from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning.requests import (
     JointGoal,
     LineGoal,
     MotionPlan,

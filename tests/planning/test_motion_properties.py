@@ -11,10 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.planning.collision import trajectory_check
-from picktree.planning.collision.collision_bodies import CollisionMargins
-from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.planning.collision.trajectory_check import (
+from picktree.robot.planning import trajectory_check
+from picktree.robot.planning.collision_bodies import CollisionMargins
+from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning.joint_planner import retreat_path
+from picktree.robot.planning.requests import JointGoal, PoseGoal, Scaling
+from picktree.robot.planning.time_parameterization import time_corners
+from picktree.robot.planning.trajectory_check import (
     MAX_JOINT_STEP,
     MAX_TCP_STEP,
     EdgeSteps,
@@ -24,12 +27,9 @@ from picktree.planning.collision.trajectory_check import (
     is_trajectory_free,
     sampled_configurations,
 )
-from picktree.planning.requests import JointGoal, PoseGoal, Scaling
-from picktree.planning.search.joint_planner import retreat_path
-from picktree.planning.timing.time_parameterization import time_corners
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
 from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.shapes import Box, Cylinder, Shape, Sphere
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array, Bounds, ObjectId, Pose

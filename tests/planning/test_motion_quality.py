@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.planning.requests import NamedGoal, OffsetGoal, PoseGoal, Request
+from picktree.robot.planning.requests import NamedGoal, OffsetGoal, PoseGoal, Request
 from picktree.world.journal import PlanEntry
 from picktree.world.shapes import Box
 from picktree.world.values import Pose

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.planning.collision.scene_queries import SceneQueries, place, solid
+from picktree.robot.planning.scene_queries import SceneQueries, place, solid
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Sphere
 from picktree.world.values import Pose
 

@@ -8,16 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
-from picktree.planning.requests import Scaling
-from picktree.planning.timing.path_curves import (
+from picktree.robot.planning.path_curves import (
     JointCurve,
     blend_curves,
     concatenate,
     rounded_polyline,
     spline_through,
 )
-from picktree.planning.timing.time_parameterization import time_corners, time_curve, time_smooth
-from picktree.planning.timing.toppra_profile import (
+from picktree.robot.planning.requests import Scaling
+from picktree.robot.planning.time_parameterization import time_corners, time_curve, time_smooth
+from picktree.robot.planning.toppra_profile import (
     ACCELERATION_RISE_TIME,
     TORQUE_LIMIT_SHARE,
     ScaledStretch,

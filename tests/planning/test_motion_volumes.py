@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from picktree.perception.voxels.obstacle_volumes import merge_cells
-from picktree.perception.voxels.space_carving import Keys, cells_in_body, obstacle_from_cells
-from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.planning.collision.trajectory_judge import TrajectoryVerifier
-from picktree.planning.requests import JointGoal
+from picktree.robot.perception.obstacle_volumes import merge_cells
+from picktree.robot.perception.space_carving import Keys, cells_in_body, obstacle_from_cells
+from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning.requests import JointGoal
+from picktree.robot.planning.trajectory_judge import TrajectoryVerifier
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.causes import Failure
 from picktree.world.shapes import Box, ConvexMesh

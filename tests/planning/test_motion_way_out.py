@@ -6,13 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from picktree.planning.collision.collision_checker import CollisionChecker
-from picktree.planning.requests import DIRECTIONS
-from picktree.planning.search.penetration_escape import (
+from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning.penetration_escape import (
     EscapeSearch,
     StepConstraints,
     least_distance,
 )
+from picktree.robot.planning.requests import DIRECTIONS
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Array, Pose

@@ -6,16 +6,16 @@ import itertools
 
 import numpy as np
 
-from picktree.planning.collision.trajectory_check import StartTolerance, is_trajectory_free
-from picktree.planning.requests import PoseGoal, Request, Scaling
-from picktree.planning.search.joint_planner import CheckBudget, FoundPath, JointPlanner
-from picktree.planning.search.rrt_connect import (
+from picktree.robot.planning.joint_planner import CheckBudget, FoundPath, JointPlanner
+from picktree.robot.planning.requests import PoseGoal, Request, Scaling
+from picktree.robot.planning.rrt_connect import (
     SearchChecks,
     improve_path,
     path_length,
     rrt_connect,
     shorten_path,
 )
+from picktree.robot.planning.trajectory_check import StartTolerance, is_trajectory_free
 from picktree.world.values import Array, Pose
 
 from .motion_cell import MODEL, Cell, shelf_scene

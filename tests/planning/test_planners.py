@@ -14,13 +14,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.cli.author.file_schemas import CHECKS
-from picktree.commissioning.plan_trial import PlanQuery, plan_in_scene
-from picktree.errors import PicktreeError
+from picktree.apps.cli.file_schemas import CHECKS
+from picktree.apps.commissioning.plan_trial import PlanQuery, plan_in_scene
 from picktree.files.diagnostics.file_checks import check_files
+from picktree.files.errors import PicktreeError
 from picktree.logs.run_log import RunLog
-from picktree.planning.path_constraints import PathConstraints
-from picktree.planning.requests import (
+from picktree.robot.planning import ompl_planners
+from picktree.robot.planning.path_constraints import PathConstraints
+from picktree.robot.planning.requests import (
     JointGoal,
     MotionPlan,
     OffsetGoal,
@@ -29,14 +30,13 @@ from picktree.planning.requests import (
     Request,
     UprightConstraint,
 )
-from picktree.planning.search import ompl_planners
-from picktree.planning.service.solver import RequestSolver
-from picktree.robots.loading import load_robot
+from picktree.robot.planning.solver import RequestSolver
 from picktree.session.session import RunRequest, Session
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.causes import Failure, planning
 from picktree.world.journal import PlanEntry
 from picktree.world.planner_names import AUTO, BUILT_IN
+from picktree.world.robot_model.loading import load_robot
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box
 from picktree.world.values import Array, ObjectId, Pose

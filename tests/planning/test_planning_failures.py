@@ -8,8 +8,8 @@ from math import degrees, radians
 import numpy as np
 import pytest
 
-from picktree.errors import PicktreeError
-from picktree.planning.requests import (
+from picktree.files.errors import PicktreeError
+from picktree.robot.planning.requests import (
     BoxConstraint,
     HeldObject,
     JointGoal,
@@ -22,7 +22,7 @@ from picktree.planning.requests import (
     Scaling,
     UprightConstraint,
 )
-from picktree.planning.service.solver import RequestSolver
+from picktree.robot.planning.solver import RequestSolver
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.causes import Failure, planning
 from picktree.world.scene.description import Fixture

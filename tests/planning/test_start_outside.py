@@ -11,9 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.planning.collision.tool_room import start_excess
-from picktree.planning.collision.trajectory_check import StartTolerance
-from picktree.planning.requests import (
+from picktree.robot.planning.penetration_escape import EscapeSearch
+from picktree.robot.planning.requests import (
     Constraint,
     JointGoal,
     LineGoal,
@@ -23,14 +22,15 @@ from picktree.planning.requests import (
     Target,
     UprightConstraint,
 )
-from picktree.planning.search.penetration_escape import EscapeSearch
-from picktree.planning.search.return_path import ReturnSearch
-from picktree.planning.service.solver import RequestSolver
-from picktree.planning.service.trajectory_gate import TrajectoryGate
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
+from picktree.robot.planning.return_path import ReturnSearch
+from picktree.robot.planning.solver import RequestSolver
+from picktree.robot.planning.tool_room import start_excess
+from picktree.robot.planning.trajectory_check import StartTolerance
+from picktree.robot.planning.trajectory_gate import TrajectoryGate
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.causes import Failure, planning
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.shapes import Box
 from picktree.world.values import Array, Bounds, Pose
 

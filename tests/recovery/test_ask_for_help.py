@@ -9,7 +9,7 @@ import pytest
 from picktree.authoring.check import check_mission
 from picktree.authoring.rehearsal.rehearse import rehearse_files
 from picktree.files.yaml.document import read_document
-from picktree.skill_world.operator_desk import OperatorQuestion, OperatorRequests
+from picktree.robot.operator_desk import OperatorQuestion, OperatorRequests
 
 MISSION = """\
 picktree: 1

@@ -9,10 +9,10 @@ import pytest
 
 from picktree.files.yaml.document import read_document
 from picktree.recovery import NODES as RECOVERY
-from picktree.skill_world.world import World
+from picktree.robot.world import World
 from picktree.trees.loading.loader import examine, parse_mission
 from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.running.runner import build
+from picktree.trees.runner import build
 from picktree.trees.status import NodeStatus
 from picktree.world.journal import Plain
 

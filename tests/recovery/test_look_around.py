@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from picktree.simulation.fault_files.device_entries import AtTime, CameraDrop
+from picktree.simulation.faults.device_entries import AtTime, CameraDrop
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Doing
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.scene.scene_loading import load_scene
 from picktree.world.values import Pose
 
 from ..skills.cell import Cell, mission

@@ -8,12 +8,18 @@ from dataclasses import dataclass, field
 from textwrap import indent
 from typing import cast
 
-from picktree.planning.requests import DEFAULT_CHECK_BUDGET, NamedGoal, OffsetGoal, PlannerOverrides, Request
 from picktree.recovery import NODES as RECOVERY
-from picktree.skill_world.world import World
+from picktree.robot.planning.requests import (
+    DEFAULT_CHECK_BUDGET,
+    NamedGoal,
+    OffsetGoal,
+    PlannerOverrides,
+    Request,
+)
+from picktree.robot.world import World
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.running.runner import build
+from picktree.trees.runner import build
 from picktree.trees.skill import Skill, Steps
 from picktree.world.causes import Failure, planning
 

@@ -6,10 +6,10 @@ from textwrap import indent
 from typing import cast
 
 from picktree.recovery import Recover
-from picktree.skill_world.world import World
+from picktree.robot.world import World
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.running.runner import build
+from picktree.trees.runner import build
 from picktree.trees.status import NodeStatus
 
 from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import cast
 
 from picktree.recovery import RecoveryNode
-from picktree.skill_world.world import World
+from picktree.robot.world import World
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.running.runner import build
+from picktree.trees.runner import build
 from picktree.trees.status import NodeStatus
 from picktree.world.causes import FailureReport
 

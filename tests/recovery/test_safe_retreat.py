@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from picktree.manipulation.carry.put_down import _free_spots  # pyright: ignore[reportPrivateUsage]
-from picktree.manipulation.retreat.clearing import RetreatMotion
-from picktree.planning.requests import ContactPair, MotionPlan, OffsetGoal, Request
-from picktree.planning.service.plan_service import PlanService
+from picktree.robot.manipulation.clearing import RetreatMotion
+from picktree.robot.manipulation.put_down import _free_spots  # pyright: ignore[reportPrivateUsage]
+from picktree.robot.planning.plan_service import PlanService
+from picktree.robot.planning.requests import ContactPair, MotionPlan, OffsetGoal, Request
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import Cause, Failure, FailureReport, control, place, planning
@@ -73,7 +73,7 @@ def test_out_of_what_is_believed_about_the_hand_and_to_the_pose() -> None:
 def test_with_no_way_out_it_says_what_it_is_in_and_what_was_tried_and_stays(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("picktree.manipulation.retreat.clearing.MAX_ESCAPE_LENGTH", 0.03)
+    monkeypatch.setattr("picktree.robot.manipulation.clearing.MAX_ESCAPE_LENGTH", 0.03)
     made = cell()
     x, y, z = made.world.control.tcp.position
     believe(made, "ghost", (0.8, 0.8, 0.8), (x, y, z + 0.1))
@@ -191,7 +191,7 @@ def test_what_is_touched_on_the_way_home_is_left_and_gone_around(
     direction begins where the touch has left the arm."""
     from dataclasses import replace
 
-    from picktree.control.execution.motions import ArmMotion, JointImpedanceResult
+    from picktree.robot.control.motions import ArmMotion, JointImpedanceResult
 
     made = cell()
     assert do(made, "GoTo: {pose: rest}") == ("SUCCESS", "")

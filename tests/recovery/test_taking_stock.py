@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from picktree.recovery.belief_restart import ResyncReport, _recognise, resync_belief  # pyright: ignore[reportPrivateUsage]
-from picktree.simulation.fault_files.device_entries import AtTime, CameraDrop, GripperJam
+from picktree.simulation.faults.device_entries import AtTime, CameraDrop, GripperJam
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import Failure, control, safety
@@ -21,7 +21,7 @@ from picktree.world.values import ObjectId, Pose
 from ..skills.cell import LIMIT, Cell, items, mission
 
 if TYPE_CHECKING:
-    from picktree.skill_world.world import World
+    from picktree.robot.world import World
     from picktree.trees.skill import Doing
 
 FIRST = "the run goes on as things stand: it looks first, with the belief of before"

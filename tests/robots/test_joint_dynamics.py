@@ -11,12 +11,12 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from picktree.robots.description import RobotDescription
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
 from picktree.simulation.checkpoints import GripperCommand
 from picktree.simulation.engine import Client, reset
-from picktree.simulation.physics.robot.robot_body import RobotBody
+from picktree.simulation.physics.robot_body import RobotBody
+from picktree.world.robot_model.description import RobotDescription
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.values import Array
 
 PERIOD = 1 / 240

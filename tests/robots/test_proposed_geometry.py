@@ -10,11 +10,11 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull
 
-from picktree.commissioning.robot_setup.base_pose import YAWS, places
-from picktree.commissioning.robot_setup.link_geometry import MAX_STICK_OUT
-from picktree.commissioning.robot_setup.proposal import Proposal, ProposalRequest, propose
-from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
-from picktree.robots.model import RobotModel
+from picktree.apps.commissioning.base_pose import YAWS, places
+from picktree.apps.commissioning.link_geometry import MAX_STICK_OUT
+from picktree.apps.commissioning.proposal import Proposal, ProposalRequest, propose
+from picktree.robot.planning.inverse_kinematics import InverseKinematics
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.shapes import Box, corners
 from picktree.world.values import Array, Pose
 

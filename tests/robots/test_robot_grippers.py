@@ -14,16 +14,16 @@ import pybullet as pb
 import pytest
 import trimesh
 
-from picktree.commissioning.robot_setup.proposal import ProposalRequest, propose
+from picktree.apps.commissioning.proposal import ProposalRequest, propose
 from picktree.files.marks import FileError
-from picktree.robots.description import RobotDescription
-from picktree.robots.finger_linkage import LinkageFingers, SliderPair, fingers_of
-from picktree.robots.loading import load_robot, parse_robot
-from picktree.robots.model import RobotModel
-from picktree.robots.urdf_geometry import link_geometry
 from picktree.simulation.checkpoints import GripperCommand
 from picktree.simulation.engine import Client, reset
-from picktree.simulation.physics.robot.robot_body import RobotBody
+from picktree.simulation.physics.robot_body import RobotBody
+from picktree.world.robot_model.description import RobotDescription
+from picktree.world.robot_model.finger_linkage import LinkageFingers, SliderPair, fingers_of
+from picktree.world.robot_model.loading import load_robot, parse_robot
+from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.urdf_geometry import link_geometry
 from picktree.world.shapes import corners
 from picktree.world.values import Array
 

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.errors import PicktreeError
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
+from picktree.files.errors import PicktreeError
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.values import Array, Pose
 
 PANDA = load_robot("panda")

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.cli.app import answer
-from picktree.cli.author.file_schemas import CHECKS
+from picktree.apps.cli.app import answer
+from picktree.apps.cli.file_schemas import CHECKS
 from picktree.files.diagnostics.file_checks import check_files
-from picktree.planning.collision.collision_checker import robot_geometry
-from picktree.robots.loading import load_robot
-from picktree.robots.model import RobotModel
-from picktree.robots.urdf_faults import UrdfError
-from picktree.robots.urdf_text import parsed_urdf
+from picktree.robot.planning.collision_checker import robot_geometry
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.urdf_faults import UrdfError
+from picktree.world.robot_model.urdf_text import parsed_urdf
 
 from .arms import ROBOT, joint, link, mini
 

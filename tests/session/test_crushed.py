@@ -10,7 +10,7 @@ import pytest
 from picktree.analysis import Run
 from picktree.analysis.explain.explain import explain
 from picktree.session.session import RunRequest, Session
-from picktree.world.events.run_events import CrushedEvent
+from picktree.world.run_events import CrushedEvent
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -8,10 +8,10 @@ from typing import cast
 
 import pytest
 
+from picktree.robot.world import World
 from picktree.session.debugger import Breakpoint, Debugger, DebuggerStop
-from picktree.skill_world.world import World
 from picktree.trees.loading.loader import parse_mission
-from picktree.trees.running.runner import BehaviourTree, build
+from picktree.trees.runner import BehaviourTree, build
 from picktree.trees.status import NodeStatus
 
 from ..trees.scripted import FakeWorld, Run, registry, start

@@ -14,9 +14,9 @@ from picktree.analysis.run import Run
 from picktree.logs.run_result import RunResult
 from picktree.session.checkpoints import RunState
 from picktree.session.observer import Observer
-from picktree.session.resume.recorded_recipe import RecordedRun, simulated_messages
+from picktree.session.recorded_recipe import RecordedRun, simulated_messages
 from picktree.session.session import Recording, RunRequest, Session
-from picktree.trees.running.runner import TickReport
+from picktree.trees.runner import TickReport
 from picktree.world.belief.facts import FeedProgressState
 
 SCENE = """\

@@ -14,12 +14,12 @@ from types import ModuleType
 
 import pytest
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
 from picktree.logs.schema import topics
-from picktree.session.live.live_view import LiveServer
+from picktree.session.live_view import LiveServer
 from picktree.session.observer import WallClockPacer
 from picktree.session.session import RunRequest, Session
 from picktree.world.belief.planning_scene import PlanningScene

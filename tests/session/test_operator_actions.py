@@ -12,13 +12,13 @@ from picktree.analysis.explain.explanation_text import notes_on
 from picktree.analysis.resim.resim import resimulate
 from picktree.analysis.resim.whatif import what_if
 from picktree.analysis.run import Run
-from picktree.cli.run.operator_prompt import DebugPrompt
+from picktree.apps.cli.operator_prompt import DebugPrompt
 from picktree.logs.run_result import RunResult
 from picktree.session.debugger import Debugger
-from picktree.session.resume.recorded_recipe import RecordedRun
-from picktree.session.resume.resumption import ResumeRequest, Resumption
+from picktree.session.recorded_recipe import RecordedRun
+from picktree.session.resumption import ResumeRequest, Resumption
 from picktree.session.session import RunRequest, Session
-from picktree.world.events.run_events import BlackboardSetEvent
+from picktree.world.run_events import BlackboardSetEvent
 
 MISSION = """\
 picktree: 1

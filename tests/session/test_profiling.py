@@ -15,17 +15,17 @@ from typing import Any
 import jsonschema
 import pytest
 
-from picktree.cli.app import answer
+from picktree.apps.cli.app import answer
 from picktree.logs.run_log import RunLog
 from picktree.session.assembly import TICK_LENGTH
 from picktree.session.observer import Observer
-from picktree.session.profiling.profiler import Profiler
-from picktree.session.profiling.run_profile import NodeCost, RunProfile
-from picktree.session.resume.resumption import ResumeRequest, Resumption
+from picktree.session.profiler import Profiler
+from picktree.session.resumption import ResumeRequest, Resumption
+from picktree.session.run_profile import NodeCost, RunProfile
 from picktree.session.session import DEFAULT_TIME_LIMIT, RunRequest, Session
 from picktree.simulation.backends import Backend
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.trees.running.runner import TickReport
+from picktree.trees.runner import TickReport
 
 MISSION = Path(__file__).parents[1] / "golden" / "one_item.yaml"
 WORKING = '''\
@@ -33,7 +33,7 @@ WORKING = '''\
 
 import time
 
-from picktree.skill_world.world import World
+from picktree.robot.world import World
 from picktree.trees.controls.decorator import Decorator
 from picktree.trees.flow import ChildFlow
 from picktree.trees.ports import In, port

@@ -18,12 +18,12 @@ from pydantic import BaseModel, BeforeValidator
 from picktree.files.shipped_files import ROOT
 from picktree.files.yaml.file_models import ShortForm
 from picktree.files.yaml.named_files import NamedFile
-from picktree.robots.link_shapes import link_shapes
-from picktree.robots.robot_schema import RobotFile
 from picktree.session.recipe import Recipe, RunRequest, read_recipe, recipe_files
-from picktree.session.resume.recipe_archive import RecipeFile, write_recipe
-from picktree.simulation.fault_files.fault_schema import FaultsFile
-from picktree.simulation.spawning.heap_spawning import mesh_files
+from picktree.session.recipe_archive import RecipeFile, write_recipe
+from picktree.simulation.faults.fault_schema import FaultsFile
+from picktree.simulation.feed.heap_spawning import mesh_files
+from picktree.world.robot_model.link_shapes import link_shapes
+from picktree.world.robot_model.robot_schema import RobotFile
 from picktree.world.scene.description import SceneDescription
 from picktree.world.scene.scene_schema import SceneFile
 
@@ -57,7 +57,7 @@ trees:
 LOOK = "picktree: 1\nkind: mission\nlibrary: true\nplugins: [nod.py]\ntrees: {Look: Nod}\n"
 WAVE = '''\
 from picktree.trees.skill import Skill, Steps
-from picktree.skill_world.world import World
+from picktree.robot.world import World
 
 
 class Wave(Skill):

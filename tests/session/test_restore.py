@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from picktree.analysis.run import Run
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.logs.mcap.reader import RawMessage
 from picktree.logs.run_result import RunResult
 from picktree.session.checkpoints import RunState
-from picktree.session.resume.recorded_recipe import RecordedRun, complete_state, simulated_messages
+from picktree.session.recorded_recipe import RecordedRun, complete_state, simulated_messages
 from picktree.session.session import Recording, RunRequest, Session
 from picktree.simulation.backends import Backend
 from picktree.world.belief.planning_scene import BeliefObject

@@ -15,19 +15,19 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis.run import Run
-from picktree.cli.app import answer
-from picktree.errors import PicktreeError
+from picktree.apps.cli.app import answer
+from picktree.files.errors import PicktreeError
 from picktree.logs.mcap.reader import McapReader
 from picktree.logs.run_log import RunLog, Stamped
 from picktree.logs.run_result import RunResult
 from picktree.session.assembly import TICK_LENGTH
 from picktree.session.execution import Execution
 from picktree.session.observer import Observer, PresetAnswers
-from picktree.session.resume.recorded_recipe import RecordedRun
-from picktree.session.resume.resumption import ResumeRequest, Resumption
+from picktree.session.recorded_recipe import RecordedRun
+from picktree.session.resumption import ResumeRequest, Resumption
 from picktree.session.session import Recording, RunRequest, Session
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.trees.running.runner import TickReport
+from picktree.trees.runner import TickReport
 from picktree.world.journal import JournalEvent
 
 from ..logs.rewriting import ORDER, WRITING, Content

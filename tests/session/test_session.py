@@ -12,15 +12,15 @@ from pathlib import Path
 
 import pytest
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
 from picktree.session.assembly import TICK_LENGTH
 from picktree.session.checkpoints import RunState
 from picktree.session.observer import Observer
 from picktree.session.session import RunRequest, Session, frozen_before_runs
-from picktree.simulation.scoring.truth import TrueBody
-from picktree.trees.running.runner import TickReport
+from picktree.simulation.truth import TrueBody
+from picktree.trees.runner import TickReport
 from picktree.trees.status import NodeStatus
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from picktree.logs.run_log import RunLog
 from picktree.session.session import RunRequest, Session
-from picktree.simulation.scoring.scorer import rests
+from picktree.simulation.scorer import rests
 
 MISSION = """\
 picktree: 1

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.analysis.explain.investigation.case import scene_of
+from picktree.analysis.explain.case import scene_of
 from picktree.analysis.run import Run
 from picktree.logs.run_result import RunResult
-from picktree.session.resume.recorded_recipe import RecordedRun, simulated_messages
+from picktree.session.recorded_recipe import RecordedRun, simulated_messages
 from picktree.session.session import Recording, RunRequest, Session
-from picktree.simulation.spawning.heap_spawning import mesh_files
-from picktree.world.events.skill_events import BinEmptiedEvent, ItemDoneEvent
+from picktree.simulation.feed.heap_spawning import mesh_files
+from picktree.world.skill_events import BinEmptiedEvent, ItemDoneEvent
 
 SCENE = """\
 picktree: 1

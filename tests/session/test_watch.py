@@ -13,7 +13,7 @@ from picktree.session.execution import Execution
 from picktree.session.mission_edits import FileWatch, MissionReload
 from picktree.session.observer import Observer
 from picktree.session.session import RunRequest, Session
-from picktree.trees.running.runner import TickReport
+from picktree.trees.runner import TickReport
 
 SORTING = """\
 picktree: 1

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from picktree.robots.description import RobotDescription
-from picktree.robots.loading import load_robot
+from picktree.world.robot_model.description import RobotDescription
+from picktree.world.robot_model.loading import load_robot
 from picktree.world.scene.description import (
     Bin,
     CameraDescription,

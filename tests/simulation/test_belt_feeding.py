@@ -10,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.robots.model import RobotModel
 from picktree.simulation.checkpoints import Checkpoint, KinematicState
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.scoring.truth import TrueBody
+from picktree.simulation.truth import TrueBody
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.scene.description import Delivery, SceneDescription, Spawn
 
 from ..other_process import OtherProcess

@@ -11,7 +11,7 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.simulation.checkpoints import Checkpoint
 from picktree.simulation.feed.belt_drive import BELT_ACCELERATION
 from picktree.simulation.physics import belts

@@ -9,16 +9,16 @@ from itertools import pairwise
 
 import pytest
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.simulation.backends import Backend
 from picktree.simulation.checkpoints import Checkpoint, KinematicState
 from picktree.simulation.engine import pb
-from picktree.simulation.fault_files.fault_entries import FaultTarget
+from picktree.simulation.faults.fault_entries import FaultTarget
 from picktree.simulation.faults.fault_states import choose_target
 from picktree.simulation.feed.feeder import goes_with
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.scoring.scorer import score
-from picktree.simulation.scoring.truth import TrueBody
+from picktree.simulation.scorer import score
+from picktree.simulation.truth import TrueBody
 from picktree.world.scene.description import Exchange
 from picktree.world.values import ObjectId, Pose, Vector3
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from picktree.files.marks import FileError
-from picktree.robots.loading import load_robot
-from picktree.simulation.fault_files.device_entries import (
+from picktree.simulation.faults.device_entries import (
     CameraDrop,
     CameraMislabel,
     CameraNoise,
@@ -24,7 +23,7 @@ from picktree.simulation.fault_files.device_entries import (
     WrenchBias,
     WrenchDead,
 )  # fmt: skip
-from picktree.simulation.fault_files.fault_entries import (  # fmt: skip
+from picktree.simulation.faults.fault_entries import (  # fmt: skip
     Appear,
     AtNode,
     AtTime,
@@ -37,9 +36,10 @@ from picktree.simulation.fault_files.fault_entries import (  # fmt: skip
     Remove,
     Slip,
 )
-from picktree.simulation.fault_files.fault_loading import load_faults, parse_faults
-from picktree.simulation.fault_files.fault_schema import ALLOWED_KEYS, REQUIRED_KEYS
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.simulation.faults.fault_loading import load_faults, parse_faults
+from picktree.simulation.faults.fault_schema import ALLOWED_KEYS, REQUIRED_KEYS
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.scene.scene_loading import load_scene
 from picktree.world.values import Pose
 
 HEAD = "picktree: 1\nkind: faults\nfaults:\n"

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.simulation.backends import Backend
 from picktree.simulation.checkpoints import Checkpoint, KinematicState
 from picktree.simulation.physics.backend import PhysicsHardware

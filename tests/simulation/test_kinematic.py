@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from picktree.errors import PicktreeError
-from picktree.robots.description import RobotDescription
+from picktree.files.errors import PicktreeError
 from picktree.simulation.checkpoints import KinematicState
 from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.world.robot_model.description import RobotDescription
 from picktree.world.scene.description import SceneDescription
 from picktree.world.values import Pose
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from picktree.simulation.kinematic.bodies import KinematicBodies, KinematicBody, Prism
-from picktree.world.scene.loading.scene_loading import parse_scene
+from picktree.world.scene.scene_loading import parse_scene
 from picktree.world.values import ObjectId, Pose
 
 SCENE = """\

@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from picktree.robots.model import RobotModel
 from picktree.simulation.feed.cell_interface import LightCurtain, Zone
+from picktree.world.robot_model.model import RobotModel
 
 from .simulated_cell import panda
 

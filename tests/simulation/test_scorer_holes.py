@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.simulation.scoring.scorer import score
-from picktree.simulation.scoring.truth import HoledFixtures, TrueBody
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.simulation.scorer import score
+from picktree.simulation.truth import HoledFixtures, TrueBody
+from picktree.world.scene.scene_loading import load_scene
 from picktree.world.values import ObjectId, Pose
 
 SCENE = load_scene("pegs")

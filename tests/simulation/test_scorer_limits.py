@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.simulation.scoring.scorer import score
-from picktree.simulation.scoring.truth import HoledFixtures, HoleSeating
+from picktree.simulation.scorer import score
+from picktree.simulation.truth import HoledFixtures, HoleSeating
 from picktree.world.shapes import Box, Shape, Sphere, bottom
 from picktree.world.values import Pose, Vector3
 

@@ -11,7 +11,7 @@ import pytest
 
 from picktree.simulation.backends import Backend, build_hardware
 from picktree.simulation.checkpoints import KinematicState
-from picktree.simulation.fault_files.fault_loading import parse_faults
+from picktree.simulation.faults.fault_loading import parse_faults
 from picktree.simulation.faults.injector import FaultInjector
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.simulation.checkpoints import Checkpoint, KinematicState
-from picktree.simulation.fault_files.fault_loading import parse_faults
+from picktree.simulation.faults.fault_loading import parse_faults
 from picktree.simulation.faults.injector import FaultInjector
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.scoring.scorer import score
+from picktree.simulation.scorer import score
 from picktree.world.scene.description import Fixture
-from picktree.world.scene.loading.scene_loading import parse_scene
+from picktree.world.scene.scene_loading import parse_scene
 from picktree.world.shapes import Box, Cylinder
 from picktree.world.values import ObjectId, Pose
 

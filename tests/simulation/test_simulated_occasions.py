@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.simulation.fault_files.device_entries import AtNode, AtTime
-from picktree.simulation.fault_files.fault_entries import FaultFile
-from picktree.simulation.fault_files.fault_loading import parse_faults
+from picktree.simulation.faults.device_entries import AtNode, AtTime
+from picktree.simulation.faults.fault_entries import FaultFile
+from picktree.simulation.faults.fault_loading import parse_faults
 from picktree.simulation.faults.fault_states import DueFault, FaultSchedule, FaultState
 from picktree.simulation.faults.injector import FaultInjector, new_states
 from picktree.simulation.kinematic.backend import KinematicHardware

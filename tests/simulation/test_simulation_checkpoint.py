@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.simulation.checkpoints import Checkpoint
 from picktree.simulation.physics.backend import PhysicsHardware
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.errors import PicktreeError
-from picktree.simulation.fault_files.fault_loading import parse_faults
+from picktree.files.errors import PicktreeError
+from picktree.simulation.faults.fault_loading import parse_faults
 from picktree.simulation.faults.injector import FaultInjector
 from picktree.simulation.physics.backend import PhysicsHardware
 

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.errors import PicktreeError
-from picktree.robots.model import RobotModel
+from picktree.files.errors import PicktreeError
 from picktree.simulation.engine import Client, pb
+from picktree.simulation.feed.spawn import SpawnedItem
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.physics.bodies import ItemShapes, add_item
-from picktree.simulation.spawning.spawn import SpawnedItem
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.scene.description import CatalogueEntry, SceneDescription, SensorNoise, Spawn
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.simulation.scoring.scorer import score
-from picktree.simulation.scoring.truth import TrueBody
+from picktree.simulation.scorer import score
+from picktree.simulation.truth import TrueBody
 from picktree.world.scene.description import CatalogueEntry, Delivery, Spawn
 from picktree.world.values import ObjectId, Pose, Vector3
 

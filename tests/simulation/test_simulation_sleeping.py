@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.robots.model import RobotModel
 from picktree.simulation.physics.backend import PhysicsHardware
+from picktree.world.robot_model.model import RobotModel
 from picktree.world.scene.description import CatalogueEntry, Form, SceneDescription, Spawn
 from picktree.world.shapes import Box, Cylinder, Shape, Sphere
 from picktree.world.values import Pose, Quaternion, Vector3, vector3

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
+from picktree.simulation.feed.spawn import TUMBLE_HEIGHT, spawn_items
 from picktree.simulation.footprints import distance, footprint
-from picktree.simulation.spawning.spawn import TUMBLE_HEIGHT, spawn_items
 from picktree.world.scene.description import Spawn
 from picktree.world.shapes import Box, Cylinder, bottom
 from picktree.world.values import Pose

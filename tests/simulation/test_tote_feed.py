@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.scoring.scorer import is_inside, score
-from picktree.simulation.scoring.truth import TrueBody
+from picktree.simulation.scorer import is_inside, score
+from picktree.simulation.truth import TrueBody
 from picktree.world.protocols import FeedSignals
 from picktree.world.scene.description import Exchange, SceneDescription
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.scene.scene_loading import load_scene
 from picktree.world.values import ObjectId
 
 from .feed_cell import build, digest, resumed, told, turn_to, wait

@@ -9,15 +9,15 @@ from typing import TypeVar
 
 import pytest
 
-from picktree.robots.loading import load_robot
+from picktree.robot.world import World
 from picktree.session.assembly import TICK_LENGTH, assemble_world
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.skill_world.world import World
 from picktree.world.causes import Failure
 from picktree.world.journal import JournalEvent
 from picktree.world.protocols import Camera, NoImage, RgbdImage
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.robot_model.loading import load_robot
+from picktree.world.scene.scene_loading import load_scene
 
 T = TypeVar("T")
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.perception.fitting.item_fitting import ItemFitter
-from picktree.perception.segmentation import LABEL_NAMES, Blob
+from picktree.robot.perception.item_fitting import ItemFitter
+from picktree.robot.perception.segmentation import LABEL_NAMES, Blob
 
 from .test_eyes_missing import cell, driven
 

@@ -14,20 +14,20 @@ from textwrap import indent
 
 import numpy as np
 
-from picktree.robots.description import RobotDescription
-from picktree.robots.loading import load_robot
 from picktree.session.assembly import TICK_LENGTH, assemble_world
 from picktree.simulation.backends import Backend, build_hardware
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.scoring.scorer import Score, score
+from picktree.simulation.scorer import Score, score
 from picktree.trees.loading.loader import load_mission, parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import Mission
-from picktree.trees.running.runner import TickReport, build
+from picktree.trees.runner import TickReport, build
 from picktree.trees.status import NodeStatus
 from picktree.world.journal import JournalEvent
+from picktree.world.robot_model.description import RobotDescription
+from picktree.world.robot_model.loading import load_robot
 from picktree.world.scene.description import SceneDescription
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.scene.scene_loading import load_scene
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 LIMIT = 240.0

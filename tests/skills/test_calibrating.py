@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.calibration import target_detection, targets
-from picktree.calibration.observations import DetectedTile, TargetImage
-from picktree.calibration.targets import TouchPoint
-from picktree.simulation.fault_files.device_entries import AtTime, CameraDrop
+from picktree.robot.calibration import target_detection, targets
+from picktree.robot.calibration.observations import DetectedTile, TargetImage
+from picktree.robot.calibration.targets import TouchPoint
+from picktree.simulation.faults.device_entries import AtTime, CameraDrop
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Steps
-from picktree.world.events.skill_events import CalibrationShotEvent, CalibrationTouchEvent
 from picktree.world.protocols import RgbdImage
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.scene.scene_loading import load_scene
+from picktree.world.skill_events import CalibrationShotEvent, CalibrationTouchEvent
 from picktree.world.values import Array, Pose, Vector3
 
 from .cell import Cell, mission

@@ -8,7 +8,7 @@ from picktree.trees.loading.loader import load_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import Mission
 from picktree.world.scene.description import SceneDescription
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.scene.scene_loading import load_scene
 
 from .cell import EXAMPLES, Cell, Phases, halted_at
 

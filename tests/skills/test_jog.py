@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.simulation.backends import Backend
 
 from .cell import Cell, items, mission

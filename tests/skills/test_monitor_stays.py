@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.world.protocols import SensorStamps
@@ -66,15 +66,15 @@ def test_only_a_retreat_acknowledges() -> None:
     """What the package itself says; a plug-in is code of its author."""
     said = [
         str(path.relative_to(ROOT))
-        for path in modules(but=("batch", "cli"))
+        for path in modules(but=("apps/batch", "apps/cli"))
         if re.search(
             r"monitor\.acknowledge\(|control\.monitor = |_latch\.acknowledge\(", path.read_text("utf-8")
         )
     ]
     assert sorted(said) == [
-        "control/safety/safety_monitor.py",
-        "manipulation/retreat/clearing.py",
         "recovery/safe_retreat.py",
+        "robot/control/safety_monitor.py",
+        "robot/manipulation/clearing.py",
     ]
 
 
@@ -193,7 +193,7 @@ NODES = (Waits, WaitsWithTheArm, SeesToStops)
 RAISING = '''
 from picktree.trees.skill import ARM, Skill, Steps
 from picktree.world.causes import control
-from picktree.control.cartesian.twist import Twist
+from picktree.robot.control.twist import Twist
 
 
 class Raising(Skill):

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.manipulation.grasp.straight_lines import lower
-from picktree.manipulation.pick import object_placement
-from picktree.manipulation.place.release_poses import bin_target, levels, opens_freely, place_candidates
-from picktree.perception.fitting.view import BinView
-from picktree.planning.requests import LegFailure, MotionPlan, Request
+from picktree.robot.manipulation import object_placement
+from picktree.robot.manipulation.release_poses import bin_target, levels, opens_freely, place_candidates
+from picktree.robot.manipulation.straight_lines import lower
+from picktree.robot.perception.view import BinView
+from picktree.robot.planning.requests import LegFailure, MotionPlan, Request
+from picktree.robot.world import PlaceCandidate, World
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.skill_world.world import PlaceCandidate, World
 from picktree.trees.skill import Doing, Steps
 from picktree.world.causes import Cause, Failure, planning
-from picktree.world.events.skill_events import ItemDoneEvent
 from picktree.world.shapes import Box, bottom, top
+from picktree.world.skill_events import ItemDoneEvent
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import ObjectId, Pose
 
@@ -192,7 +192,7 @@ def test_what_is_carried_adds_to_the_force_that_stops_the_arm(monkeypatch: pytes
         yield from along(trajectory, **how)
 
     monkeypatch.setattr(cell.world.move, "along", noting)
-    monkeypatch.setattr("picktree.manipulation.pick.object_placement.payload_force", lambda _: 7.0)
+    monkeypatch.setattr("picktree.robot.manipulation.object_placement.payload_force", lambda _: 7.0)
     cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
     cell.finish()
     assert cell.tree.failure is None
@@ -228,7 +228,7 @@ def test_one_way_of_letting_go_over_a_bin_is_enough(monkeypatch: pytest.MonkeyPa
         downs.append(len(legs))
         return through(legs, **how)
 
-    monkeypatch.setattr("picktree.manipulation.pick.object_placement.place_candidates", first)
+    monkeypatch.setattr("picktree.robot.manipulation.object_placement.place_candidates", first)
     monkeypatch.setattr(cell.world.plan, "through", going)
     cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
     cell.finish()
@@ -250,7 +250,7 @@ def test_where_nothing_is_to_be_gone_down_it_is_let_go_from_above(monkeypatch: p
             downs.append(len(asked))
             return through(asked, **how)
 
-        monkeypatch.setattr("picktree.manipulation.pick.object_placement.place_candidates", level)
+        monkeypatch.setattr("picktree.robot.manipulation.object_placement.place_candidates", level)
         monkeypatch.setattr(cell.world.plan, "through", going)
         cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
         cell.finish()

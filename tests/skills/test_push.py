@@ -10,19 +10,19 @@ from typing import Any
 import pytest
 
 from picktree.files.marks import FileError
-from picktree.manipulation.push.pushed_object import observe_closely
-from picktree.manipulation.push.singulation import has_room
-from picktree.manipulation.push.stroke_planning import PushGoal, PushStroke, push_strokes
+from picktree.robot.manipulation.pushed_object import observe_closely
+from picktree.robot.manipulation.singulation import has_room
+from picktree.robot.manipulation.stroke_planning import PushGoal, PushStroke, push_strokes
+from picktree.robot.world import World
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.kinematic.bodies import KinematicBody
-from picktree.skill_world.world import World
 from picktree.trees.skill import Doing
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import FailureReport
-from picktree.world.events.skill_events import PushEvent
 from picktree.world.planar_geometry import PlanarPose, planar, wrap_angle
 from picktree.world.scene.description import SceneDescription
-from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.scene.scene_loading import load_scene
+from picktree.world.skill_events import PushEvent
 from picktree.world.values import ObjectId, Pose
 
 from .cell import Cell, items, mission
@@ -187,7 +187,7 @@ def test_a_dozen_pushes_are_considered_to_make_room(monkeypatch: pytest.MonkeyPa
         asked.append(stroke.name)
         return "the arm does not reach it"
 
-    monkeypatch.setattr("picktree.manipulation.push.closed_loop_pushing.plan_stroke", refused)
+    monkeypatch.setattr("picktree.robot.manipulation.closed_loop_pushing.plan_stroke", refused)
     assert push(cell, f"object: {hemmed}, singulate: true") == "push.no_stroke"
     failure = cell.tree.failure
     assert failure is not None
@@ -309,7 +309,7 @@ def test_what_the_arm_hides_is_looked_at_from_aside(seen: bool, monkeypatch: pyt
             return None
         return (yield from observe_closely(world, camera, name, pictures))
 
-    monkeypatch.setattr("picktree.manipulation.push.closed_loop_pushing.observe_closely", looking)
+    monkeypatch.setattr("picktree.robot.manipulation.closed_loop_pushing.observe_closely", looking)
     cause = push(cell, f"object: {block}, to: [0.5, 0.0]")
     assert poses[0] == "rest"
     assert poses[1] not in ("rest",)
@@ -369,9 +369,11 @@ def offered(cell: Cell, ports: str, monkeypatch: pytest.MonkeyPatch, *ends: Plan
         asked.append(stroke.ends)
         return "not free"
 
-    monkeypatch.setattr("picktree.manipulation.push.closed_loop_pushing.push_strokes", ending)
-    monkeypatch.setattr("picktree.manipulation.push.closed_loop_pushing.turning_room_strokes", ending_nowhere)
-    monkeypatch.setattr("picktree.manipulation.push.closed_loop_pushing.stroke_refusal", refused)
+    monkeypatch.setattr("picktree.robot.manipulation.closed_loop_pushing.push_strokes", ending)
+    monkeypatch.setattr(
+        "picktree.robot.manipulation.closed_loop_pushing.turning_room_strokes", ending_nowhere
+    )
+    monkeypatch.setattr("picktree.robot.manipulation.closed_loop_pushing.stroke_refusal", refused)
     assert push(cell, ports) == "push.no_stroke"
     return asked
 

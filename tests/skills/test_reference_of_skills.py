@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.reference.node_reference import node_entry
-from picktree.authoring.reference.reference_text import markdown
-from picktree.cli.terminal.node_registries import registry
+from picktree.apps.cli.node_registries import registry
+from picktree.authoring.schema.node_reference import node_entry
+from picktree.authoring.schema.reference_text import markdown
 from picktree.recovery import NODES as RECOVERY
 from picktree.skills import NODES as SKILLS
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.node import Node
-from picktree.trees.running.runner import build
+from picktree.trees.runner import build
 
 from .cell import Cell, items, mission
 

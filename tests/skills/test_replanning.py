@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.manipulation.replanning import MAX_REPLANS
-from picktree.perception.fitting.view import BinView
-from picktree.planning.service.trajectory_gate import TrajectoryGate
+from picktree.robot.manipulation.replanning import MAX_REPLANS
+from picktree.robot.perception.view import BinView
+from picktree.robot.planning.trajectory_gate import TrajectoryGate
+from picktree.robot.vision import Vision
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.skill_world.vision import Vision
 from picktree.world.causes import Failure, perception, planning
-from picktree.world.events.skill_events import ItemDoneEvent, ReplannedEvent
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box
+from picktree.world.skill_events import ItemDoneEvent, ReplannedEvent
 from picktree.world.values import ObjectId, Pose
 
 from .cell import Cell, items, mission

@@ -9,8 +9,8 @@ from typing import get_args
 import pytest
 
 from picktree.authoring.check import check_mission
-from picktree.control.execution.jog_motion import StoppedBy
 from picktree.files.yaml.document import read_document
+from picktree.robot.control.jog_motion import StoppedBy
 from picktree.trees.loading.loader import load_mission, parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.world.causes import all_causes

@@ -11,7 +11,7 @@ from picktree.analysis.run import Run
 from picktree.logs.run_result import RunResult
 from picktree.logs.schema.records import BodyRecord
 from picktree.session.session import RunRequest, Session
-from picktree.world.events.skill_events import PushEvent
+from picktree.world.skill_events import PushEvent
 
 SCENE = """\
 picktree: 1

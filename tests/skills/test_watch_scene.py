@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from picktree.perception.pipeline import Perception
+from picktree.robot.perception.pipeline import Perception
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.causes import Failure, FailureReport, perception
 from picktree.world.values import ObjectId, Pose

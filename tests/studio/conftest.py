@@ -16,9 +16,9 @@ from typing import Any
 import pytest
 from websockets.sync.client import ClientConnection, connect
 
-from picktree.studio.server import link, listen, make_server
-from picktree.studio.workspace import Workspace
-from picktree.trees.plugins.plugin import PLUGINS_VARIABLE
+from picktree.apps.studio.server import link, listen, make_server
+from picktree.apps.studio.workspace import Workspace
+from picktree.trees.loading.plugin import PLUGINS_VARIABLE
 
 PATIENCE = 300.0
 """Wall seconds within which an answer comes, however busy the machine is."""

@@ -8,10 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
-from picktree.batch.plan import BatchPlan
-from picktree.batch.results.store import RESULTS_FILE, Store
-from picktree.batch.results.tables import JobRows
-from picktree.batch.workers.batch import Batch
+from picktree.apps.batch.batch import Batch
+from picktree.apps.batch.plan import BatchPlan
+from picktree.apps.batch.store import RESULTS_FILE, Store
+from picktree.apps.batch.tables import JobRows
 from picktree.files.shipped_files import ROOT
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.schema.records import NodeStatusRecord, Tick, TransitionRecord, Tree, TreeNode, WriteRecord

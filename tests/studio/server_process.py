@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from picktree.studio.workspace import Workspace
+from picktree.apps.studio.workspace import Workspace
 
 from .conftest import PATIENCE, Served
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from picktree.files.shipped_files import ROOT
-from picktree.world.scene.loading.scene_loading import SHIPPED
+from picktree.world.scene.scene_loading import SHIPPED
 
 from ..browser import Chromium
 from ..needs import CHROMIUM, needs, packages

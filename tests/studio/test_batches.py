@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from picktree.batch.forecast import forecast, recorded_batches
-from picktree.batch.plan_loading import load_plan
-from picktree.studio.batches.batch_folder import BatchFolder
-from picktree.studio.batches.plan_text import form_of, with_key
+from picktree.apps.batch.forecast import forecast, recorded_batches
+from picktree.apps.batch.plan_loading import load_plan
+from picktree.apps.studio.batch_folder import BatchFolder
+from picktree.apps.studio.plan_text import form_of, with_key
 
 from .conftest import Refused, Served
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
-from picktree.studio.server import PAGE_FOLDER
+from picktree.apps.studio.server import PAGE_FOLDER
 
 from ..needs import needs, packages
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from picktree.files.shipped_files import ROOT
-from picktree.world.scene.loading.scene_loading import SHIPPED
+from picktree.world.scene.scene_loading import SHIPPED
 
 from ..browser import Told, wait_until
 from ..needs import CHROMIUM, needs

@@ -12,15 +12,15 @@ from typing import Any, TypeVar
 
 import pytest
 
-from picktree.errors import PicktreeError
-from picktree.robots.loading import robot_names
-from picktree.session.live.attach_socket import SOCKET_NAME, connect_to_run
-from picktree.studio.jobs import Jobs
-from picktree.studio.live import followed_run
-from picktree.studio.live.live_slice import LiveSlice
-from picktree.studio.live.run_start import RunOrder
-from picktree.studio.slice import Studio
-from picktree.studio.workspace import Workspace
+from picktree.apps.studio import followed_run
+from picktree.apps.studio.jobs import Jobs
+from picktree.apps.studio.live_slice import LiveSlice
+from picktree.apps.studio.run_start import RunOrder
+from picktree.apps.studio.slice import Studio
+from picktree.apps.studio.workspace import Workspace
+from picktree.files.errors import PicktreeError
+from picktree.session.attach_socket import SOCKET_NAME, connect_to_run
+from picktree.world.robot_model.loading import robot_names
 
 from .conftest import PATIENCE
 
@@ -209,7 +209,7 @@ def test_the_form_offers_what_the_mission_takes_and_faults_are_named(room: Room)
 
 
 def test_runs_at_once_are_limited_and_halt_ends_one(room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("picktree.studio.live.live_slice.MAX_RUNS", 1)
+    monkeypatch.setattr("picktree.apps.studio.live_slice.MAX_RUNS", 1)
 
     async def body() -> None:
         live = room.open()

@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
+from picktree.apps.studio.answers import Places
+from picktree.apps.studio.edits import written
 from picktree.files.shipped_files import ROOT
-from picktree.studio.missions.answers import Places
-from picktree.studio.missions.edits import written
+from picktree.trees.port_types import PortType
 from picktree.trees.ports import PortDeclaration
-from picktree.trees.values.port_types import PortType
-from picktree.world.scene.loading.scene_loading import SHIPPED
+from picktree.world.scene.scene_loading import SHIPPED
 
 from .conftest import Client, Refused, Served
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from picktree.apps.studio.run_table import Query, RunTable
+from picktree.apps.studio.workspace import Workspace
 from picktree.logs.recording.rotated_log import Rotation
 from picktree.logs.run_result import RunResult
 from picktree.session.session import RunRequest, Session
-from picktree.studio.runs.run_table import Query, RunTable
-from picktree.studio.workspace import Workspace
 
 from .conftest import Refused, Served
 

@@ -10,7 +10,7 @@ from urllib.parse import urlparse
 import pytest
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
-from picktree.studio.security import MAX_MESSAGE
+from picktree.apps.studio.security import MAX_MESSAGE
 
 from .conftest import Refused, Served
 

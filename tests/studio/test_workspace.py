@@ -12,15 +12,15 @@ from typing import TypeVar
 
 import pytest
 
-from picktree.errors import PicktreeError
+from picktree.apps.studio.folder_slice import EXAMPLES, example_files
+from picktree.apps.studio.job_process import MAX_OUTPUT
+from picktree.apps.studio.job_records import Job
+from picktree.apps.studio.jobs import Jobs, job_text
+from picktree.apps.studio.workspace import Workspace
+from picktree.files.errors import PicktreeError
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
-from picktree.studio.folder_slice import EXAMPLES, example_files
-from picktree.studio.job_process import MAX_OUTPUT
-from picktree.studio.job_records import Job
-from picktree.studio.jobs import Jobs, job_text
-from picktree.studio.workspace import Workspace
-from picktree.trees.plugins.plugin import PLUGINS_VARIABLE
+from picktree.trees.loading.plugin import PLUGINS_VARIABLE
 
 from .conftest import PATIENCE, Refused, Served, serving
 
@@ -167,10 +167,10 @@ def test_a_job_is_stopped_with_what_it_has_started(workspace: Workspace) -> None
 
 
 def test_too_many_jobs_are_refused(workspace: Workspace, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("picktree.studio.jobs.MAX_JOBS", 0)
+    monkeypatch.setattr("picktree.apps.studio.jobs.MAX_JOBS", 0)
     with pytest.raises(PicktreeError, match="0 jobs are running"):
         Jobs(workspace).start("Check", ["check", "a.yaml"])
     monkeypatch.undo()
-    monkeypatch.setattr("picktree.studio.jobs.MIN_FREE", 1 << 62)
+    monkeypatch.setattr("picktree.apps.studio.jobs.MIN_FREE", 1 << 62)
     with pytest.raises(PicktreeError, match="the disk has"):
         Jobs(workspace).start("Check", ["check", "a.yaml"])

@@ -7,12 +7,12 @@ from pathlib import Path
 from textwrap import dedent, indent
 from typing import cast
 
-from picktree.authoring.rehearsal.cases.cases_schema import CaseFile
-from picktree.authoring.rehearsal.checking.case_checks import examine_cases
+from picktree.authoring.rehearsal.case_checks import examine_cases
+from picktree.authoring.rehearsal.cases_schema import CaseFile
+from picktree.authoring.rehearsal.rehearsal_result import CaseResult, Rehearsal
 from picktree.authoring.rehearsal.rehearse import rehearse
-from picktree.authoring.rehearsal.verdict.rehearsal_result import CaseResult, Rehearsal
 from picktree.files.yaml.document import Document, read_document
-from picktree.skill_world.world import World
+from picktree.robot.world import World
 from picktree.trees.controls.decorator import Decorator
 from picktree.trees.controls.leaves import ConditionNode
 from picktree.trees.flow import LeafFlow

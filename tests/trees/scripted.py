@@ -14,7 +14,7 @@ from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import Mission
 from picktree.trees.node import Node
 from picktree.trees.ports import In, Out, port
-from picktree.trees.running.runner import BehaviourTree, TickReport, build
+from picktree.trees.runner import BehaviourTree, TickReport, build
 from picktree.trees.skill import ARM, Skill, Steps
 from picktree.trees.status import NodeStatus
 from picktree.world.belief.facts import AttemptMemory
@@ -26,7 +26,7 @@ from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
 
 if TYPE_CHECKING:
-    from picktree.skill_world.world import World
+    from picktree.robot.world import World
 
 TICK = 0.05
 

@@ -8,8 +8,8 @@ from typing import cast
 import pytest
 
 from picktree.trees.controls import NODES
-from picktree.trees.running.tree_adoption import StateTransfer
 from picktree.trees.status import NodeStatus
+from picktree.trees.tree_adoption import StateTransfer
 from picktree.world.journal import JournalEvent, Plain
 
 from .scripted import FakeWorld, Run, letters, start

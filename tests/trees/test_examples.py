@@ -10,13 +10,13 @@ import pytest
 
 from picktree.trees.loading.loader import load_mission
 from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.running.runner import build
+from picktree.trees.runner import build
 from picktree.trees.status import NodeStatus
 
 from .scripted import FakeWorld, start
 
 if TYPE_CHECKING:
-    from picktree.skill_world.world import World
+    from picktree.robot.world import World
 
 FOLDER = Path(__file__).parents[2] / "examples"
 EXAMPLES = [f for f in sorted(FOLDER.glob("*.yaml")) if "\nkind: mission\n" in f.read_text("utf-8")]

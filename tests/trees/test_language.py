@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
+from picktree.trees.references import ATTRIBUTES, Reference
 from picktree.trees.status import NodeStatus
-from picktree.trees.values.references import ATTRIBUTES, Reference
 
 from .scripted import FakeWorld, letters, start
 

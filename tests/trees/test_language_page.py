@@ -8,11 +8,11 @@ import pytest
 
 from picktree.files.expressions.parser import FUNCTIONS
 from picktree.trees.declaration import COMMON_KEYS
+from picktree.trees.fault_collector import MAX_NODES
 from picktree.trees.loading.loader import load_mission
 from picktree.trees.loading.tree_set import MAX_INCLUDED_FILES
 from picktree.trees.mission import library_names
-from picktree.trees.values.fault_collector import MAX_NODES
-from picktree.trees.values.references import ATTRIBUTES
+from picktree.trees.references import ATTRIBUTES
 from picktree.world.belief.facts import FACTS
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "language.md").read_text("utf-8")

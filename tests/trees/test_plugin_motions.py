@@ -10,8 +10,8 @@ from typing import cast
 import pytest
 
 from picktree.files.marks import FileError
-from picktree.skill_world.world import World
-from picktree.trees.running.runner import build
+from picktree.robot.world import World
+from picktree.trees.runner import build
 from picktree.trees.status import NodeStatus
 from picktree.world.causes import remedy_of
 

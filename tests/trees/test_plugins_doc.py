@@ -13,13 +13,13 @@ from typing import cast
 
 import pytest
 
-from picktree.cli.app import answer
+from picktree.apps.cli.app import answer
 from picktree.files.diagnostics.fault_codes import page
-from picktree.skill_world.world import World
+from picktree.robot.world import World
 from picktree.skills import plugin
 from picktree.trees.loading.loader import load_mission
 from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.running.runner import build
+from picktree.trees.runner import build
 from picktree.world.causes import all_causes
 
 from .scripted import FakeWorld, Run, letters

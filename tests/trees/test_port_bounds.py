@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.files.marks import FileError
 from picktree.trees.controls.leaves import ConditionNode
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
+from picktree.trees.port_types import PortType, Range, accept_value, convert_literal
 from picktree.trees.ports import In, port
-from picktree.trees.values.port_types import PortType, Range, accept_value, convert_literal
 
 
 def fault_of(node: str) -> str:

@@ -14,12 +14,12 @@ import yaml
 
 from picktree import recovery
 from picktree.files.yaml.reader import resolve
-from picktree.skill_world.world import World
+from picktree.robot.world import World
 from picktree.trees import controls
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.node import Node
-from picktree.trees.running.runner import build
+from picktree.trees.runner import build
 from picktree.trees.status import NodeStatus
 
 from .scripted import FILE, AnyFacts, FakeWorld, Run

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.session.session import RunRequest, Session
 from picktree.trees.loading.loader import load_mission
-from picktree.trees.running.run_settings import read_settings
-from picktree.trees.values.references import Constant
+from picktree.trees.references import Constant
+from picktree.trees.run_settings import read_settings
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SORT_ONE = "Main/Repeat/Sequence/ForEach/SortOne"

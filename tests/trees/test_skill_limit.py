@@ -8,14 +8,14 @@ from picktree.skills.feed import AwaitItems
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.ports import In, port
-from picktree.trees.running.runner import build
+from picktree.trees.runner import build
 from picktree.trees.skill import Skill, Steps
 from picktree.trees.status import NodeStatus
 
 from .scripted import FILE, NODES, FakeWorld, Run
 
 if TYPE_CHECKING:
-    from picktree.skill_world.world import World
+    from picktree.robot.world import World
 
 
 class Endless(Skill):

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
+from picktree.trees.failure_reports import pack, report_from_plain, report_to_plain, unpack
 from picktree.trees.status import NodeStatus
-from picktree.trees.values.failure_reports import pack, report_from_plain, report_to_plain, unpack
 from picktree.world.causes import FailureReport, all_causes
 from picktree.world.journal import Plain
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from picktree.trees.plugins.plugin import load_plugin
-from picktree.trees.values.failure_reports import portable_trace
+from picktree.trees.failure_reports import portable_trace
+from picktree.trees.loading.plugin import load_plugin
 
 PLUGIN = """\
 from picktree.trees.node import Node

@@ -7,7 +7,7 @@ from textwrap import dedent
 import pytest
 
 from picktree.files.marks import FileError
-from picktree.skill_world.world import World
+from picktree.robot.world import World
 from picktree.trees.controls.leaves import ConditionNode
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry

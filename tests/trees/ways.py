@@ -19,7 +19,7 @@ from picktree.world.causes import control, grasp, perception
 from .scripted import FILE
 
 if TYPE_CHECKING:
-    from picktree.skill_world.world import World
+    from picktree.robot.world import World
 
 
 class Pick(Skill):

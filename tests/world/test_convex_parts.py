@@ -14,13 +14,13 @@ import trimesh
 from pydantic import TypeAdapter
 
 from picktree.files.disk_cache import VARIABLE
-from picktree.logs.meshes.triangle_meshes import shape_mesh
+from picktree.logs.triangle_meshes import shape_mesh
 from picktree.world import convex_parts
 from picktree.world.convex_parts import MAX_PARTS, body_of, moments, parts_name, parts_text, read_parts
 from picktree.world.mesh_reader import FlatMesh, MeshError
 from picktree.world.pad_contacts import pad_contacts, top_heights
-from picktree.world.scene.loading.scene_entries import load_body
-from picktree.world.scene.loading.scene_loading import SHIPPED
+from picktree.world.scene.scene_entries import load_body
+from picktree.world.scene.scene_loading import SHIPPED
 from picktree.world.shapes import CompoundMesh, ConvexMesh, Shape, half_spaces, inside, ray_hits
 from picktree.world.values import Pose
 

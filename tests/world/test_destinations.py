@@ -9,7 +9,7 @@ import pytest
 from picktree.files.marks import FileError
 from picktree.world.scene.description import Destination, SceneDescription
 from picktree.world.scene.destinations import ItemTraits, destination_rule
-from picktree.world.scene.loading.scene_loading import load_scene, parse_scene
+from picktree.world.scene.scene_loading import load_scene, parse_scene
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, greatest_length
 from picktree.world.values import ObjectId
 

@@ -4,8 +4,8 @@ from dataclasses import FrozenInstanceError, replace
 
 import pytest
 
-from picktree.errors import PicktreeError
-from picktree.manipulation.place.dropped_objects import release_object
+from picktree.files.errors import PicktreeError
+from picktree.robot.manipulation.dropped_objects import release_object
 from picktree.world.belief.facts import AttemptMemory
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.causes import (

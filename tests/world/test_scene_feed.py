@@ -10,7 +10,7 @@ import pytest
 from picktree.files.marks import FileError
 from picktree.files.yaml.document import read_document
 from picktree.world.scene.description import AtIntervals, AtTimes, Belt, Delivery, Exchange, Spawn, WhenClear
-from picktree.world.scene.loading.scene_loading import check_scene, parse_scene
+from picktree.world.scene.scene_loading import check_scene, parse_scene
 from picktree.world.shapes import Box
 
 SCENE = """\

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.files.marks import FileError
 from picktree.world.scene.heap_regions import heap_regions
-from picktree.world.scene.loading.scene_loading import load_scene, parse_scene, scene_names
+from picktree.world.scene.scene_loading import load_scene, parse_scene, scene_names
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Sphere
 from picktree.world.values import Pose
 

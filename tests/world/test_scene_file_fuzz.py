@@ -8,13 +8,13 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.errors import PicktreeError
+from picktree.files.errors import PicktreeError
 from picktree.files.marks import FileError
-from picktree.robots.loading import SHIPPED as ROBOTS
-from picktree.robots.loading import parse_robot
-from picktree.simulation.fault_files.fault_loading import parse_faults
-from picktree.world.scene.loading.scene_loading import SHIPPED as SCENES
-from picktree.world.scene.loading.scene_loading import parse_scene
+from picktree.simulation.faults.fault_loading import parse_faults
+from picktree.world.robot_model.loading import SHIPPED as ROBOTS
+from picktree.world.robot_model.loading import parse_robot
+from picktree.world.scene.scene_loading import SHIPPED as SCENES
+from picktree.world.scene.scene_loading import parse_scene
 
 SCENE = SCENES / "three_bins.yaml"
 FED = (

@@ -7,9 +7,9 @@ from typing import cast
 from ...world.causes import Failure, tree
 from ..flow import Branch, Choice
 from ..node import ControlNode
+from ..port_types import PortProblem, PortValues, show
 from ..ports import In, children, optional_child, port, table
 from ..status import NodeStatus
-from ..values.port_types import PortProblem, PortValues, show
 
 
 class BranchNode(ControlNode, abstract=True):

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import cast
 
 from ...world.causes import Failure, FailureReport, tree
+from ..failure_reports import cannot_be_hidden
 from ..flow import FAILURE, IDLE, RUNNING, SUCCESS, ChildFlow, Once
 from ..node import ControlNode
 from ..ports import In, child, port
 from ..runtime import TIME_TOLERANCE
 from ..status import NodeStatus
-from ..values.failure_reports import cannot_be_hidden
 
 
 class Decorator(ControlNode, abstract=True):

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import cast
 
 from ...world.causes import FailureReport
+from ..failure_reports import with_attached
 from ..flow import NEXT, ChildFlow, CleanUp
 from ..node import ControlNode
 from ..ports import In, children, port
 from ..status import NodeStatus
-from ..values.failure_reports import with_attached
 from .sequence import OrderedNode
 
 

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, cast
 
 from ...files.expressions.expression import Expression
 from ...world.causes import tree
-from ...world.events.run_events import LogEvent
+from ...world.run_events import LogEvent
 from ..flow import FAILURE, SUCCESS, LeafFlow
 from ..node import Node
 from ..node_values import assign
+from ..port_types import plain_copy, show
 from ..ports import In, Out, port
 from ..runtime import TIME_TOLERANCE
 from ..status import NodeStatus
-from ..values.port_types import plain_copy, show
 
 if TYPE_CHECKING:
-    from ...skill_world.world import World
+    from ...robot.world import World
 
 
 class ConditionNode(Node, abstract=True):

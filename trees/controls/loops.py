@@ -7,13 +7,13 @@ from typing import Literal
 
 from ...files.expressions.expression import Expression
 from ...world.causes import FailureReport, internal, matches, tree
-from ...world.events.run_events import HandledEvent
+from ...world.run_events import HandledEvent
+from ..failure_reports import cannot_be_hidden, with_attached
 from ..flow import AGAIN, Loop
 from ..node import Node
+from ..port_types import PortProblem, PortValues
 from ..ports import In, Out, port
 from ..status import NodeStatus
-from ..values.failure_reports import cannot_be_hidden, with_attached
-from ..values.port_types import PortProblem, PortValues
 from .decorator import Decorator
 
 

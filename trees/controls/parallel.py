@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from typing import ClassVar
 
 from ...world.causes import Failure, FailureReport, tree
+from ..failure_reports import with_attached
 from ..flow import AtOnce
 from ..node import ControlNode
+from ..port_types import PortProblem, PortValues
 from ..ports import In, children, port
 from ..status import NodeStatus
-from ..values.failure_reports import with_attached
-from ..values.port_types import PortProblem, PortValues
 
 
 class ParallelNode(ControlNode, abstract=True):

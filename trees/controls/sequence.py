@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import cast
 
 from ...world.causes import tree
+from ..failure_reports import decisive_report
 from ..flow import NEXT, ChildFlow, Pipeline, Resumed, Turns
 from ..node import ControlNode
 from ..ports import In, children, port
 from ..status import NodeStatus
-from ..values.failure_reports import decisive_report
 
 
 class OrderedNode(ControlNode, abstract=True):

@@ -7,9 +7,9 @@ from typing import cast
 from ..flow import IDLE, RUNNING, SKIPPED, ChildFlow, LeafFlow
 from ..node import Node
 from ..ports import In, port
+from ..references import Reference
 from ..runtime import Runtime, Wiring
 from ..status import NodeStatus
-from ..values.references import Reference
 from .decorator import Decorator
 
 

@@ -13,10 +13,10 @@ from ...files.yaml.reader import Value
 from ...world.causes import OUR_PREFIXES
 from ..controls import Sequence
 from ..declaration import NodeDeclaration
+from ..fault_collector import MissionDiagnostics
 from ..mission import NodeSpec
+from ..port_types import show
 from ..ports import SlotDeclaration
-from ..values.fault_collector import MissionDiagnostics
-from ..values.port_types import show
 from .registry import NodeRegistry
 
 NAME_PATTERN = re.compile(r"[^/#\x00-\x1f]{1,60}")

@@ -16,12 +16,12 @@ from ...files.yaml.document import Document
 from ...files.yaml.reader import Value
 from ...files.yaml.slips import structure_hint
 from ..declaration import AUTOREMAP, COMMON_KEYS, IDENTIFIER, NodeDeclaration
+from ..fault_collector import MissionDiagnostics
 from ..mission import NodeSpec
 from ..node import Node
+from ..port_types import PortValues, show
 from ..ports import PortDeclaration
-from ..values.fault_collector import MissionDiagnostics
-from ..values.port_types import PortValues, show
-from ..values.references import Binding, Constant, ExpressionLocator
+from ..references import Binding, Constant, ExpressionLocator
 from .children import NAME_PATTERN, ChildNames, ChildReader, Filled, labels_of
 from .foreign_words import foreign_word
 from .port_wires import PortReader

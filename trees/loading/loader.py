@@ -11,23 +11,23 @@ from ...files.expressions.type_inference import INT, ValueType, check_types
 from ...files.marks import Diagnostic, FileError, Location, where
 from ...files.value_wording import suggest_name
 from ...files.yaml.document import Document, read_document
-from ...robots.description import RobotDescription
-from ...robots.loading import load_robot
 from ...world.planner_names import BUILT_IN
+from ...world.robot_model.description import RobotDescription
+from ...world.robot_model.loading import load_robot
 from ...world.scene.description import SceneDescription
 from ...world.scene.heap_regions import heap_regions
-from ...world.scene.loading.scene_loading import load_scene
+from ...world.scene.scene_loading import load_scene
+from ..circuit import ValueFlow
+from ..fault_collector import MissionDiagnostics
+from ..key_writers import FACT_TYPES
 from ..mission import FilesOnDisk, Mission, MissionFiles, TreeSpec, check_calls
 from ..node import Node
-from ..plugins.plugin_import import PluginError
+from ..port_types import show
 from ..ports import NameKind
-from ..values.fault_collector import MissionDiagnostics
-from ..values.port_types import show
-from ..values.references import ExpressionLocator
-from ..wiring.circuit import ValueFlow
-from ..wiring.key_writers import FACT_TYPES
-from ..wiring.unlike_values import unlike_comparisons
-from ..wiring.wiring_faults import expression_faults, wiring_faults
+from ..references import ExpressionLocator
+from ..unlike_values import unlike_comparisons
+from ..wiring_faults import expression_faults, wiring_faults
+from .plugin_import import PluginError
 from .registry import NodeRegistry
 from .tree_set import IncludeReader, TreeSetReader
 

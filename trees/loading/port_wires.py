@@ -19,10 +19,10 @@ from ...files.yaml.document import Document
 from ...files.yaml.reader import Value
 from ...world.journal import Plain
 from ..declaration import BREAKPOINT, IDENTIFIER, POSTCONDITIONS, PRECONDITIONS
+from ..fault_collector import MissionDiagnostics
+from ..port_types import convert_literal, show
 from ..ports import PortDeclaration
-from ..values.fault_collector import MissionDiagnostics
-from ..values.port_types import convert_literal, show
-from ..values.references import (
+from ..references import (
     ATTRIBUTES,
     REFERENCE_IN_TEXT,
     Assignment,

@@ -16,8 +16,8 @@ from ...world.causes import OUR_PREFIXES, Cause, all_causes, matches
 from ..declaration import NodeDeclaration
 from ..mission import Plugin
 from ..node import Node
-from ..plugins.plugin import load_installed, load_plugin
-from ..plugins.plugin_import import GROUP, PluginError
+from .plugin import load_installed, load_plugin
+from .plugin_import import GROUP, PluginError
 
 
 @dataclass(frozen=True, slots=True)

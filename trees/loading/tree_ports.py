@@ -14,9 +14,9 @@ from ...files.yaml.document import Document
 from ...files.yaml.reader import Value
 from ...world.journal import Plain
 from ..declaration import COMMON_KEYS, IDENTIFIER
+from ..fault_collector import MissionDiagnostics
+from ..port_types import NAMES_IN_FILES, PortType, convert_literal, show
 from ..ports import PortDeclaration
-from ..values.fault_collector import MissionDiagnostics
-from ..values.port_types import NAMES_IN_FILES, PortType, convert_literal, show
 
 _PORT_KEYS = ("type", "default", "doc", "unit", "choices", "direction")
 

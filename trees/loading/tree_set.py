@@ -8,18 +8,18 @@ from dataclasses import replace
 from graphlib import CycleError
 from typing import Final, Literal
 
-from ...errors import PicktreeError
+from ...files.errors import PicktreeError
 from ...files.marks import Diagnostic, FileError, Location, where
 from ...files.yaml.document import Document
 from ...files.yaml.reader import Value
 from ...world.belief.facts import FACTS
 from ..declaration import AUTOREMAP, IDENTIFIER
+from ..fault_collector import MissionDiagnostics
+from ..key_writers import uses_of
 from ..mission import IN_LIBRARY, MAIN, MissionFiles, NodeSpec, TreeSpec, bottom_up
+from ..port_types import PortType, show
 from ..ports import PortDeclaration
-from ..values.fault_collector import MissionDiagnostics
-from ..values.port_types import PortType, show
-from ..values.references import ROOT_KEY, ExpressionLocator, Reference
-from ..wiring.key_writers import uses_of
+from ..references import ROOT_KEY, ExpressionLocator, Reference
 from .children import ChildNames
 from .grammar import NodeSpecReader
 from .registry import NodeRegistry

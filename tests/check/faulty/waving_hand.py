@@ -1,6 +1,6 @@
 """Opens the hand, or would."""
 
-from picktree.skill_world.world import World
+from picktree.robot.world import World
 from picktree.trees.skill import GRIPPER, Skill, Steps
 
 

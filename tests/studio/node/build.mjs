@@ -1,10 +1,10 @@
-// Makes studio/page/{studio.js,studio.css,licences.txt}; OUT names another folder.
+// Makes apps/studio/page/{studio.js,studio.css,licences.txt}; OUT names another folder.
 import { build } from "esbuild";
 import { mkdir, readFile, readdir, writeFile } from "node:fs/promises";
 import path from "node:path";
 
 const here = import.meta.dirname;
-const page = path.resolve(here, "../../../studio/page");
+const page = path.resolve(here, "../../../apps/studio/page");
 const out = process.env.OUT ? path.resolve(process.env.OUT) : page;
 const modules = path.join(here, "node_modules");
 

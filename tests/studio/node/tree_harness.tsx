@@ -3,8 +3,8 @@
 import { useState } from "react";
 import { createRoot } from "react-dom/client";
 
-import { TreeView } from "../../../studio/page/src/tree/TreeView";
-import type { TreeMarks, TreeNode } from "../../../studio/page/src/tree/TreeView";
+import { TreeView } from "../../../apps/studio/page/src/tree/TreeView";
+import type { TreeMarks, TreeNode } from "../../../apps/studio/page/src/tree/TreeView";
 
 declare global {
   var selected: string;

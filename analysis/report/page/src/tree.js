@@ -5,7 +5,7 @@ import "./tree.css";
 import { made } from "./made.js";
 import { Tip } from "./tip.js";
 
-/* global PicktreeDrawing -- authoring/drawing/formats/page/viewer.js, a script before this one */
+/* global PicktreeDrawing -- authoring/drawing/page/viewer.js, a script before this one */
 
 const LEAST = 0.6; // scale at which a whole tree is shown rather than a part of it
 const MOST = 0.8; // scale at which what runs is followed

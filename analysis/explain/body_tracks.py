@@ -1,0 +1,233 @@
+"""Places of things over a run: as the robot believed, and as they truly were, for the analyst only."""
+
+from __future__ import annotations
+
+import bisect
+import itertools
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from ...logs.recording.true_state import fold_states, read_state
+from ...logs.run_log import Stamped
+from ...logs.schema import topics
+from ...logs.schema.records import BodyRecord, Scene, TrueState
+from ...world.values import Pose, Vector3, rotated
+
+if TYPE_CHECKING:
+    from ...logs.run_log import RunLog
+
+R = TypeVar("R")
+
+
+@dataclass(frozen=True, slots=True)
+class BodyTrack:
+    """One body over time. `times` are those of the messages that had it, s."""
+
+    id: str
+    times: tuple[float, ...]
+    bodies: tuple[BodyRecord, ...]
+
+    @property
+    def first(self) -> BodyRecord:
+        return self.bodies[0]
+
+    @property
+    def last(self) -> BodyRecord:
+        return self.bodies[-1]
+
+    @property
+    def last_speed(self) -> float:
+        """Speed between the last two messages, m/s; 0 when there is only one."""
+        if len(self.times) < 2:
+            return 0.0
+        way = math.dist(self.bodies[-1].pose.position, self.bodies[-2].pose.position)
+        return way / max(self.times[-1] - self.times[-2], 1e-3)
+
+    def before(self, time: float) -> BodyRecord | None:
+        """Return the body as of the last message at `time` or before that had it."""
+        number = bisect.bisect_right(self.times, time + 1e-6)
+        return self.bodies[number - 1] if number else None
+
+    def after(self, time: float) -> BodyRecord | None:
+        """Return the body as of the first message at `time` or after that had it."""
+        number = bisect.bisect_left(self.times, time - 1e-6)
+        return self.bodies[number] if number < len(self.bodies) else None
+
+    def since(self, start: float, end: float = math.inf) -> Iterator[tuple[float, BodyRecord]]:
+        """Yield the messages between two times, both inclusive, s."""
+        first = bisect.bisect_left(self.times, start - 1e-6)
+        for time, body in zip(self.times[first:], self.bodies[first:], strict=True):
+            if time > end + 1e-6:
+                return
+            yield time, body
+
+
+class BodyTracks:
+    """All bodies of one topic, or those of one role."""
+
+    def __init__(self, scenes: Sequence[Stamped[Scene]], role: str | None = None) -> None:
+        self.times = tuple(at.time for at in scenes)
+        self._scenes = scenes
+        collected: dict[str, list[tuple[float, BodyRecord]]] = defaultdict(list)
+        for at in scenes:
+            for body in at.record.bodies:
+                if role in (None, body.role):
+                    collected[body.id].append((at.time, body))
+        self.tracks: Mapping[str, BodyTrack] = {
+            id_: BodyTrack(id_, tuple(t for t, _ in found), tuple(b for _, b in found))
+            for id_, found in collected.items()
+        }
+        self._order = {id_: number for number, id_ in enumerate(self.tracks)}
+        """Number of each body in the order in which they first came."""
+
+    @property
+    def spacing(self) -> float:
+        """Longest time between two messages but for the last one, s: how precisely an event is known."""
+        steps = [b - a for a, b in itertools.pairwise(self.times)]
+        return max(steps, default=0.0) + 0.05
+
+    def at(self, id_: str, time: float) -> BodyRecord | None:
+        """The body as of the last message at `time` or before; None when that did not have it."""
+        track = self.tracks.get(id_)
+        number = bisect.bisect_right(self.times, time + 1e-6)
+        if track is None or number == 0:
+            return None
+        last = self.times[number - 1]
+        found = bisect.bisect_left(track.times, last - 1e-6)
+        return track.bodies[found] if found < len(track.times) and track.times[found] <= last + 1e-6 else None
+
+    def there(self, time: float) -> list[tuple[str, BodyRecord]]:
+        """Return all bodies as of the last message at `time` or before."""
+        number = bisect.bisect_right(self.times, time + 1e-6)
+        if number == 0:
+            return []
+        first = bisect.bisect_left(self.times, self.times[number - 1] - 1e-6)
+        ids = {body.id for at in self._scenes[first:number] for body in at.record.bodies}
+        known = sorted(ids & self._order.keys(), key=self._order.__getitem__)
+        found = ((id_, self.at(id_, time)) for id_ in known)
+        return [(id_, body) for id_, body in found if body is not None]
+
+    def about(self, time: float) -> list[tuple[str, BodyRecord]]:
+        """Return all bodies as of `there`, and those that came between that message and the next one."""
+        number = bisect.bisect_right(self.times, time + 1e-6)
+        following = self.there(self.times[number]) if number < len(self.times) else []
+        came = (self.tracks[id_] for id_, _ in following)
+        return [*self.there(time), *((t.id, t.first) for t in came if t.times[0] > time + 1e-6)]
+
+    def gone(self, id_: str) -> tuple[float, float] | None:
+        """Return the times between which a body vanished for good, s; None when it is there at the end."""
+        track = self.tracks.get(id_)
+        if track is None or not self.times or track.times[-1] >= self.times[-1] - 1e-6:
+            return None
+        return track.times[-1], next(t for t in self.times if t > track.times[-1] + 1e-6)
+
+
+def between(found: Sequence[Stamped[R]], start: float, end: float) -> list[Stamped[R]]:
+    """Return the records of `found`, in order of time, between two times, both inclusive, s."""
+    first = bisect.bisect_left(found, start - 1e-6, key=_time)
+    return list(found[first : bisect.bisect_right(found, end + 1e-6, key=_time)])
+
+
+def _time(at: Stamped[Any]) -> float:
+    return at.time
+
+
+def horizontal_distance(a: BodyRecord, b: BodyRecord) -> float:
+    """Horizontal distance of two bodies' centres, m."""
+    return math.dist(a.pose.position[:2], b.pose.position[:2])
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceState:
+    """Commands and noise-free readings of the simulated robot at one moment."""
+
+    time: float
+    wrench: tuple[float, ...]
+    """True force on the wrist in the world's axes and its torque, (6,); empty where it is not in the log."""
+    masses: Mapping[str, float]
+    """Masses of items that differ from the catalogue's, kg."""
+    frictions: Mapping[str, float]
+    """Frictions of items that differ from the catalogue's for good."""
+    told_width: float
+    """Commanded opening of the fingers, m."""
+    told_force: float
+    """Commanded force of each finger, N; 0 where it is not in the log."""
+    learnt: Vector3
+    """Force that the robot takes for the wrist sensor's bias, in the world's axes, N."""
+    speed: float
+    """Speed of the fastest joint, rad/s."""
+    motions: Mapping[str, tuple[Vector3, Vector3]]
+    """Velocity (m/s) and spin (rad/s) of each item; empty without physics."""
+
+
+def true_states(log: RunLog) -> Iterator[tuple[float, Mapping[str, Any]]]:
+    """Yield the simulation's states in the log, several a second; none for an older log."""
+    state: dict[str, Any] | None = None
+    for message in log.messages([topics.STATE.name]):
+        change = read_state(message.data)
+        if state is None and not change.whole:
+            continue
+        told = [change] if state is None or change.whole else [TrueState(True, state), change]
+        state = fold_states(told)
+        if state is not None:
+            yield message.time / 1e9, state
+
+
+def true_scenes(
+    scenes: Sequence[Stamped[Scene]], states: Iterable[tuple[float, Mapping[str, Any]]]
+) -> list[Stamped[Scene]]:
+    """Return the truth as often as the log has it: looks once a second, places with each state."""
+    found = list(scenes)
+    looks = BodyTracks(scenes)
+    known = {at.time for at in scenes}
+    for time, state in states:
+        if time in known:
+            continue
+        placed: list[BodyRecord] = [b for _, b in looks.there(time) if b.role != "item"]
+        for item in state["items"]:
+            track = looks.tracks.get(str(item["id"]))
+            look = None if track is None else track.before(time) or track.first
+            if look is not None and item["present"]:
+                placed.append(replace(look, pose=_pose(item)))
+        found.append(Stamped(time, Scene(tuple(placed), ())))
+    return sorted(found, key=lambda at: at.time)
+
+
+def _pose(item: Mapping[str, Any]) -> Pose:
+    pose: Mapping[str, Any] = item.get("pose", item)
+    return Pose(tuple(pose["position"]), tuple(pose["orientation"]))
+
+
+def device_state(time: float, state: Mapping[str, Any]) -> DeviceState:
+    """Return what the explanation needs of a state: nothing that only a fault knows."""
+    changes = [*state.get("ledger", ()), *({"item": i["id"], **i} for i in state["items"] if "mass" in i)]
+    robot: Mapping[str, Any] = state.get("robot") or {}
+    grip: Mapping[str, Any] = state.get("gripper") or {"width": state.get("target", 0.0)}
+    velocities: Sequence[float] = robot.get("velocity") or state.get("velocity") or ()
+    return DeviceState(
+        time=time,
+        wrench=tuple(robot.get("wrench", ())),
+        masses={str(c["item"]): c["mass"] for c in changes if c.get("mass") is not None},
+        frictions={str(c["item"]): c["friction"] for c in changes if c.get("friction") is not None},
+        told_width=grip["width"],
+        told_force=grip.get("force", 0.0) or 0.0,
+        learnt=rotated(robot.get("turn", (0.0, 0.0, 0.0, 1.0)), _force(state.get("wrist_bias") or ())),
+        speed=max((abs(v) for v in velocities), default=0.0),
+        motions={
+            str(i["id"]): (tuple(i["velocity"]), tuple(i["spin"])) for i in state["items"] if "velocity" in i
+        },
+    )
+
+
+def _force(wrench: Sequence[float]) -> Vector3:
+    x, y, z = (*wrench, 0.0, 0.0, 0.0)[:3]
+    return (x, y, z)
+
+
+def offset(seen: BodyRecord, true: BodyRecord) -> Vector3:
+    """Vector from the believed centre to the true one, m."""
+    (a, b, c), (x, y, z) = seen.pose.position, true.pose.position
+    return (x - a, y - b, z - c)

@@ -1,0 +1,389 @@
+"""A run under investigation: its failures, and everything in its log that may tell where they came from."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+import numpy as np
+
+from ...files.errors import PicktreeError
+from ...logs.run_log import RunLog, Stamped
+from ...logs.schema.event_records import BeliefEvent
+from ...logs.schema.records import BodyRecord, Scene, ThingRecord
+from ...logs.visits import Visit, VisitTree
+from ...session.recipe_archive import Unpacking
+from ...simulation.scorer import MAX_REST_SPEED, ItemScore, score
+from ...simulation.truth import TrueBody
+from ...world.journal import JournalEvent
+from ...world.run_events import BinExchangedEvent, CrushedEvent
+from ...world.scene.description import Bin, CatalogueEntry, Fixture, SceneDescription
+from ...world.scene.destinations import ItemTraits, destination_rule
+from ...world.shapes import extents, greatest_length
+from ...world.values import Array, ObjectId, Pose, Vector3
+from .body_tracks import BodyTracks, DeviceState, between, device_state, true_scenes, true_states
+from .explanation import FailureStory
+from .identities import Identities
+
+if TYPE_CHECKING:
+    from ...logs.run_record import RunRecord
+    from ...robot.planning.inverse_kinematics import InverseKinematics
+
+E = TypeVar("E", bound=JournalEvent)
+T = TypeVar("T")
+
+
+NEAR_HAND = 0.08
+"""An item whose centre is this near to the fingers may be touched, m."""
+NEAR_ARM = 0.15
+"""An obstacle this near to a link's frame may be touched, m."""
+POSES = 12
+"""Number of poses that are tried of a longer list, spread over it."""
+SOLUTIONS = 1
+
+
+def arm_of(run: RunRecord) -> InverseKinematics | None:
+    """The arm's kinematics by the robot file in the log; None when that cannot be read here."""
+    if "robot.yaml" not in run.log.attachments:
+        return None
+    # They are slow to import, and needed for few failures.
+    from ...robot.planning.inverse_kinematics import InverseKinematics
+    from ...world.robot_model.model import RobotModel
+
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            return InverseKinematics(RobotModel(Unpacking(run.log, Path(folder)).robot()))
+        except (PicktreeError, OSError, ValueError):
+            return None
+
+
+def reachable(arm: InverseKinematics, poses: Sequence[Pose]) -> bool:
+    """Whether a configuration within the joint limits leads to one of the poses of the TCP in the world."""
+    step = max(len(poses) // POSES, 1)
+    home = arm.model.named("home")
+    rng = np.random.default_rng(0)
+    return any(arm.solutions(pose, rng, home, SOLUTIONS) for pose in poses[::step])
+
+
+def scene_of(log: RunLog) -> SceneDescription | None:
+    """None when the log holds no scene file, or one that needs files which it does not hold."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            return Unpacking(log, Path(folder)).scene()
+        except (PicktreeError, OSError):
+            return None
+
+
+class Investigation:
+    """Queries on a log that the search for causes needs again and again. Truth is for the analyst only."""
+
+    def __init__(self, run: RunRecord, family: VisitTree, failures: Sequence[FailureStory]) -> None:
+        self.run = run
+        self.family = family
+        self.failures = tuple(failures)
+        self._answers: dict[object, object] = {}
+        self._by_kind: dict[type[JournalEvent], Sequence[Stamped[JournalEvent]]] = {}
+
+    @cached_property
+    def scene(self) -> SceneDescription | None:
+        return scene_of(self.run.log)
+
+    @cached_property
+    def belief(self) -> BodyTracks:
+        return BodyTracks(list(self.run.log.beliefs()))
+
+    @cached_property
+    def _true_scenes(self) -> tuple[list[Stamped[Scene]], tuple[DeviceState, ...]]:
+        devices: list[DeviceState] = []
+
+        def states() -> Iterator[tuple[float, Mapping[str, Any]]]:  # a long log has too many to keep
+            for time, state in true_states(self.run.log):
+                devices.append(device_state(time, state))
+                yield time, state
+
+        return true_scenes(list(self.run.log.truths()), states()), tuple(devices)
+
+    @cached_property
+    def truth(self) -> BodyTracks:
+        """True tracks of the items, several times a second; obstacles are none."""
+        return BodyTracks(self._true_scenes[0], "item")
+
+    @cached_property
+    def obstacles(self) -> BodyTracks:
+        """True tracks of bodies in the way that the robot did not know."""
+        return BodyTracks(self._true_scenes[0], "obstacle")
+
+    @property
+    def devices(self) -> tuple[DeviceState, ...]:
+        """True states of robot and items; empty for an older log."""
+        return self._true_scenes[1]
+
+    @cached_property
+    def sampled(self) -> float:
+        """The truth is in the log at least this often, s."""
+        return self.truth.spacing if self.devices else 1.05
+
+    @cached_property
+    def identities(self) -> Identities:
+        return Identities(self.belief, self.truth)
+
+    @property
+    def pairs(self) -> Mapping[str, str]:
+        """True item of each believed one."""
+        return self.identities.pairs
+
+    @cached_property
+    def believed(self) -> Mapping[str, tuple[str, ...]]:
+        """Believed items of each true one, the first seen first."""
+        found: dict[str, tuple[str, ...]] = {}
+        for item, true in self.pairs.items():
+            found[true] = (*found.get(true, ()), item)
+        return found
+
+    @cached_property
+    def departed(self) -> Mapping[str, str]:
+        """True items taken away with their bin, and which bin that was: they count as lying in it."""
+        exchanges = self.events(BinExchangedEvent)
+        found: dict[str, str] = {}
+        for true in self.truth.tracks if exchanges else ():
+            gone = self.truth.gone(true)
+            if gone is None:
+                continue
+            lay = self.bin_at(self.truth.tracks[true].bodies[-1])
+            times = [at.time for at in exchanges if at.record.bin == lay]
+            if any(gone[0] - 1e-6 <= time <= gone[1] + 1e-6 for time in times):
+                found[true] = lay
+        return found
+
+    def gone(self, true: str) -> tuple[float, float] | None:
+        """Return the times between which a true item vanished, s.
+
+        None when it is there at the end, or when it was taken away with its bin.
+        """
+        return None if true in self.departed else self.truth.gone(true)
+
+    @cached_property
+    def end(self) -> float:
+        return self.run.last_tick
+
+    @cached_property
+    def arm(self) -> InverseKinematics | None:
+        return arm_of(self.run)
+
+    @cached_property
+    def scores(self) -> Mapping[str, ItemScore]:
+        """Score of each true item at the end; empty when the scene is not known."""
+        if self.scene is None:
+            return {}
+        bodies = [self._true_body(id_) for id_ in self.truth.tracks]
+        found = {str(item.id): item for item in score(bodies, self.scene).items}
+        moving = [replace(each, verdict="left", bin=None) for each in self._moving(found)]
+        return found | {str(each.id): each for each in moving}
+
+    def _moving(self, found: Mapping[str, ItemScore]) -> list[ItemScore]:
+        """Where the result counts fewer items as sorted than lie in their bins: those that moved most just
+        before the end. The log has no velocities, but the scorer knew them."""
+        result = self.run.result
+        lying = [each for each in found.values() if each.verdict == "sorted"]
+        number = 0 if result is None else len(lying) - result.items.sorted
+        fast = sorted(lying, key=lambda each: -self.truth.tracks[str(each.id)].last_speed)
+        return [
+            each
+            for each in fast[: max(0, number)]
+            if self.truth.tracks[str(each.id)].last_speed > MAX_REST_SPEED
+        ]
+
+    def name_of(self, true: str) -> str:
+        """Return how a reader knows a true item: by its believed name, else by what it is."""
+        names = self.believed.get(true, ())
+        if names:
+            return names[0]
+        first = self.truth.tracks[true].first
+        return f"the {first.colour} {first.kind} ({true})"
+
+    def entry(self, item: str) -> CatalogueEntry | None:
+        """Return the catalogue entry of a believed item's kind."""
+        track = self.belief.tracks.get(item)
+        return None if track is None else self._catalogue.get(track.last.kind)
+
+    def entry_of(self, true: str) -> CatalogueEntry | None:
+        """Return the catalogue entry of a true item's kind."""
+        track = self.truth.tracks.get(true)
+        return None if track is None else self._catalogue.get(track.first.kind)
+
+    @cached_property
+    def _catalogue(self) -> Mapping[str, CatalogueEntry]:
+        return {entry.kind: entry for entry in self.scene.catalogue} if self.scene else {}
+
+    def once(self, question: Callable[[Investigation], T]) -> T:
+        """Return the answer to a question about the whole run, which is asked only once."""
+        if question not in self._answers:
+            self._answers[question] = question(self)
+        return cast("T", self._answers[question])
+
+    @cached_property
+    def camera(self) -> str:
+        """Name of the camera that looked first; empty when none did."""
+        return next(iter(self.run.shots.cameras), "")
+
+    def visit(self, failure: FailureStory) -> Visit:
+        return self.family.visits[failure.visit]
+
+    def events(self, kind: type[E], start: float = 0.0, end: float = math.inf) -> list[Stamped[E]]:
+        """Events of a kind between two times, both inclusive, s."""
+        found = self._by_kind.get(kind)
+        if found is None:
+            found = self._by_kind[kind] = [at for at in self.run.events if isinstance(at.record, kind)]
+        return cast("list[Stamped[E]]", between(found, start, end))
+
+    def changes(self, item: str, start: float = 0.0, end: float = math.inf) -> list[Stamped[BeliefEvent]]:
+        """Changes of the belief of an item."""
+        return between(self._changes.get(item, ()), start, end)
+
+    @cached_property
+    def _changes(self) -> Mapping[str, Sequence[Stamped[BeliefEvent]]]:
+        found: dict[str, list[Stamped[BeliefEvent]]] = defaultdict(list)
+        for at in self.events(BeliefEvent):
+            found[at.record.object].append(at)
+        return found
+
+    def hand(self, time: float) -> Vector3 | None:
+        """Where the hand's fingers were, m; None when the log does not tell."""
+        at = self.run.log.transforms_at(time)
+        if at is None:
+            return None
+        fingers = [
+            t.pose.apply(np.zeros(3)) for t in at.record if "finger" in t.child and "tip" not in t.child
+        ]
+        if not fingers:
+            return None
+        x, y, z = np.mean(fingers, axis=0)
+        return (float(x), float(y), float(z))
+
+    def something_near(self, time: float) -> bool:
+        """Whether an item that is not believed in the hand, or an obstacle, was truly near hand or arm."""
+        hand = self.hand(time)
+        held = {self.pairs.get(b.id, "") for b in self.believed_at(time) if b.attached}
+        items = (body for name, body in self.truth.there(time) if name not in held)
+        return bool(self.obstacles_near(time)) or any(
+            hand is not None and math.dist(hand, body.pose.position) < NEAR_HAND for body in items
+        )
+
+    def obstacles_near(self, time: float) -> list[str]:
+        """Return the obstacles next to hand and arm that the robot was not told of, the nearest first."""
+        found: list[tuple[float, str]] = []
+        links = self.links(time)
+        for name, body in self.obstacles.there(time) if len(links) else ():
+            low, high = extents(body.shape, np.eye(3))
+            local = body.pose.inverse().apply(links)
+            away = np.linalg.norm(np.maximum(np.maximum(low - local, local - high), 0.0), axis=1)
+            if float(away.min()) < NEAR_ARM:
+                found.append((float(away.min()), name))
+        return [name for _, name in sorted(found)]
+
+    def in_the_air(self, body: BodyRecord) -> bool:
+        """Whether a true item is well above the table, and next to no bin, fixture or obstacle."""
+        x, y, z = body.pose.position
+        size = float(np.linalg.norm(np.subtract(*extents(body.shape, np.eye(3))))) / 2
+        solid = (
+            *((b.pose, (b.size[0] / 2, b.size[1] / 2)) for b in self.bins.values()),
+            *((f.pose, tuple(extents(f.shape, f.pose.rotation())[1][:2])) for f in self.fixtures.values()),
+        )
+        near = any(
+            abs(x - pose.position[0]) < half[0] + size + 0.05
+            and abs(y - pose.position[1]) < half[1] + size + 0.05
+            for pose, half in solid
+        )
+        return z > size + 0.03 and not near
+
+    def obstacle_at(self, seen: BodyRecord) -> str:
+        """Return the obstacle that is where a body is believed; empty for none."""
+        for name, body in self.obstacles.there(seen.last_seen + 1.0):
+            low, high = extents(body.shape, body.pose.rotation())
+            if float(np.abs(np.subtract(body.pose.position, seen.pose.position)).max()) < float(
+                (high - low).max()
+            ):
+                return name
+        return ""
+
+    def links(self, time: float) -> Array:
+        """Return the frames' origins of arm and hand and the middles between them, (n, 3), m; none without
+        frames in the log."""
+        at = self.run.log.transforms_at(time)
+        known = {b.id for b in self.believed_at(time)} | set(self.bins) | set(self.fixtures)
+        frames = [
+            t.pose.position
+            for t in (at.record if at is not None else ())
+            if t.child not in known and "camera" not in t.child
+        ]
+        points = np.array(frames).reshape(-1, 3)
+        return np.vstack([points, (points[1:] + points[:-1]) / 2])
+
+    def _true_body(self, id_: str) -> TrueBody:
+        track = self.truth.tracks[id_]
+        last = track.bodies[-1]
+        present = self.gone(id_) is None
+        entry = self._catalogue.get(last.kind)
+        form = entry.form if entry else "box"
+        return TrueBody(
+            ObjectId(id_),
+            last.kind,
+            form,
+            last.shape,
+            last.colour,
+            last.pose,
+            present=present,
+            seat=last.seat,
+            crushed=max(
+                (at.record.force for at in self.events(CrushedEvent) if at.record.object == id_), default=0.0
+            ),
+            mass=last.mass if isinstance(last, ThingRecord) else entry.mass if entry else None,
+            tag=last.tag if isinstance(last, ThingRecord) else None,
+        )
+
+    @property
+    def fixtures(self) -> Mapping[str, Fixture]:
+        """Other than the table that things stand on."""
+        return {str(f.id): f for f in self.scene.fixtures if f.id != "table"} if self.scene else {}
+
+    @property
+    def bins(self) -> Mapping[str, Bin]:
+        return {str(b.id): b for b in self.scene.bins} if self.scene else {}
+
+    def believed_at(self, time: float) -> list[BodyRecord]:
+        """All bodies of the belief at that time."""
+        return [body for _, body in self.belief.there(time)]
+
+    def ports(self, path: str) -> Mapping[str, str]:
+        """As the mission gives them to a node, the last version of it."""
+        nothing: Mapping[str, str] = {}
+        return next((n.ports for n in self.run.tree_at(self.end).nodes if n.path == path), nothing)
+
+    def destination(self, body: BodyRecord) -> str:
+        """The bin, hole or fixture with holes where it belongs by the scene's rules; empty when nowhere."""
+        if self.scene is None:
+            return ""
+        entry = self.scene.find_entry(body.kind)
+        if isinstance(body, ThingRecord):
+            size = greatest_length(body.shape) if body.size is None else body.size
+            item = ItemTraits(body.colour, body.form, body.kind, body.mass, size, body.tag)
+        else:
+            mass = None if entry is None else entry.mass
+            item = ItemTraits(body.colour, body.form, body.kind, mass, greatest_length(body.shape))
+        return str(destination_rule(self.scene.destinations)(item) or "")
+
+    def bin_at(self, body: BodyRecord) -> str:
+        """The bin within whose walls it is, or the hole where it is; empty when in none."""
+        if body.seat is not None and body.seat.over:
+            return str(body.seat.hole)
+        for each in self.scene.bins if self.scene else ():
+            x, y, _ = (each.pose.inverse() @ body.pose).position
+            if abs(x) <= each.size[0] / 2 and abs(y) <= each.size[1] / 2:
+                return str(each.id)
+        return ""

@@ -1,1 +1,0 @@
-"""Root causes: one family of explanations a file."""

@@ -1,0 +1,353 @@
+"""Devices at fault: what is common to several failures, or measured at a sensor, a joint, the fingers."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...world.skill_events import SafetyStopEvent
+from ...world.values import Array
+from .camera_causes import camera_frozen, camera_noisy, camera_off, camera_silent, colours_mistaken
+from .case import Investigation
+from .explanation import Confidence, DeviceFinding, Finding, number, words
+from .number_wording import between, counted, force, listed_spans, listed_times, seconds
+
+SENSED = ("world.disturbed", "grasp.*", "safety.*", "control.*", "place.*", "planning.start_in_collision")
+"""Failures that a wrong force at the wrist may have."""
+
+
+def device_findings(case: Investigation) -> tuple[DeviceFinding, ...]:
+    """Return what the log shows of devices that did not do as they should, the most specific first."""
+    return tuple(found for detect in DETECTORS for found in detect(case))
+
+
+def wrist_silent(case: Investigation) -> Iterator[DeviceFinding]:
+    """A sensor with noise whose reading stands still, or whose stamp does, gives no new readings."""
+    wrenches = case.run.wrenches
+    stale = [at.time for at in case.events(SafetyStopEvent) if at.record.cause == "safety.stale_sensor"]
+    stale += [f.time for f in case.failures if f.cause == "safety.stale_sensor"]
+    spans: list[tuple[float, float]] = []
+    if case.run.info.backend == "physics" and len(wrenches.times) > 2:  # else it is without noise
+        same = np.abs(np.diff(np.linalg.norm(wrenches.forces, axis=1))) < 1e-6
+        spans = [s for s in _spans(wrenches.times[1:], same) if s[1] - s[0] > SILENT]
+        spans = spans or [s for s in smooth_spans(wrenches.times, wrenches.forces) if s[1] - s[0] > SILENT]
+    if stale:
+        spans = spans or list(_spans(np.array(sorted(set(stale))), np.ones(len(set(stale)), dtype=bool), 2.0))
+    if not spans:
+        return
+    title = f"the wrist sensor was silent {listed_spans(spans)}: it gave no new readings"
+    reasons = ("its noise never rests, and its reading stood still",) if not stale else (
+        f"the safety monitor saw no new reading at {listed_times(sorted(set(stale)))}",
+    )  # fmt: skip
+    yield DeviceFinding(
+        Finding("wrist.silent", "wrist", title, reasons, "", spans[0][0]), tuple(spans), SENSED
+    )
+
+
+def smooth_spans(times: Array, forces: Array) -> tuple[tuple[float, float], ...]:
+    """Return when the readings (n, 3) have lost their noise.
+
+    The last reading of a silent sensor only turns with the hand, in the axes of the world.
+    """
+    bends = np.asarray(np.linalg.norm(np.diff(forces, 2, axis=0), axis=1), np.float64)
+    noise = bends[bends > NOISELESS]
+    return _spans(times[:-2], bends < SMOOTH * float(np.quantile(noise, AT_REST))) if len(noise) else ()
+
+
+NOISELESS = 0.01
+"""Second difference of readings below which they have no noise, N."""
+AT_REST = 0.2
+"""Quantile of the second differences that is due to noise alone: most of the others are accelerations."""
+SMOOTH = 0.1
+"""Share of it below which readings have lost their noise."""
+SILENT = 0.25
+"""Time without a new reading that counts as silence, s."""
+BIAS = 5.0
+"""Error of the wrist's force that counts as one, N."""
+
+
+def wrist_biased(case: Investigation) -> Iterator[DeviceFinding]:
+    """The wrist's readings differ from the true forces by a step that lasts."""
+    states = [s for s in case.devices if s.wrench]
+    readings, gripper = case.run.wrenches, case.run.gripper
+    at_rest = case.run.info.continues is None and case.run.log.part == 1
+    if len(states) < 5 or not len(readings.times) or not at_rest:
+        return
+    times = np.array([s.time for s in states])
+    here = np.clip(np.searchsorted(readings.times, times - 1e-6), 0, len(readings.times) - 1)
+    true = np.array([s.wrench[:3] for s in states])
+    read = readings.forces[here] - (true - true[0])  # the arm begins at rest, with an empty hand
+    pressing = np.interp(times, gripper.times, gripper.forces) > 1.0 if len(gripper.times) else times < 0.0
+    learnt = np.array([s.learnt for s in states])
+    knows: NDArray[np.bool_] = np.abs(learnt).max(axis=1) > 0.0
+    first = int(np.argmax(knows))  # the sensor's own bias, learnt at the start
+    off = _sizes(read + learnt - np.where(knows[:, None], learnt[first], 0.0), pressing)
+    still = np.array([s.speed < STANDING for s in states])
+    spans = [s for s in _spans(times, (off > BIAS) & (still | (off > SWUNG))) if s[1] - s[0] > SILENT]
+    silent = [span for found in wrist_silent(case) for span in found.spans]
+    spans = [(a, b) for a, b in spans if not any(x <= b and a <= y for x, y in silent)]
+    if spans:
+        start, end = spans[0]
+        most = float(np.median(off[(times >= start) & (times <= end)]))
+        title = f"the wrist sensor read {force(most)} that were not there, from {seconds(start)} on"
+        reasons = (f"its reading differed so from the true force {listed_spans(spans)}",)
+        yield DeviceFinding(
+            Finding("wrist.biased", "wrist", title, reasons, "", start),
+            ((start - 0.5, spans[-1][1]),),
+            SENSED,
+        )
+
+
+SWUNG = 7.0
+"""Error of the wrist's force that counts while the arm moves, too, N."""
+
+
+def _sizes(error: Array, pressing: NDArray[np.bool_]) -> Array:
+    """Return sizes of errors that last, N. Fingers that press push each other aside, which is no error."""
+    error = np.stack([median_of_neighbours(axis) for axis in error.T], axis=1)
+    sizes: Array = np.linalg.norm(error, axis=1)
+    sizes[pressing] = np.abs(error[pressing, 2])
+    return sizes
+
+
+def median_of_neighbours(values: Array) -> Array:
+    """Median of each value with the ones beside it."""
+    padded = np.pad(values, 1, mode="edge")
+    return np.median(np.stack([padded[:-2], padded[1:-1], padded[2:]]), axis=0)
+
+
+STANDING = 0.1
+"""Speed of the fastest joint below which the arm is at rest, rad/s."""
+LAG = 0.012
+"""Error of a joint that lags, rad."""
+ALONE = 3.0
+"""A joint is alone in lagging with an error of so many times that of any other."""
+
+
+def joint_weak(case: Investigation) -> Iterator[DeviceFinding]:
+    """One joint lags behind its set point, or sags, while the others follow theirs."""
+    controls, joints = case.run.controls, case.run.joints
+    if not controls.errors.size:
+        return
+    error = np.nan_to_num(np.abs(controls.errors))
+    order = np.sort(error, axis=1)
+    alone = (order[:, -1] > LAG) & (order[:, -1] > ALONE * order[:, -2])
+    which = error.argmax(axis=1)
+    arm = case.run.joint_names[0]
+    for joint in sorted({int(each) for each in which[alone]}):
+        spans = _spans(controls.times, alone & (which == joint), 0.5)
+        here = alone & (which == joint)
+        if int(here.sum()) < 2 or joint >= len(arm):
+            continue
+        efforts = np.interp(controls.times[here], joints.times, joints.efforts[:, joints.column(arm[joint])])
+        flat = float(np.ptp(efforts)) < 0.05 * max(float(np.abs(efforts).max()), 1.0)
+        sure: Confidence = "likely" if flat else "possible"
+        lagged = float(np.degrees(error[here, joint].max()))
+        title = (
+            f"{arm[joint]} was too weak: it lagged by up to {lagged:.1f} degrees while the others followed"
+        )
+        reasons = [f"its error was more than {ALONE:.0f} times that of any other joint {listed_spans(spans)}"]
+        if flat:
+            reasons.append(f"its torque stayed at {abs(float(np.median(efforts))):.0f} Nm all that time")
+        yield DeviceFinding(
+            Finding("joint.weak", arm[joint], title, tuple(reasons), "", spans[0][0], sure),
+            spans, ("control.*", "safety.*", "world.disturbed", "grasp.*"), 10.0,
+        )  # fmt: skip
+
+
+def arm_stalled(case: Investigation) -> Iterator[DeviceFinding]:
+    """No joint moves any more although a trajectory goes on, and nothing stands in the way."""
+    controls, joints = case.run.controls, case.run.joints
+    arm = [joints.column(name) for name in case.run.joint_names[0] if name in joints.names]
+    if not controls.errors.size or not arm or len(joints.times) < 3:
+        return
+    speeds = joints.velocities[:, arm]
+    speed = np.abs(speeds)
+    moving, fast = speed[:-1] > 0.04, speed[:-1] > 0.2
+    drop = np.abs(np.diff(speeds, axis=0)) / np.maximum(np.diff(joints.times), 1e-3)[:, None]
+    slowed = fast & (speed[1:] < 0.75 * speed[:-1])
+    halted = (moving.sum(axis=1) >= MOVING) & (slowed.sum(axis=1) >= fast.sum(axis=1) - 1)
+    hard = halted & (((drop > BRAKED) & moving).sum(axis=1) >= 2)
+    errors: Array = np.nan_to_num(np.abs(controls.errors))
+    worst: Array = np.max(errors, axis=1)
+    tracking = np.array([name == "Track" for name in controls.controllers])
+    lagging: Array = ((errors > STUCK).sum(axis=1) >= MOVING).astype(float) * tracking
+    behind: Array = np.interp(joints.times[1:], controls.times, lagging)
+    error = np.asarray(np.interp(joints.times[1:], controls.times, worst), dtype=np.float64)
+    stuck: NDArray[np.bool_] = halted & (error > 2e-3) & (speed[1:].max(axis=1) < 2e-3)
+    stops = [at.time for at in case.events(SafetyStopEvent) if at.record.cause == "control.tracking"]
+    stops += [f.time for f in case.failures if f.cause.startswith("control.t")]
+    for tick in np.flatnonzero(stuck | hard | (behind > 0.5)):
+        time = float(joints.times[tick + 1])
+        if not stuck[tick] and not any(-0.11 < stop - time < 0.4 for stop in stops):
+            continue
+        if case.something_near(time):
+            continue
+        rest = np.flatnonzero(speed[tick + 20 :].max(axis=1) > FOLLOWING)
+        end = float(joints.times[tick + 20 + rest[0]]) if len(rest) else case.end
+        title = (
+            f"the arm stood still from {seconds(time)} on though it was commanded to move: no drive followed"
+        )
+        reasons = (
+            f"{int(moving[tick].sum())} joints stopped together, faster than they brake",
+            "truly nothing was near the arm",
+        )
+        yield DeviceFinding(
+            Finding("arm.stalled", "arm", title, reasons, "", time),
+            ((time - 0.1, max(end, time)),), MOVED, 3.0,
+        )  # fmt: skip
+        return
+
+
+MOVING = 3
+"""Joints that must have moved before the arm can be seen to stall."""
+FOLLOWING = 0.3
+"""Speed of a joint that follows its commands again, rad/s."""
+MOVED = ("control.*", "safety.*", "world.disturbed", "tree.timeout")
+"""Failures that an arm may have which does not follow."""
+STUCK = 0.01
+"""Error of a joint that does not follow, rad."""
+BRAKED = 18.0
+"""Deceleration that no brake of the arm's controller commands, rad/s²."""
+
+
+def gripper_faulty(case: Investigation) -> Iterator[DeviceFinding]:
+    """The fingers do not move though they are told to, or press with less than they are told."""
+    for failure in case.failures:
+        if failure.cause != "control.gripper":
+            continue
+        told, pressed = number(failure, "told"), number(failure, "force") or 0.0
+        moved, width = number(failure, "moved") or 0.0, 1000 * (number(failure, "width") or 0.0)
+        start = case.visit(failure).start
+        weak = told is not None and moved > 2e-3
+        if weak:
+            felt = f"{force(pressed)}, though told {force(told or 0.0)}"
+            title = f"the gripper is too weak: its fingers press with {felt}"
+            yield DeviceFinding(
+                Finding("gripper.weak", "gripper", title, (failure.message,), "", failure.time),
+                ((start, failure.time),), ("control.gripper", "grasp.*", "place.missed"), 5.0,
+            )  # fmt: skip
+            continue
+        title = f"the fingers are stuck at {width:.0f} mm: they did not move though told to"
+        yield DeviceFinding(
+            Finding("gripper.jammed", "gripper", title, (failure.message,), "", failure.time),
+            ((start, failure.time),), ("control.gripper", "grasp.*", "place.*"), 5.0,
+        )  # fmt: skip
+
+
+def fingers_stuck(case: Investigation) -> Iterator[DeviceFinding]:
+    """Fingers that are told to open, and stay where they are though nothing can hold them there."""
+    gripper, states = case.run.gripper, case.devices
+    if not len(gripper.times) or len(states) < 2:
+        return
+    times = np.array([s.time for s in states])
+    width = np.interp(times, gripper.times, gripper.widths)
+    before = np.interp(times - 0.2, gripper.times, gripper.widths)
+    told = np.array([s.told_width for s in states])
+    stuck = (told > width + JAMMED) & (np.abs(width - before) < 5e-4)
+    spans = tuple(s for s in _spans(times, stuck) if s[1] - s[0] > SILENT)
+    if spans:
+        at, wanted = float(width[stuck][0]), float(told[stuck][0])
+        title = f"the fingers are stuck at {1000 * at:.0f} mm: they did not move though told to"
+        reasons = (f"they were told to open to {1000 * wanted:.0f} mm and stood still {listed_spans(spans)}",)
+        yield DeviceFinding(
+            Finding("gripper.jammed", "gripper", title, reasons, "", spans[0][0]), spans,
+            ("control.gripper", "grasp.*", "place.*"), 5.0,
+        )  # fmt: skip
+
+
+JAMMED = 0.006
+"""Opening by which fingers at rest stay behind what they are told, m."""
+
+
+def fingers_press_too_little(case: Investigation) -> Iterator[DeviceFinding]:
+    """Fingers that stand on an item press with less than the command says, in readings several times."""
+    gripper = case.run.gripper
+    states = [s for s in case.devices if s.told_force > 0.0]
+    if not len(gripper.times) or not states:
+        return
+    times = np.array([s.time for s in states])
+    width = np.interp(times, gripper.times, gripper.widths)
+    pressed = np.interp(times, gripper.times, gripper.forces)
+    before = np.interp(times - 0.2, gripper.times, gripper.widths)
+    told = np.array([s.told_force for s in states])
+    closing = width > np.array([s.told_width for s in states]) + 0.004
+    resting = closing & (np.abs(width - before) < 5e-4) & (width > 0.004)
+    moved = width < float(gripper.widths.max()) - 0.004
+    weak = resting & moved & (pressed < WEAK * told)
+    spans = tuple(s for s in _spans(times, weak) if s[1] - s[0] > SILENT)
+    if spans:
+        most = float(np.median(pressed[weak] / told[weak]))
+        title = f"the gripper presses with {100 * most:.0f} % of the force that it is told"
+        reasons = (f"its fingers stood on something and pressed so {listed_spans(spans)}",)
+        yield DeviceFinding(
+            Finding("gripper.weak", "gripper", title, reasons, "", spans[0][0]), spans,
+            ("control.gripper", "grasp.*", "place.missed"), 3.0,
+        )  # fmt: skip
+
+
+WEAK = 0.6
+"""Share of the commanded finger force below which a gripper is weak."""
+
+
+SAME_PLACE = 0.2
+"""Start configurations closer than this are the same to a planner, rad."""
+
+
+def planner_refuses(case: Investigation) -> Iterator[DeviceFinding]:
+    """The planner found no way, and names nothing that is in it."""
+    asked: dict[str, list[tuple[float, bool, tuple[float, ...], int]]] = defaultdict(list)
+    for at in case.run.plans:
+        plan = at.record
+        asked[re.sub(r"[\d.]+", "#", plan.request)].append(
+            (at.time, plan.outcome == "found", plan.start, plan.version)
+        )
+    times: list[float] = []
+    for failure in case.failures:
+        limited = bool(failure.evidence.get("joint")) or (number(failure, "fraction") or 0.0) > 0.02
+        if failure.cause != "planning.no_path" or words(failure, "pairs") or limited:
+            continue
+        times.append(failure.time)
+    refused = [at for at in case.run.plans if at.record.outcome == "planning.no_path"]
+    again = [
+        at.time
+        for at in refused
+        for time, found, start, _ in asked[re.sub(r"[\d.]+", "#", at.record.request)]
+        if found and time > at.time and start and len(start) == len(at.record.start)
+        and float(np.abs(np.subtract(start, at.record.start)).max()) < SAME_PLACE
+    ]  # fmt: skip
+    if not times or not refused:
+        return
+    spans = ((refused[0].time, refused[-1].time),)
+    often = counted(len(refused), "time")
+    title = f"the planner found no way {often} {between(*spans[0])}, though nothing was in it"
+    sure: Confidence = "likely" if again else "possible"
+    reasons = ["it names nothing that the arm or the hand would touch"]
+    if again:
+        reasons.append("what it refused it found later, from the same place")
+    yield DeviceFinding(
+        Finding("planner.refuses", "planner", title, tuple(reasons), "", spans[0][0], sure),
+        spans, ("planning.no_path", "grasp.no_candidate", "safety.no_retreat"),
+    )  # fmt: skip
+
+
+DETECTORS: tuple[Callable[[Investigation], Iterator[DeviceFinding]], ...] = (
+    wrist_silent, arm_stalled, wrist_biased, joint_weak, gripper_faulty, fingers_stuck,
+    fingers_press_too_little, camera_silent, planner_refuses, camera_frozen, camera_noisy, camera_off,
+    colours_mistaken,
+)  # fmt: skip
+
+
+def _spans(times: Array, where: NDArray[np.bool_], gap: float = 0.3) -> tuple[tuple[float, float], ...]:
+    """Times during which something held, joined over gaps."""
+    found: list[tuple[float, float]] = []
+    for time in times[where]:
+        if found and time - found[-1][1] <= gap:
+            found[-1] = (found[-1][0], float(time))
+        else:
+            found.append((float(time), float(time)))
+    return tuple(found)

@@ -1,0 +1,271 @@
+"""Explanation of a run as values: its failures, what became of them, and their origins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, cast
+
+from ...logs.episode import Fate
+from ...logs.run_account import CureAttempt, Episodes, FailureLink
+from ...logs.schema.records import Values
+from ...world.causes import matches
+
+Confidence: TypeAlias = Literal["likely", "possible", "the log does not tell"]
+"""How sure an explanation is of a cause.
+
+`likely`: measured, or seen in the ground truth. `possible`: fits what is in the log, as something else may.
+`the log does not tell`: the failure's own words, because nothing else speaks for a cause.
+"""
+CONFIDENCES: tuple[Confidence, ...] = ("likely", "possible", "the log does not tell")
+"""Stated confidences, the surest first."""
+RATES: Mapping[Confidence, float | None] = {"likely": 0.95, "possible": 0.8, "the log does not tell": None}
+"""Share of causes stated with a confidence that are the true one; None: not meant as a cause."""
+
+
+@dataclass(frozen=True, slots=True)
+class RejectedCandidate:
+    """A candidate of a grasp, a placement or a plan that was not taken, and why."""
+
+    name: str
+    reason: str
+    count: int = 1
+    """How many were rejected alike."""
+    stage: str = ""
+    """Stage that a grasp did not pass (`world.manipulation.stages`); empty in older logs."""
+    by: str = ""
+    """Id of the body in the way; empty when there was none, or in older logs."""
+
+
+@dataclass(frozen=True, slots=True)
+class CandidateChoice:
+    """Choice of candidates shortly before a failure: numbers that reached each stage, and rejected ones."""
+
+    time: float
+    purpose: str
+    object: str
+    stages: tuple[tuple[str, int], ...]
+    rejections: tuple[RejectedCandidate, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FailureStory:
+    """One failure: where it came up, why, and what became of it."""
+
+    number: int
+    """Its place among the failures of the run, from 0."""
+    time: float
+    """Simulated s."""
+    tick: int
+    visit: int
+    """Number of the visit that failed by itself (`Run.visits`)."""
+    node: str
+    """Path of that visit's node."""
+    id: str
+    item: str
+    attempt: int
+    cause: str
+    sentence: str
+    """Meaning of the cause; with `remedy` the first remedy. Both concern the cause, not this failure."""
+    remedy: str
+    message: str
+    """Message of the node."""
+    evidence: Values
+    chain: tuple[FailureLink, ...]
+    """Nodes that ended with the failure, from the parent upwards to the one that stopped it, or the root."""
+    handled_by: tuple[CureAttempt, ...]
+    fate: Fate
+    fate_by: str
+    """Path of the node that decided it; empty when open."""
+    fate_at: float | None
+    """Simulated s."""
+    because_of: int | None
+    """Number of the earlier failure that it follows from, as a failing handler does from what it handles."""
+    choices: tuple[CandidateChoice, ...]
+    observed: tuple[str, ...]
+    """Sentences on the moment of the failure: belief, hand, stops, changes, injected faults.
+
+    For the analyst only, they say where the truth differed from the belief."""
+    made_good_at: float | None = None
+    """When the item was placed after all, as the robot believed, though this failure was passed over; s."""
+    root_cause: int | None = None
+    """Place of its root cause among those of the run."""
+    episode: int | None = None
+    """Place of its episode among those of the run."""
+    seconds_lost: float = 0.0
+    """Time lost of its episode, simulated s: the whole at its first failure, and 0 at the further ones."""
+
+    @property
+    def name(self) -> str:
+        """Name of the node: the last part of its path."""
+        return self.node.rsplit("/", 1)[-1]
+
+    @property
+    def name_and_item(self) -> str:
+        """Name of the node and the item that the failure is about, as in `Grasp of block_1`."""
+        return f"{self.name} of {self.item}" if self.item else self.name
+
+    @property
+    def cured(self) -> bool:
+        return self.fate == "cured"
+
+    @property
+    def done_instead(self) -> bool:
+        """Whether a handler of `instead` took the place of what had failed, as the mission asks."""
+        return self.fate == "done_instead"
+
+
+@dataclass(frozen=True, slots=True)
+class RootCause:
+    """Root cause of one or more failures."""
+
+    cause: str
+    title: str
+    """Description in one sentence, with the item and the node."""
+    failures: tuple[int, ...]
+    """Numbers of the failures that it explains, the first of them first."""
+    ended_run: bool
+    """Whether the run failed, or its goal was missed, because of it."""
+    reasons: tuple[str, ...]
+    """Evidence for it in the log."""
+    item: str = ""
+    """Id of the believed item that it is about; of the true one when it was never seen."""
+    time: float | None = None
+    """When it happened, as near as that is known, simulated s."""
+    seconds_lost: float = 0.0
+    """Simulated s that the episodes of its failures cost."""
+    planted: tuple[str, ...] = ()
+    """Faults that were planted in the simulation and concern the same items. They are told beside the cause,
+    and the cause was found without them."""
+    confidence: Confidence = "likely"
+    against: tuple[str, ...] = ()
+    """Evidence in the log that speaks against it."""
+    items: tuple[str, ...] = ()
+    """Items that are not where they belong because of it, by their believed names where they have one."""
+
+
+@dataclass(frozen=True, slots=True)
+class ItemEvent:
+    time: float
+    what: str
+    """One line: seen, grasp failed with …, held, placed in …, lost from sight, …"""
+    node: str = ""
+    failure: int | None = None
+
+
+ItemState: TypeAlias = Literal["done", "held", "left", "gone", "aside"]
+"""State of an item at the end, as the robot believed; `aside`: the mission had given it up."""
+
+
+@dataclass(frozen=True, slots=True)
+class ItemStory:
+    """Events of one item, as the robot believed."""
+
+    id: str
+    kind: str
+    colour: str
+    state: ItemState
+    events: tuple[ItemEvent, ...]
+    truth: str = ""
+    """Where it really is in the end, in the scorer's words; for the analyst only."""
+    names: tuple[str, ...] = ()
+    """Ids under which the robot knew the item, the first one first."""
+
+
+@dataclass(frozen=True, slots=True)
+class KeyMoment:
+    """A moment worth a look, the most telling first."""
+
+    time: float
+    why: str
+    failure: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ExplainedOutcome:
+    status: str
+    """As in the result; without one `killed`, `crashed`, `running`, `continued` or `unknown`.
+
+    It is `running` while the log is being written, and `continued` for a file that another one continues. It
+    is `unknown` when another program has left out the result.
+    """
+    sentence: str
+    end: float
+    """Simulated s."""
+    items_sorted: int | None
+    """Number of sorted items by the scorer; None when the run was killed."""
+    items_total: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """Why a run ended as it did."""
+
+    outcome: ExplainedOutcome
+    failures: tuple[FailureStory, ...]
+    root_causes: tuple[RootCause, ...]
+    """Those that ended the run first, then by what they cost."""
+    items: tuple[ItemStory, ...]
+    look_at: tuple[KeyMoment, ...]
+    recovery: Episodes
+    """Which causes were seen, what was tried against each and what came of it; see `episodes.episode`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Origin of a failure, or of an item that is not where it belongs. `about` and `cause` name it:
+    findings with the same are one."""
+
+    cause: str
+    about: str
+    title: str
+    reasons: tuple[str, ...] = ()
+    item: str = ""
+    """Id of the believed item, else of the true one."""
+    time: float | None = None
+    """When it happened, as near as that is known, s."""
+    confidence: Confidence = "likely"
+    against: tuple[str, ...] = ()
+    """Evidence that speaks against it."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceFinding:
+    """Finding about a device, when it was so, and which failures it explains."""
+
+    finding: Finding
+    spans: tuple[tuple[float, float], ...]
+    explains: tuple[str, ...]
+    after: float = 1.0
+    """Time after a span within which a failure may still come from it, s."""
+
+    def covers(self, failure: FailureStory, start: float) -> bool:
+        """Whether a failure of a visit that began at `start` may come from the device."""
+        if not any(matches(pattern, failure.cause) for pattern in self.explains):
+            return False
+        if failure.evidence.get("joint") == self.finding.about:
+            return failure.time >= self.spans[0][0]
+        return any(a <= failure.time + 1e-6 and start <= b + self.after for a, b in self.spans)
+
+
+def number(failure: FailureStory, name: str) -> float | None:
+    value = failure.evidence.get(name)
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def word(failure: FailureStory, name: str) -> str:
+    value = failure.evidence.get(name)
+    return value if isinstance(value, str) else ""
+
+
+def numbers(failure: FailureStory, name: str) -> tuple[float, ...]:
+    return tuple(float(v) for v in _items(failure, name) if isinstance(v, int | float))
+
+
+def words(failure: FailureStory, name: str) -> tuple[str, ...]:
+    return tuple(v for v in _items(failure, name) if isinstance(v, str))
+
+
+def _items(failure: FailureStory, name: str) -> list[object]:
+    value = failure.evidence.get(name)
+    return cast("list[object]", value) if isinstance(value, list) else []

@@ -1,0 +1,397 @@
+"""Items in the hand: whether they truly were there, when they left it, and why."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...logs.schema.records import BodyRecord
+from ...world.shapes import extents
+from ...world.values import GRAVITY, Array
+from .camera_causes import seen_displaced
+from .case import Investigation
+from .explanation import Confidence, FailureStory, Finding, number, numbers
+from .number_wording import between, distance, force, listed_times, place, seconds
+
+SQUEEZING = 0.5
+"""Share of the greatest finger force above which the fingers are taken to press on something."""
+STEADY = 3
+"""Readings over which the load is averaged, so that a jolt does not count as weight."""
+CLOSING = 0.002
+"""Decrease of the opening beyond which the fingers count as closing, m."""
+RESTING = 3
+"""Readings in a row without motion that count as standing."""
+STILL = 0.001
+"""Motion of the fingers that is noise, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class GripPeriod:
+    """One closing of the fingers on something."""
+
+    closed: float
+    """Time at which the fingers began to close, s."""
+    force: float
+    """The greatest force of a finger, N."""
+    load: float
+    """The greatest steady pull downwards while the fingers pressed on something, N; 0 when they never did."""
+    width: float
+    """Opening at the end, m."""
+
+
+def grip_within(case: Investigation, start: float, end: float) -> GripPeriod | None:
+    """The last closing between two times, s; None when the fingers did not close then."""
+    joints, wrenches = case.run.joints, case.run.wrenches
+    fingers = [n for n, name in enumerate(joints.names) if "finger" in name]
+    if not fingers or not len(joints.times):
+        return None
+    here = np.flatnonzero((joints.times >= start - 1e-6) & (joints.times <= end + 1e-6))
+    if not len(here):
+        return None
+    width = joints.positions[here][:, fingers].sum(axis=1)
+    efforts = joints.efforts[here][:, fingers].max(axis=1)
+    closed = _closing(width, efforts)
+    if closed is None:
+        return None
+    times = joints.times[here][closed:]
+    effort = efforts[closed:]
+    force = float(effort.max())
+    pressing = effort > SQUEEZING * force
+    load = 0.0
+    if force > 0.0 and bool(pressing.any()):
+        steady = _steady(-wrenches.forces[:, 2])
+        felt = np.interp(times, wrenches.times, steady) if len(wrenches.times) else np.zeros(len(times))
+        load = max(float(felt[pressing].max()), 0.0)
+    return GripPeriod(float(times[0]), force, load, float(width[-1]))
+
+
+def _closing(width: Array, effort: Array) -> int | None:
+    """Index at which the fingers last stood open, at rest and pressing on nothing, before they closed."""
+    free = effort < SQUEEZING * max(float(effort.max()), 1.0)
+    for k in range(len(width) - 1, RESTING - 1, -1):
+        still = float(np.ptp(width[k - RESTING : k + 1])) < STILL
+        if still and free[k] and width[k] > float(width[k:].min()) + CLOSING:
+            return k
+    return None
+
+
+def _steady(values: Array) -> Array:
+    """The least of neighbouring readings: what did not last is left out."""
+    if len(values) < STEADY:
+        return values
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(values, STEADY // 2, mode="edge"), STEADY)
+    return windows.min(axis=1)
+
+
+SLIPPERY = 0.5
+"""Share of what the fingers should hold below which an item that slips must be slippery."""
+HEAVY = 3.0
+"""A pull of this many times the catalogue's weight is that of another weight."""
+OTHER_MASS = 1.5
+"""A true mass of this many times the catalogue's is another one."""
+OTHER_FRICTION = 0.7
+"""A true friction below this share of the catalogue's is another one."""
+JOLT = 3.0
+"""Force that lifting and braking may add to a weight, N."""
+OWN_WEIGHT = 0.6
+"""Share of a pull that stopped the arm from which on the item's known weight explains it."""
+DOWNWARDS = -0.8
+"""Component along z of a contact's direction below which it pulls straight down."""
+MARGIN = 1.3
+"""The fingers should hold this many times the weight."""
+AWAY = 0.015
+"""An item whose centre is this much further from the fingers than when they closed has left them, m."""
+FLUNG = 0.5
+"""Speed against the hand, gravity aside, that no item gets by sliding out, m/s."""
+HOLDING = (
+    "grasp.slipped", "grasp.missed", "place.missed", "world.unknown_object", "perception.not_found",
+    "safety.payload", "control.gripper", "insert.missed", "insert.not_found", "world.disturbed",
+)  # fmt: skip
+"""Failures that an item may have which is not in the hand any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeldPeriod:
+    """Time during which the robot believed that it held an item, with what truly became of the item."""
+
+    item: str
+    true: str
+    start: float
+    end: float
+    left: tuple[float, float] | None
+    """Times between which the item left the fingers while it was believed in them, s; None: it did not."""
+    flung: bool = False
+    """Whether it left faster than it can fall."""
+    unclear: bool = False
+    """Whether nothing tells how fast it left."""
+
+
+def held_periods(case: Investigation) -> tuple[HeldPeriod, ...]:
+    """Return when each item was believed in the hand, in order of time."""
+    found: list[HeldPeriod] = []
+    for item, true in case.pairs.items():
+        start: float | None = None
+        for at in (*case.changes(item), None):
+            after = at.record.after if at is not None else None
+            now = after is not None and after.attached
+            time = case.end if at is None else at.time
+            if now and start is None:
+                start = time
+            elif start is not None and not now:
+                found.append(_period(case, item, true, start, time))
+                start = None
+    return tuple(sorted(found, key=lambda period: period.start))
+
+
+def _period(case: Investigation, item: str, true: str, start: float, end: float) -> HeldPeriod:
+    track = case.truth.tracks[true]
+    gone = case.gone(true)
+    base, before, moving = None, start, None
+    for time, body in track.since(start, end):
+        hand = case.hand(time)
+        if hand is None:
+            continue
+        away = math.dist(hand, body.pose.position)
+        if base is None and away > reach_of(body) and time < start + 1.0:
+            return HeldPeriod(item, true, start, end, (start, start), unclear=True)
+        base = away if base is None else min(base, away)
+        if away > base + AWAY:
+            flung = _flung(case, true, before, time)
+            return HeldPeriod(item, true, start, end, (before, time), flung is True, flung is None)
+        before, moving = time, hand
+    if gone is not None and start - 1e-6 <= gone[1] <= end + case.sampled and moving is not None:
+        return HeldPeriod(item, true, start, end, gone)
+    return HeldPeriod(item, true, start, end, None)
+
+
+def reach_of(body: BodyRecord) -> float:
+    """Return the greatest distance from the fingers to the centre of an item that they hold, m."""
+    low, high = extents(body.shape, np.eye(3))
+    return float(np.linalg.norm(high - low)) / 2 + 0.05
+
+
+def _flung(case: Investigation, true: str, before: float, time: float) -> bool | None:
+    """Whether an item left the fingers by a blow; None where the log has no velocities."""
+    state = next((s for s in case.devices if abs(s.time - time) < 0.03), None)
+    here, there = case.hand(before), case.hand(time)
+    if state is None or true not in state.motions or here is None or there is None:
+        return None
+    velocity, _ = state.motions[true]
+    body = case.truth.at(true, time)
+    if body is None or not case.in_the_air(body):
+        return None
+    hand = np.subtract(there, here) / max(time - before, 1e-3)
+    sideways = float(np.linalg.norm(np.subtract(velocity[:2], hand[:2])))
+    fall = -velocity[2] - GRAVITY * (time - before)
+    return sideways > FLUNG + 0.5 * float(np.linalg.norm(hand)) or fall > FLUNG
+
+
+def left_the_hand(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Return why an item that was believed in the hand is not there; None when it is, or was never."""
+    if failure.cause not in HOLDING:
+        return None
+    true = case.pairs.get(failure.item)
+    periods = [p for p in case.once(held_periods) if p.true == true and p.start <= failure.time + 1e-6]
+    period = periods[-1] if periods else None
+    if true is None or period is None or (period.left is None and period.end < failure.time - RECENT):
+        return None
+    if period.left is None or period.left[0] > failure.time + case.sampled:
+        return _let_go(case, failure, period)
+    if failure.time - period.end > RECENT or _seen_since(case, true, period.end, failure.time):
+        return None
+    return why_it_left(case, period)
+
+
+RECENT = 10.0
+"""A failure this long after the item left the hand may come from it, s."""
+
+
+def _seen_since(case: Investigation, true: str, since: float, until: float) -> bool:
+    """Whether an item was seen at rest between two times: from there on its place was known again."""
+    sightings = (s for item in case.believed.get(true, ()) for s in case.identities.by_item.get(item, ()))
+    return any(since + 0.1 < s.time < until and _rests(case, true, s.time) for s in sightings)
+
+
+def _rests(case: Investigation, true: str, time: float) -> bool:
+    track = case.truth.tracks[true]
+    before, after = track.before(time), track.after(time + 0.2) or track.last
+    return before is not None and math.dist(before.pose.position, after.pose.position) < AWAY
+
+
+def _let_go(case: Investigation, failure: FailureStory, period: HeldPeriod) -> Finding | None:
+    """The robot took an item for lost that was between its fingers."""
+    time = min(failure.time, period.end)
+    hand, body = case.hand(time), case.truth.at(period.true, time)
+    soon = failure.time - period.end < (HANDLED if failure.cause == "grasp.slipped" else RECENT)
+    unfelt = failure.cause == "grasp.slipped" or _given_up_unfelt(case, period, failure)
+    if not soon or not unfelt or hand is None or body is None or pressed_from_below(failure):
+        return None
+    if math.dist(hand, body.pose.position) > reach_of(body):
+        return None
+    if (nature := _by_its_nature(case, failure.item, period.true, time)) is not None:
+        return nature
+    load = number(failure, "load")
+    felt = "" if load is None else f": the wrist felt {force(max(load, 0.0))} of it"
+    title = f"{failure.item} was still in the hand and counted as lost{felt}"
+    reasons = (f"truly its centre was {distance(math.dist(hand, body.pose.position))} from the fingers",)
+    return Finding("grasp.not_felt", failure.node, title, reasons, failure.item, time)
+
+
+def _given_up_unfelt(case: Investigation, period: HeldPeriod, failure: FailureStory) -> bool:
+    """Whether the robot let an item go because it did not feel it, and missed it where it had been."""
+    change = next((at for at in case.changes(period.item) if abs(at.time - period.end) < 1e-6), None)
+    unfelt = change is not None and change.record.reason == "not felt in the hand"
+    return (
+        unfelt
+        and failure.cause == "grasp.missed"
+        and not _seen_since(case, period.true, period.end, failure.time)
+    )
+
+
+HANDLED = 2.0
+"""A failure says within this time that the item counts as lost, s."""
+
+EMPTY = 0.002
+"""Fingers that are closer than this hold nothing, m."""
+BORNE = 2.0
+"""A load this far below nothing is a push from below, N."""
+
+
+def pressed_from_below(failure: FailureStory) -> bool:
+    """Whether what is said to have slipped is still between the fingers, and something bears its weight."""
+    width, load = number(failure, "width"), number(failure, "load")
+    return failure.cause == "grasp.slipped" and (width or 0.0) > EMPTY and (load or 0.0) < -BORNE
+
+
+def why_it_left(case: Investigation, period: HeldPeriod) -> Finding | None:
+    """Return why an item left the fingers; None where it was taken away."""
+    item, true = period.item, period.true
+    assert period.left is not None
+    start, end = period.left
+    gone = case.gone(true)
+    if gone is not None and gone[0] <= end + 1e-6:
+        return None
+    lies = case.truth.tracks[true].before(end + 1.0)
+    where = "" if lies is None else f"; it came to lie at {place(lies.pose.position)}"
+    told = f"truly it left the fingers {between(start, end)}{where}"
+    until = [f"the robot believed that it held it until {seconds(period.end)}"] * (period.end - end > 1.0)
+    found = _by_its_nature(case, item, true, end) or _by_the_grip(case, period)
+    if found is not None:
+        return Finding(found.cause, found.about, found.title, (*found.reasons, told, *until), item, start,
+                       found.confidence)  # fmt: skip
+    others = [p for p in case.once(held_periods) if p.true == true and p.left is None and p is not period]
+    well = [f"it was held well at {listed_times([p.start for p in others])}"] if others else []
+    if period.flung:
+        title = f"{item} was knocked out of the hand {between(start, end)}"
+        reasons = (told, "it left faster than it can fall", *well, *until)
+        return Finding("item.struck", true, title, reasons, item, start)
+    if (camera := seen_displaced(case, item, period.start)) is not None:
+        return camera  # it was gripped beside its middle
+    sure: Confidence = "likely" if case.devices else "possible"
+    title = f"{item} slid out of the fingers {between(start, end)}"
+    title += ", though it weighs and rubs like its kind" if case.devices else ""
+    against = (
+        ("how fast it left is not in the log: something may have knocked it out",) if period.unclear else ()
+    )
+    return Finding("item.slipped", true, title, (told, *well, *until), item, start, sure, against)
+
+
+def _by_its_nature(case: Investigation, item: str, true: str, time: float) -> Finding | None:
+    """Whether the item truly has another mass, or another friction, than its kind."""
+    entry = case.entry_of(true)
+    state = next((s for s in reversed(case.devices) if s.time <= time + 0.25), None)
+    if entry is None or state is None:
+        return None
+    mass, friction = state.masses.get(true, entry.mass), state.frictions.get(true, entry.friction)
+    if mass > OTHER_MASS * entry.mass:
+        title = f"{item} is heavier than its kind: it weighs {mass:.2f} kg"
+        reasons = (f"by the catalogue a {entry.kind} weighs {entry.mass:.2f} kg",)
+        return Finding("item.heavy", true, title, reasons, item, time)
+    if friction < OTHER_FRICTION * entry.friction:
+        title = f"{item} is slipperier than its kind: its friction is {friction:.2f}"
+        reasons = (f"by the catalogue a {entry.kind} has {entry.friction:.2f}",)
+        return Finding("item.slippery", true, title, reasons, item, time)
+    return None
+
+
+def _by_the_grip(case: Investigation, period: HeldPeriod) -> Finding | None:
+    """Whether the force of the fingers, by the catalogue or by what they felt, could not hold the item."""
+    entry = case.entry_of(period.true)
+    assert period.left is not None
+    around = [v.start for v in case.family.visits if v.id == "Grasp" and v.start <= period.start <= v.end]
+    grip = grip_within(case, max(around, default=0.0), period.left[1])
+    if grip is None or entry is None or grip.force <= 0.0:
+        return None
+    item, weight, holds = period.item, entry.mass * GRAVITY, 2.0 * entry.friction * grip.force
+    pressed = f"the fingers pressed with {force(grip.force)} and it slid out under at most {force(grip.load)}"
+    should = f"with the catalogue's friction of {entry.friction:g} they would hold {force(holds)}"
+    if holds < MARGIN * weight:
+        node = next(
+            (v.path for v in reversed(case.family.visits) if v.id == "Grasp" and v.start <= period.start), ""
+        )
+        title = f"{item} was gripped with too little force: {force(grip.force)} a finger"
+        reasons = (
+            f"two fingers at {force(grip.force)} and a friction of {entry.friction:g} hold {force(holds)}, "
+            f"and a {entry.kind} weighs {force(weight)}",
+        )
+        # The force is the mission's: all items that are gripped so are one cause.
+        return Finding("grasp.weak", node, title, reasons, item, grip.closed)
+    if case.devices:
+        return None  # mass and friction are known: they are those of its kind
+    if grip.load > HEAVY * weight + JOLT:
+        title = f"{item} is heavier than its kind: it slipped under {force(grip.load)}"
+        reasons = (f"by the catalogue a {entry.kind} weighs {force(weight)}", pressed, should)
+        return Finding("item.heavy", period.true, title, reasons, item, grip.closed, "possible")
+    if grip.load < SLIPPERY * holds and not any(
+        p.true == period.true and p.left is None for p in case.once(held_periods) if p is not period
+    ):
+        most = (grip.load + 0.05) / (2.0 * grip.force)
+        title = f"{item} is slipperier than its kind: its friction is at most {most:.2f}"
+        return Finding("item.slippery", period.true, title, (pressed, should), item, grip.closed, "possible")
+    return None
+
+
+def too_heavy(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Whether what the hand held, or was about to lift, pulled it down much harder than it should weigh."""
+    if failure.cause not in ("world.disturbed", "safety.force_limit", "control.tracking", "safety.payload"):
+        return None
+    held = next((b for b in case.believed_at(failure.time - 1e-3) if b.attached), None)
+    entry = None if held is None else case.entry(held.id)
+    if held is None or entry is None or held.id in case.identities.phantoms:
+        return None
+    true = case.pairs.get(held.id, held.id)
+    nature = _by_its_nature(case, held.id, true, failure.time)
+    if nature is not None and nature.cause == "item.heavy":
+        return nature
+    pull, down = _pull(failure)
+    weight = entry.mass * GRAVITY
+    if failure.cause == "safety.payload" and not down:
+        title = f"{held.id} weighs more than the hand may carry: {failure.message}"
+        reasons = (f"by the catalogue a {entry.kind} weighs {entry.mass:.2f} kg",)
+        return Finding("item.heavy", true, title, reasons, held.id, failure.time)
+    if down and weight > OWN_WEIGHT * pull:
+        title = (
+            f"{held.id} weighs {force(weight)} by the catalogue, and pulled the hand down with {force(pull)}"
+        )
+        return Finding("item.heavy", true, title, (failure.message,), held.id, failure.time)
+    if not down or pull < HEAVY * weight + JOLT or (case.devices and nature is None):
+        return None
+    title = f"{held.id} is heavier than its kind: it pulled the hand down with {force(pull)}"
+    reasons = (
+        f"by the catalogue a {entry.kind} weighs {force(weight)}",
+        "the hand held it then, and the force came straight from below: it hung on the fingers "
+        "or was held fast",
+    )
+    return Finding("item.heavy", true, title, reasons, held.id, failure.time, "possible")
+
+
+def _pull(failure: FailureStory) -> tuple[float, bool]:
+    """Force of a contact in N, and whether it pulls down."""
+    vector = numbers(failure, "force")  # of a safety stop
+    if len(vector) == 3:
+        size = math.hypot(*vector)
+        return size, size > 0.0 and vector[2] / size < DOWNWARDS
+    size, direction = number(failure, "force"), numbers(failure, "direction")
+    return (size, direction[2] < DOWNWARDS) if size is not None and len(direction) == 3 else (0.0, False)

@@ -1,0 +1,210 @@
+"""Identities: which true item each believed one is at each look, phantoms and second names included."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from ...logs.schema.records import BodyRecord
+from ...world.shapes import extents
+from .body_tracks import BodyTracks, horizontal_distance, offset
+
+NEAR = 0.08
+"""Greatest distance between a detection and the true item that it can be, m."""
+OTHER_COLOUR_NEAR = 0.03
+"""The same for an item of another colour, m."""
+OTHER_COLOUR, OTHER_KIND = 0.05, 0.02
+"""Distances that a difference in colour, or in kind, is worth, m: both may be misjudged."""
+FRESH = 0.16
+"""A belief this young shows the item as the camera saw it, s: thinking about it takes up to three ticks."""
+ALIKE = 0.35
+"""Share of the mean by which offsets that have one origin may scatter."""
+MIN_COMMON = 0.006
+"""Least offset that counts as common, m."""
+UNLIKELY = 10.0
+SUPPOSED_NEAR = 0.15
+"""The same for an item that no camera saw where it is believed, m: in the hand (in the mean), or placed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """One believed item as a camera just saw it."""
+
+    time: float
+    item: str
+    seen: BodyRecord
+    true: str = ""
+    """True item that it is; empty where nothing like it was there, or another name has it."""
+    body: BodyRecord | None = None
+    near: str = ""
+    """Nearest true item that reaches to it, whatever its name."""
+
+    @property
+    def off(self) -> tuple[float, float]:
+        """Horizontal offset from the believed place to the true one, m; 0 without a true item."""
+        if self.body is None:
+            return (0.0, 0.0)
+        return offset(self.seen, self.body)[:2]
+
+
+class Identities:
+    """Names of true items over the looks of a run."""
+
+    def __init__(self, belief: BodyTracks, truth: BodyTracks) -> None:
+        self._belief, self._truth = belief, truth
+
+    @cached_property
+    def sightings(self) -> Sequence[Sighting]:
+        """All sightings in order of time, each look assigned one to one."""
+        looks: dict[float, list[tuple[str, BodyRecord]]] = {}
+        for track in self._belief.tracks.values():
+            last = -math.inf
+            for time, body in zip(track.times, track.bodies, strict=True):
+                if body.role != "item" or body.attached or body.last_seen <= last + 1e-6:
+                    continue
+                last = body.last_seen
+                if time - body.last_seen < FRESH:
+                    looks.setdefault(round(body.last_seen, 3), []).append((track.id, body))
+        return [each for time in sorted(looks) for each in self._assigned(time, looks[time])]
+
+    def _assigned(self, time: float, seen: list[tuple[str, BodyRecord]]) -> Iterator[Sighting]:
+        true = self._truth.about(time)
+        common = common_offset(seen, true)
+        pairs = _matched(seen, true, common)
+        for number, (item, body) in enumerate(seen):
+            near = _touching(body, true, common)
+            if number in pairs:
+                name, other = true[pairs[number]]
+                yield Sighting(time, item, body, name, other, near)
+            else:
+                yield Sighting(time, item, body, near=near)
+
+    @cached_property
+    def by_item(self) -> Mapping[str, tuple[Sighting, ...]]:
+        """Sightings of each believed item."""
+        found: dict[str, list[Sighting]] = {}
+        for each in self.sightings:
+            found.setdefault(each.item, []).append(each)
+        return {item: tuple(each) for item, each in found.items()}
+
+    @cached_property
+    def pairs(self) -> Mapping[str, str]:
+        """True item of each believed one: that of most of its sightings, the first of equals."""
+        found: dict[str, str] = {}
+        for item, sightings in self.by_item.items():
+            counts = Counter(each.true for each in sightings if each.true)
+            if counts:
+                found[item] = counts.most_common(1)[0][0]
+            elif near := [each.near for each in sightings if each.near]:
+                found[item] = near[0]  # a second name of what another one is
+        found |= self._seen_before(found)
+        lifted = {
+            id_: true for id_ in self._belief.tracks if id_ not in found and (true := self._carried(id_))
+        }
+        return {**found, **lifted}
+
+    def _seen_before(self, found: Mapping[str, str]) -> Mapping[str, str]:
+        """Return the true items of those that were last seen before the log began, by where they were then.
+
+        The log is a later file of a rotated one, or that of a run which was taken up.
+        """
+        if not self._belief.times:
+            return {}
+        start = self._belief.times[0]
+        seen = [
+            (id_, body)
+            for id_, body in self._belief.there(start)
+            if id_ not in found and body.role == "item" and not body.attached and id_ not in self.by_item
+        ]
+        taken = set(found.values())
+        true = [(name, body) for name, body in self._truth.about(start) if name not in taken]
+        pairs = _matched(seen, true, (0.0, 0.0), SUPPOSED_NEAR)
+        return {seen[number][0]: true[other][0] for number, other in pairs.items()}
+
+    def _carried(self, item: str) -> str:
+        """Return the true item that moved along with a thing of a heap, which no camera saw before the lift.
+
+        Empty: none did.
+        """
+        track = self._belief.tracks[item]
+        if track.first.role != "item" or not track.first.attached:
+            return ""
+        away: dict[str, list[float]] = {}
+        held = itertools.takewhile(lambda at: at[1].attached, zip(track.times, track.bodies, strict=True))
+        for time, body in held:
+            for true, other in self._truth.there(time):
+                cost = math.dist(body.pose.position, other.pose.position)
+                away.setdefault(true, []).append(cost + OTHER_COLOUR * (body.colour != other.colour))
+        means = ((sum(costs) / len(costs), true) for true, costs in away.items())
+        mean, nearest = min(means, default=(math.inf, ""))
+        return nearest if mean < SUPPOSED_NEAR else ""
+
+    @cached_property
+    def phantoms(self) -> Mapping[str, str]:
+        """Believed items that were never a true one of their own, with the true item that reaches to them;
+        empty: nothing was there."""
+        return {
+            item: sightings[0].near
+            for item, sightings in self.by_item.items()
+            if not any(each.true for each in sightings)
+        }
+
+
+def common_offset(
+    seen: Sequence[tuple[str, BodyRecord]], true: Sequence[tuple[str, BodyRecord]]
+) -> tuple[float, float]:
+    """Return the offset that all seen items have to the true ones alike, m; 0 without a common one."""
+    ways: list[tuple[float, float]] = []
+    for _, body in seen:
+        alike = [o for _, o in true if o.kind == body.kind and o.colour == body.colour]
+        nearest = min(alike, key=lambda other, body=body: horizontal_distance(body, other), default=None)
+        if nearest is not None and horizontal_distance(body, nearest) < 1.5 * NEAR:
+            ways.append(offset(body, nearest)[:2])
+    if len(ways) < 2:
+        return (0.0, 0.0)
+    x, y = np.median(np.array(ways), axis=0)
+    size = math.hypot(x, y)
+    scatter = float(np.median(np.linalg.norm(np.array(ways) - (x, y), axis=1)))
+    return (float(x), float(y)) if size > MIN_COMMON and scatter < ALIKE * size else (0.0, 0.0)
+
+
+def _matched(
+    seen: Sequence[tuple[str, BodyRecord]],
+    true: Sequence[tuple[str, BodyRecord]],
+    common: tuple[float, float],
+    near: float = NEAR,
+) -> dict[int, int]:
+    """Return the number of the true item by that of the believed one, assigned one to one."""
+    cost = np.array([[_unlike(body, other, common, near) for _, other in true] for _, body in seen])
+    if not cost.size:
+        return {}
+    rows, columns = linear_sum_assignment(cost)
+    return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < UNLIKELY}
+
+
+def _unlike(seen: BodyRecord, true: BodyRecord, common: tuple[float, float], near: float) -> float:
+    x, y, z = offset(seen, true)
+    distance = math.hypot(x - common[0], y - common[1], z)
+    if distance > (near if seen.colour == true.colour else OTHER_COLOUR_NEAR):
+        return UNLIKELY
+    return distance + OTHER_COLOUR * (seen.colour != true.colour) + OTHER_KIND * (seen.kind != true.kind)
+
+
+def _touching(seen: BodyRecord, true: Sequence[tuple[str, BodyRecord]], common: tuple[float, float]) -> str:
+    """Return the nearest true item whose horizontal circle holds the believed centre; empty for none."""
+    away: list[tuple[float, str, BodyRecord]] = []
+    for name, body in true:
+        x, y, _ = offset(seen, body)
+        away.append((math.hypot(x - common[0], y - common[1]), name, body))
+    for distance, name, body in sorted(away, key=lambda each: each[:2]):
+        low, high = extents(body.shape, body.pose.rotation())
+        if distance < float(np.linalg.norm((high - low)[:2])) / 2 + 0.01:
+            return name
+    return ""

@@ -1,0 +1,337 @@
+"""Causes by obstruction of hand and arm: fixtures, bins, neighbours, distance, a small budget."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...files.value_wording import listed
+from ...logs.schema.records import BodyRecord
+from ...robot.manipulation.pick_candidates import PLACE_STAGE, ROOM_STAGE, TRANSFER_STAGE
+from ...robot.manipulation.release_poses import free_cells, heap_heights
+from ...world.belief.planning_scene import BeliefObject
+from ...world.scene.description import Bin, Fixture
+from ...world.shapes import extents
+from ...world.values import ObjectId, Pose
+from .case import Investigation, reachable
+from .explanation import CandidateChoice, FailureStory, Finding, number, word, words
+from .number_wording import counted, place, seconds
+
+OVER = 0.35
+"""Height over a bin's rim, and width around an item, that hand and arm need, m."""
+
+
+def fixture_above(case: Investigation, target: Bin) -> str:
+    """The fixture that covers a bin, or reaches into the room over it; empty when none does."""
+    (x, y, z), (sx, sy, sz) = target.pose.position, target.size
+    low, high = (x - sx / 2, y - sy / 2, z + sz), (x + sx / 2, y + sy / 2, z + sz + OVER)
+    return next((name for name, fixture in case.fixtures.items() if _overlap(fixture, low, high)), "")
+
+
+def fixtures_around(case: Investigation, lies: BodyRecord) -> list[str]:
+    """Fixtures in the column over an item, the hand's width around it."""
+    x, y, z = lies.pose.position
+    low, high = (x - OVER / 2, y - OVER / 2, z), (x + OVER / 2, y + OVER / 2, z + 2 * OVER)
+    return [name for name, fixture in case.fixtures.items() if _overlap(fixture, low, high)]
+
+
+def _overlap(fixture: Fixture, low: Sequence[float], high: Sequence[float]) -> bool:
+    least, most = extents(fixture.shape, fixture.pose.rotation())
+    at = np.array(fixture.pose.position)
+    return bool(np.all(at + least < np.array(high)) and np.all(at + most > np.array(low)))
+
+
+BESIDE = 0.1
+"""Distance beside a bin at which the middle of a link still reaches over it, m."""
+NOWHERE = "cannot be put where it belongs"
+APPROACH = 0.08
+"""Height over a grasp, or a bin, from which the hand comes down, m."""
+
+
+def no_way_to_bin(case: Investigation, failure: FailureStory, refused: int, total: int) -> Finding | None:
+    """No grasp leads to the item's bin: because that is full, covered, or too far away."""
+    lies = (
+        case.belief.tracks[failure.item].before(failure.time) if failure.item in case.belief.tracks else None
+    )
+    target = case.bins.get(case.destination(lies)) if lies else None
+    reasons = (f"from {refused} of {total} grasps {failure.item} {NOWHERE}",)
+    if lies is None or target is None:
+        return None
+    full = full_bin(case, failure, str(target.id), reasons)
+    if full is not None:
+        return full
+    over = fixture_above(case, target)
+    if over:
+        title = f"{over} stands in the way over {target.id}: {failure.item} cannot be put there"
+        return Finding("scene.blocked", over, title, reasons, failure.item, failure.time)
+    arm = case.arm
+    x, y, z = target.pose.position
+    down = [
+        Pose.from_rpy((x, y, z + target.size[2] + APPROACH), (np.pi, 0.0, yaw))
+        for yaw in np.linspace(0.0, 2 * np.pi, 8, endpoint=False)
+    ]
+    if arm is not None and not reachable(arm, down):
+        title = (
+            f"{target.id} stands where the arm does not reach it from above: {failure.item} cannot go there"
+        )
+        return Finding("bin.out_of_reach", str(target.id), title, reasons, failure.item, failure.time)
+    inside = [b.id for b in case.believed_at(failure.time) if b.place == target.id]
+    if inside:
+        title = f"{target.id} is too crowded for {failure.item}: nowhere over it can the hand let go"
+        reasons = (*reasons, f"in it lie {listed(inside, 5)}")
+        return Finding("bin.crowded", str(target.id), title, reasons, failure.item, failure.time)
+    title = f"{failure.item} cannot be let go over {target.id} without touching something"
+    return Finding("bin.hemmed_in", str(target.id), title, reasons, failure.item, failure.time)
+
+
+def full_bin(
+    case: Investigation, failure: FailureStory, bin_id: str, reasons: tuple[str, ...] = ()
+) -> Finding | None:
+    """Whether what is believed to lie in the bin leaves no spot in it."""
+    target = case.bins.get(bin_id)
+    if target is None:
+        return None
+    inside = [b for b in case.believed_at(failure.time) if b.place == bin_id]
+    item = case.belief.at(failure.item, failure.time)
+    if failure.cause != "place.full":
+        heights = heap_heights(target, [_object(b) for b in inside], None)
+        if item is None or free_cells(target, heights, item.shape, item.pose.rotation()):
+            return None
+    size = " × ".join(f"{s * 100:.0f}" for s in target.size)
+    title = (
+        f"{bin_id} was full when {failure.item} was to go there: {counted(len(inside), 'item')} "
+        f"{'lies' if len(inside) == 1 else 'lie'} in it, and it measures {size} cm"
+    )
+    told = (*reasons, f"in it at {seconds(failure.time)}: {listed([b.id for b in inside], 8) or 'nothing'}")
+    return Finding("bin.full", bin_id, title, told, failure.item, failure.time)
+
+
+def _object(body: BodyRecord) -> BeliefObject:
+    return BeliefObject(
+        ObjectId(body.id), "item", body.kind, body.form, body.shape, body.colour, body.pose,
+        body.sigma_position, body.sigma_angle, body.confidence, body.last_seen, place=body.place,
+    )  # fmt: skip
+
+
+TOUCHES = re.compile(r"the hand would touch (.+)")
+PAIR = re.compile(r"(\S+) (?:only )?[\d.]+ mm (?:deep in|from) (\S+)")
+FAR = "is out of reach or in collision"
+
+
+def obstruction_cause(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Return why a plan or a choice of grasps failed; None for other causes, or without evidence."""
+    match failure.cause:
+        case "grasp.no_candidate":
+            return _held_another(failure) or _no_grasp(case, failure)
+        case "place.full":
+            return full_bin(case, failure, word(failure, "bin"))
+        case "place.occupied":
+            return _occupied(case, failure)
+        case "planning.budget":
+            return _budget(failure)
+        case "planning.no_ik":
+            return _no_reach(failure)
+        case "planning.no_path" if failure.item and failure.evidence.get("joint"):
+            return _bent(failure)
+        case "feed.obstructed":
+            return _under_arm(case, failure)
+        case _ if failure.cause.startswith("planning."):
+            return _touching(case, failure, _pairs(words(failure, "pairs")), ())
+        case _:
+            return None
+
+
+def _under_arm(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Return that the arm stayed over a bin that was to be exchanged; None for what is no bin."""
+    bin_ = case.bins.get(word(failure, "bin"))
+    links = case.links(failure.time)
+    if bin_ is None or not len(links):
+        return None
+    x, y, _ = bin_.pose.inverse().apply(links).T
+    over = links[(abs(x) < bin_.size[0] / 2 + BESIDE) & (abs(y) < bin_.size[1] / 2 + BESIDE)]
+    if not len(over):
+        return None
+    height = over[:, 2].min() - (bin_.pose.position[2] + bin_.size[2])
+    reason = f"at {seconds(failure.time)} it was {max(0.0, 1000.0 * height):.0f} mm above the rim"
+    title = f"the arm stayed over {bin_.id}, which is exchanged when nothing is over it"
+    return Finding("bin.under_arm", str(bin_.id), title, (reason,), "", failure.time)
+
+
+def _held_another(failure: FailureStory) -> Finding | None:
+    held = word(failure, "held")
+    if not held:
+        return None
+    title = f"the hand was not free for {failure.item}: it still held {held}"
+    return Finding("grasp.hand_not_free", held, title, (), failure.item, failure.time)
+
+
+def _no_grasp(case: Investigation, failure: FailureStory) -> Finding | None:
+    choice = next((c for c in reversed(failure.choices) if c.purpose != "plan"), None)
+    if choice is None or not choice.rejections:
+        return None
+    total = sum(r.count for r in choice.rejections)
+    touched: Counter[str] = Counter()
+    hindered: Counter[str] = Counter()
+    far = nowhere = 0
+    for rejection in choice.rejections:
+        reason, count = rejection.reason, rejection.count
+        match = TOUCHES.match(reason)
+        if rejection.stage in (ROOM_STAGE, PLACE_STAGE, TRANSFER_STAGE) or NOWHERE in reason:
+            nowhere += count
+        elif match:
+            touched[(rejection.by or match.group(1)).split("/")[0]] += count
+        elif rejection.stage or FAR in reason:
+            far += count
+            if rejection.by:
+                hindered[rejection.by] += count
+    if nowhere >= max(far, touched.total()):
+        return no_way_to_bin(case, failure, nowhere, total)
+    if far >= touched.total():
+        return _far(case, failure, choice, far, total, hindered)
+    tried = tuple(
+        f"in {count} of {total} grasps the hand would touch {name}" for name, count in touched.most_common(4)
+    )
+    return _touching(case, failure, touched, tried)
+
+
+def _touching(
+    case: Investigation, failure: FailureStory, touched: Counter[str], reasons: tuple[str, ...]
+) -> Finding | None:
+    """Return the finding by the kind of the body that would be touched: fixture, obstacle, neighbour, bin."""
+    if not touched:
+        return None
+    fixtures, bins = case.fixtures, case.bins
+    reasons = reasons or (failure.message,)
+    about = failure.item or failure.name
+    most = [name for name, _ in touched.most_common()]
+    for name in most:
+        if name in fixtures:
+            title = f"{name} stands in the way of {_doing(failure)}"
+            return Finding("scene.blocked", name, title, reasons, failure.item, failure.time)
+    obstacles = [name for name in most if _role(case, name) == "obstacle"]
+    if obstacles:
+        title = f"something unknown ({obstacles[0]}) is seen in the way of {_doing(failure)}"
+        return Finding("scene.unknown_obstacle", obstacles[0], title, reasons, failure.item, failure.time)
+    neighbours = [name for name in most if name in case.belief.tracks and name != failure.item]
+    if neighbours and failure.cause == "planning.start_in_collision":
+        # The hand may just have let go of something there: where that lies is a guess.
+        begun = failure.name_and_item
+        title = f"the hand stood, as believed, within {listed(neighbours, 3)} when {begun} was to begin"
+        return Finding("item.crowded", "hand", title, reasons, neighbours[0], failure.time)
+    if neighbours:
+        title = f"{about} lies too close to {listed(neighbours, 3)}: there is no room for the hand"
+        return Finding("item.crowded", "", title, reasons, failure.item, failure.time)
+    walls = [name for name in most if name in bins]
+    if walls:
+        title = f"{about} lies too close to {walls[0]}: its walls are in the way of the hand"
+        return Finding("item.beside_bin", about, title, reasons, failure.item, failure.time)
+    if "table" in most:
+        title = f"the table is in the way of {_doing(failure)}"
+        return Finding("scene.blocked", "table", title, reasons, failure.item, failure.time)
+    return None
+
+
+def _doing(failure: FailureStory) -> str:
+    verb = {"Grasp": "the hand at", "Place": "placing", "GoTo": "the arm on its way"}.get(
+        failure.id, failure.id
+    )
+    return f"{verb} {failure.item}" if failure.item and failure.id in ("Grasp", "Place") else verb
+
+
+def _far(
+    case: Investigation,
+    failure: FailureStory,
+    choice: CandidateChoice,
+    far: int,
+    total: int,
+    hindered: Counter[str],
+) -> Finding | None:
+    """`hindered`: how often the arm itself would touch what."""
+    lies = (
+        case.belief.tracks[failure.item].before(failure.time) if failure.item in case.belief.tracks else None
+    )
+    where = f" at {place(lies.pose.position)}" if lies else ""
+    poses = _grasp_poses(case, choice)
+    arm = case.arm
+    if arm is not None and poses and not reachable(arm, poses):
+        title = f"{failure.item} lies{where}, where the arm does not reach it from above"
+        reasons = (
+            f"{far} of {total} grasps were out of reach or in collision",
+            f"for {counted(min(len(poses), 12), 'of them that was tried', 'of them that were tried')} no "
+            "configuration of the arm exists, collisions aside",
+        )
+        return Finding("item.out_of_reach", failure.item, title, reasons, failure.item, failure.time)
+    reasons = tuple(f"in {n} of {total} grasps the arm would touch {by}" for by, n in hindered.most_common(3))
+    fixed = [name for name, _ in hindered.most_common() if name in case.fixtures]
+    if fixed:
+        title = f"{fixed[0]} stands in the way of the arm at {failure.item}"
+        return Finding("scene.blocked", fixed[0], title, reasons, failure.item, failure.time)
+    near = fixtures_around(case, lies) if lies else []
+    if near:
+        title = f"{near[0]} stands in the way of the arm at {failure.item}"
+        reasons = (
+            f"{far} of {total} grasps were out of reach or in collision",
+            f"the arm could reach {failure.item}{where}, were it not for what stands around it",
+        )
+        return Finding("scene.blocked", near[0], title, reasons, failure.item, failure.time)
+    title = f"the arm cannot get to {failure.item}{where} without touching something"
+    reasons = (f"{far} of {total} grasps were out of reach or in collision", *reasons)
+    return Finding("item.hemmed_in", failure.item, title, reasons, failure.item, failure.time)
+
+
+def _grasp_poses(case: Investigation, choice: CandidateChoice) -> list[Pose]:
+    """Return the approach poses of the TCP over the grasps that were tried."""
+    made = [at.record for at in case.run.candidates if abs(at.time - choice.time) < 1e-6]
+    return [
+        Pose(c.position, c.orientation).shifted((0.0, 0.0, APPROACH))
+        for record in made
+        if record.object == choice.object
+        for c in record.tried
+    ]
+
+
+def _occupied(case: Investigation, failure: FailureStory) -> Finding | None:
+    by = word(failure, "by")
+    cause = "scene.blocked" if by in case.fixtures else "place.occupied"
+    title = f"{by or 'something'} stands where {failure.item} should go"
+    return Finding(cause, by or failure.node, title, (), failure.item, failure.time)
+
+
+def _budget(failure: FailureStory) -> Finding:
+    checks = number(failure, "checks")
+    used = f"{checks:.0f}" if checks is not None else "its"
+    title = f"the planner ran out of its budget before it found a way: {failure.message}"
+    reasons = (
+        f"{used} collision checks were spent; that nothing is in the way was never found out",
+        "the straight way was not free, so a way round had to be searched for",
+    )
+    return Finding("planner.budget", failure.node, title, reasons, failure.item, failure.time)
+
+
+def _no_reach(failure: FailureStory) -> Finding:
+    about = failure.item or failure.node
+    title = f"{_doing(failure)} is out of the arm's reach: {failure.message}"
+    cause = "bin.out_of_reach" if failure.id == "Place" else "item.out_of_reach"
+    return Finding(cause, about, title, (), failure.item, failure.time)
+
+
+def _bent(failure: FailureStory) -> Finding:
+    """A joint at its limit, or a singularity, on the straight way to an item."""
+    title = (
+        f"the arm cannot move straight down to {failure.item}: {word(failure, 'joint')} is at its limit there"
+    )
+    return Finding("item.out_of_reach", failure.item, title, (failure.message,), failure.item, failure.time)
+
+
+def _pairs(pairs: Sequence[str]) -> Counter[str]:
+    """`panda_hand 3.2 mm deep in shelf`: what is touched, and how often."""
+    found = (PAIR.match(pair) for pair in pairs)
+    return Counter(match.group(2).split("/")[0] for match in found if match)
+
+
+def _role(case: Investigation, name: str) -> str:
+    track = case.belief.tracks.get(name)
+    return track.first.role if track else ""

@@ -1,0 +1,271 @@
+"""Causes that are the run's or the mission's own: limits of time, a kill, conditions, errors of code."""
+
+from __future__ import annotations
+
+from statistics import median
+
+import numpy as np
+
+from ...files.errors import PicktreeError
+from ...files.value_wording import listed
+from ...files.yaml.reader import read
+from ...logs.visits import HALTED, Visit
+from ...world.skill_events import ItemDoneEvent, SafetyStopEvent
+from .case import Investigation
+from .explanation import ExplainedOutcome, FailureStory, Finding, number, word
+from .held_items import held_periods
+from .number_wording import counted, seconds
+
+
+def run_ended(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
+    """Return why the run ended when that was not the mission's doing."""
+    match outcome.status:
+        case "timeout":
+            running = [v for v in case.family.visits if v.outcome == "RUNNING"]
+            hung = next((found for v in _leaves(case, running) if (found := hang(case, v))), None)
+            title = f"the run was ended at its limit of simulated time, {seconds(outcome.end)}"
+            return hung or Finding("run.limit", "", title, _under_way(case), "", outcome.end)
+        case "interrupted":
+            return Finding(
+                "run.interrupted", "", "the run was interrupted by hand", _under_way(case), "", outcome.end
+            )
+        case "paused":
+            title = "help was wanted, and nobody was there to answer"
+            return Finding("run.paused", "", title, _asked(case), "", outcome.end)
+        case "running":
+            title = "the run is still going on: its log is being written"
+            return Finding("run.going_on", "", title, _under_way(case), "", outcome.end)
+        case "killed":
+            title = "the process that ran it was killed: its log has no end"
+            return Finding("run.killed", "", title, (*_under_way(case), *_recovered(case)), "", outcome.end)
+        case "crashed":
+            return Finding("run.crashed", "", outcome.sentence, _recovered(case), "", outcome.end)
+        case "failure":
+            return _condition(case)
+        case _:
+            return None
+
+
+def _goal(case: Investigation) -> str:
+    """Return the mission's own goal; empty without one."""
+    name, log = "mission.yaml", case.run.log
+    if name not in log.attachments:
+        return ""
+    try:
+        goal = read(log.attachment(name).decode("utf-8", "replace"), name).root.child("goal")
+    except PicktreeError:
+        return ""
+    return "" if goal is None else str(goal.value)
+
+
+def goal_missed(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
+    """A goal that does not hold although every item lies where it belongs."""
+    if outcome.status != "incomplete":
+        return None
+    goal = _goal(case)
+    title = "every item is where it belongs, and the goal is missed"
+    title += f": `{goal}` does not hold" if goal else ": the scene's feed had more to bring"
+    return Finding(
+        "goal.beyond_items", "", title, (f"there were {counted(len(case.scores), 'item')}",), "", outcome.end
+    )
+
+
+def by_the_mission(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Failures that are the mission's own making, or the program's."""
+    match failure.cause:
+        case "tree.timeout":
+            return _timeout(case, failure)
+        case "tree.missing_input":
+            title = f"{failure.name} had no value to work with: {failure.message}"
+            return Finding("tree.missing_input", failure.node, title, (), failure.item, failure.time)
+        case "tree.no_case":
+            title = f"{failure.name} has no case for it: {failure.message}"
+            return Finding("tree.no_case", failure.node, title, (), failure.item, failure.time)
+        case "internal.error":
+            title = f"the code of {failure.id} has a fault of its own: {failure.message}"
+            return Finding(
+                "internal.error", failure.node, title, _end_of_trace(failure), failure.item, failure.time
+            )
+        case _:
+            return None
+
+
+def _end_of_trace(failure: FailureStory) -> tuple[str, ...]:
+    """Return the last frame of the traceback and the exception, without marks below the text."""
+    trace = word(failure, "traceback").strip().splitlines()
+    last = max((k for k, line in enumerate(trace) if line.startswith('  File "')), default=len(trace) - 3)
+    return tuple(line.strip() for line in trace[max(last, 0) :] if line.strip(" ^~"))
+
+
+def out_of_order(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Whether a node was to place what nothing had grasped before."""
+    if failure.cause != "grasp.slipped" or failure.evidence.get("held", "") is not None:
+        return None
+    true = case.pairs.get(failure.item)
+    if any(p.true == true and p.start < failure.time for p in case.once(held_periods)):
+        return None
+    grasps = [v for v in case.family.visits if v.id == "Grasp" and v.item == failure.item]
+    title = f"{failure.name} was run before anything was grasped: nothing was in the hand"
+    before = (
+        "no node had grasped it"
+        if not any(v.end <= failure.time for v in grasps)
+        else "no grasp of it had held"
+    )
+    return Finding("mission.order", failure.node, title, (f"{before} before {seconds(failure.time)}",),
+                   failure.item, failure.time)  # fmt: skip
+
+
+def _under_way(case: Investigation) -> tuple[str, ...]:
+    lost = [f for f in case.failures if not (f.cured or f.done_instead)]
+    spent = sum(f.seconds_lost for f in case.failures)
+    reasons: list[str] = []
+    if case.failures:
+        reasons.append(
+            f"until then {counted(len(case.failures), 'failure')} had cost {spent:.1f} s, "
+            f"and {len(lost)} of them were not cured"
+        )
+    running = [v for v in case.family.visits if v.outcome == "RUNNING" and not case.family.children(v)]
+    told = [f"{v.name_and_item} (for {v.duration:.1f} s)" for v in running]
+    return (*reasons, f"what ran then: {listed(told, 5)}") if told else tuple(reasons)
+
+
+def _asked(case: Investigation) -> tuple[str, ...]:
+    """Return the question that a person has to answer before the run goes on, and the way to answer it."""
+    result = case.run.result
+    if result is None or result.asked is None:
+        return ()
+    asked = result.asked
+    return (
+        f"{asked.node} asks: {asked.reason}",
+        f"it takes one of these answers: {', '.join(asked.choices)}",
+        f"go on with: {result.goes_on()}",
+    )
+
+
+def _recovered(case: Investigation) -> tuple[str, ...]:
+    return (case.run.recovered,) if case.run.recovered else ()
+
+
+def _condition(case: Investigation) -> Finding | None:
+    """A mission that failed without any cause: a condition was false."""
+    root = next((v for v in case.family.visits if v.parent is None and v.outcome == "FAILURE"), None)
+    if root is None or root.cause:
+        return None
+    visit = root
+    while True:
+        below = [v for v in case.family.children(visit) if v.outcome == "FAILURE" and not v.cause]
+        if not below:
+            break
+        visit = below[-1]
+    ports = case.ports(visit.path)
+    asked = ports.get("if", "") or visit.message or visit.name
+    title = f"a condition did not hold, and the mission ends there: {asked}"
+    reasons = (f"{visit.path} was asked at {seconds(visit.end)}",)
+    return Finding("tree.condition", visit.path, title, reasons, visit.item, visit.end)
+
+
+WAITING = frozenset({"AwaitItems", "ExchangeBin", "Delay", "AskOperator", "Jog", "Survey"})
+"""Skills that stand still for long without hanging."""
+HUNG = 5.0
+"""Time without any sign of life after which a skill hangs, s."""
+FOLLOWED = 1e-3
+"""Motion of a joint within a tick that is a sign of life, rad or m."""
+
+
+def hang(case: Investigation, visit: Visit) -> Finding | None:
+    """Whether a skill had stopped doing anything long before it was stopped."""
+    if visit.id in WAITING or case.family.children(visit) or visit.duration < HUNG:
+        return None
+    joints = case.run.joints
+    here = (joints.times > visit.start) & (joints.times <= visit.end)
+    moving = np.abs(np.diff(joints.positions[here], axis=0)).max(axis=1, initial=0.0) > FOLLOWED
+    signs = [visit.start, *(float(t) for t in joints.times[here][1:][moving][-1:])]
+    logged = (
+        *case.run.plans,
+        *case.run.candidates,
+        *(at for at in case.run.events if at.record.node == visit.path),
+    )
+    signs += [at.time for at in logged if visit.start <= at.time < visit.end - 0.06]
+    alive = max(signs)
+    if visit.end - alive < HUNG:
+        return None
+    usual = [
+        v.duration
+        for v in case.family.visits
+        if v.id == visit.id and v.outcome == "SUCCESS" and v.duration > 0
+    ]
+    reasons = [f"from {seconds(alive)} on it moved no joint, planned nothing and looked at nothing"]
+    if usual:
+        reasons.append(
+            f"where {visit.id} succeeded it took {median(usual):.1f} s ({counted(len(usual), 'time')}), "
+            f"and here {visit.duration:.1f} s"
+        )
+    title = f"{visit.name_and_item} hung: it did nothing for {visit.end - alive:.0f} s, until it was stopped"
+    if visit.outcome == "RUNNING":
+        title = (
+            f"{visit.name_and_item} hung: it did nothing for {visit.end - alive:.0f} s, until the log ends"
+        )
+    return Finding("skill.hangs", visit.path, title, tuple(reasons), visit.item, alive)
+
+
+def _timeout(case: Investigation, failure: FailureStory) -> Finding:
+    visit = case.visit(failure)
+    halted = [
+        v
+        for v in case.family.visits
+        if v.outcome == HALTED and v.last == visit.last and case.family.within(v, visit)
+    ]
+    leaves = _leaves(case, halted) or [visit]
+    hung = next((found for leaf in leaves if (found := hang(case, leaf)) is not None), None)
+    if hung is not None:
+        return hung
+    allowed = number(failure, "seconds")
+    reasons = [f"stopped were: {listed([v.name_and_item for v in leaves], 5)}"] if halted else []
+    within = [
+        f for f in case.failures if f.number != failure.number and case.family.within(case.visit(f), visit)
+    ]
+    if within:
+        reasons.append(
+            f"{counted(len(within), 'failure')} before it took time: {listed([f.cause for f in within], 5)}"
+        )
+    path = word(failure, "running") or visit.path
+    name, limit = path.rsplit("/", 1)[-1], f"{allowed:g} s" if allowed is not None else "its time"
+    at_work = [
+        at
+        for at in case.events(ItemDoneEvent, visit.start, visit.end)
+        if at.record.node.startswith(visit.path)
+    ]
+    if at_work and not within:
+        done = counted(len(at_work), "item")
+        title = f"the mission stops {name} after {limit}, as {visit.name} says: {done} had been done by then"
+        return Finding("mission.time_is_up", visit.path, title, tuple(reasons), failure.item, failure.time)
+    done = [v.duration for v in case.family.visits if v.path == path and v.outcome == "SUCCESS"]
+    if done:
+        reasons.append(f"where it succeeded it took {median(done):.1f} s ({counted(len(done), 'time')})")
+    title = f"{name} was given {limit}, and needs longer"
+    if done and allowed is not None and median(done) < allowed / 2:
+        title = f"{name} was stopped after {limit}, and takes {median(done):.1f} s where it succeeds"
+    return Finding("tree.timeout", visit.path, title, tuple(reasons), failure.item, failure.time)
+
+
+def unacknowledged(case: Investigation, failure: FailureStory) -> Finding | None:
+    """A motion that was refused because of a stop that nobody acknowledged."""
+    stops = case.events(SafetyStopEvent, end=failure.time)
+    if failure.cause != "safety.stop" or not stops:
+        return None
+    stop = stops[-1]
+    if stop.record.cause == "safety.payload" and failure.item:
+        title = f"{failure.item} weighs more than the hand may carry: {stop.record.message}"
+        reasons = (f"the safety monitor stopped the arm for it at {seconds(stop.time)}",)
+        return Finding(
+            "item.heavy", case.pairs.get(failure.item, ""), title, reasons, failure.item, stop.time
+        )
+    at = f" at {failure.item}" if failure.item else ""
+    title = f"the safety monitor stopped the arm{at}: {stop.record.message}"
+    reasons = (f"at {seconds(stop.time)}; every motion is refused until a SafeRetreat acknowledges the stop",)
+    about = failure.item or failure.node
+    return Finding(stop.record.cause, about, title, reasons, failure.item, stop.time)
+
+
+def _leaves(case: Investigation, visits: list[Visit]) -> list[Visit]:
+    return [v for v in visits if not case.family.children(v)] or visits[-1:]

@@ -1,0 +1,304 @@
+"""Items that are not where they belong though no failure says why."""
+
+from __future__ import annotations
+
+import math
+
+from ...files.value_wording import listed
+from ...logs.schema.records import BodyRecord, ThingRecord
+from ...simulation.scorer import MAX_REST_SPEED
+from ...world.run_events import CrushedEvent
+from ...world.scene.destinations import asks_for, is_at
+from ...world.skill_events import ItemDoneEvent, SetAsideEvent
+from .camera_causes import hidden_by_arm
+from .case import Investigation
+from .explanation import FailureStory, Finding
+from .heap_remains import why_left
+from .held_items import held_periods
+from .item_nature import another_size, appeared
+from .item_whereabouts import NOWHERE, never_seen, way_since
+from .number_wording import between, distance, place, seconds
+
+BESIDE_IT = 1.0
+"""Time around the placing of an item within which it pushes others, or bounces itself, s."""
+PUSHED = 0.35
+"""Greatest distance of an item pushed out of a bin one second later, m."""
+
+
+def why_not_sorted(case: Investigation, true: str) -> Finding | None:
+    """Return why the scorer calls an item left or misplaced; None when the log does not tell."""
+    if not case.believed.get(true):
+        return (
+            _gone_before_seen(case, true)
+            or why_left(case, true)
+            or appeared(case, true)
+            or another_size(case, true)
+            or hidden_by_arm(case, true)
+            or never_seen(case, true)
+        )
+    done = _placed(case, true)
+    if done is None:
+        return _taken(case, true, "") or _set_aside(case, true) or _not_tried(case, true)
+    time, item, into, node = done
+    if not into:
+        return (
+            _put_elsewhere(case, true, item, node, time)
+            if case.gone(true) is None
+            else _taken(case, true, into)
+        )
+    return (
+        _wrong_bin(case, true, item, into, node)
+        or _taken(case, true, into)
+        or _not_seated(case, true, item, into, time)
+        or _left_bin(case, true, item, into, time)
+    )
+
+
+def crushed(case: Investigation, true: str) -> Finding | None:
+    """Whether a finger pressed an item harder than it bears: it is lost wherever it lies."""
+    found = [at.record for at in case.events(CrushedEvent) if at.record.object == true]
+    if not found:
+        return None
+    first, item = found[0], case.name_of(true)
+    force = max(each.force for each in found)
+    title = f"{item} was crushed: {first.finger} pressed with {force:.0f} N, and it bears {first.limit:.0f} N"
+    gripped = any(p.true == true and p.start <= first.time <= p.end for p in case.once(held_periods))
+    body = case.truth.tracks[true].before(first.time)
+    lay = f": it lay at {place(body.pose.position)}" if body is not None else ""
+    how = "it was in the hand then" if gripped else f"it was not in the hand then{lay}"
+    reasons = (f"more than it bears was first measured at {seconds(first.time)}", how)
+    return Finding("item.crushed", true, title, reasons, item, first.time)
+
+
+def after_wrong_bin(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Whether the item had been placed where it does not belong before it failed."""
+    true = case.pairs.get(failure.item)
+    done = None if true is None else _placed(case, true, failure.time)
+    return None if true is None or done is None else _wrong_bin(case, true, done[1], done[2], done[3])
+
+
+def placed_at(case: Investigation, true: str) -> float | None:
+    """Return when it was last placed somewhere, as the robot believed; None when it never was."""
+    done = _placed(case, true)
+    return None if done is None else done[0]
+
+
+def _placed(case: Investigation, true: str, until: float = math.inf) -> tuple[float, str, str, str] | None:
+    """Return the last placement of an item: time, believed item, bin, node."""
+    names = set(case.believed.get(true, ()))
+    found = [at for at in case.events(ItemDoneEvent, end=until) if at.record.object in names]
+    if not found:
+        return None
+    done = found[-1].record
+    return found[-1].time, done.object, done.into or "", done.node
+
+
+def _gone_before_seen(case: Investigation, true: str) -> Finding | None:
+    gone = case.gone(true)
+    if gone is None:
+        return None
+    title = f"{case.name_of(true)} was taken away before it was ever seen"
+    reasons = (f"its true place is in the log until {seconds(gone[0])}, and then no more",)
+    return Finding("item.gone", true, title, reasons, true, gone[0])
+
+
+def _taken(case: Investigation, true: str, into: str) -> Finding | None:
+    gone = case.gone(true)
+    if gone is None:
+        return None
+    item = case.believed[true][-1]
+    where = f" out of {into}, where it had been placed" if into else ""
+    title = f"{item} was taken away{where}, {between(*gone)}: {NOWHERE}"
+    last = case.truth.tracks[true].bodies[-1].pose.position
+    reasons = (
+        f"its true place is in the log until {seconds(gone[0])} ({place(last)}), and then no more",
+        "nothing failed: the robot went on believing that it was there"
+        if not any(f.item == item for f in case.failures)
+        else "the robot believed otherwise",
+    )
+    return Finding("item.gone", true, title, reasons, item, gone[0])
+
+
+def _put_elsewhere(case: Investigation, true: str, item: str, node: str, time: float) -> Finding:
+    """The mission itself put it down where it does not belong."""
+    belongs = case.destination(case.truth.tracks[true].last)
+    lies = place(case.truth.tracks[true].last.pose.position)
+    title = f"the mission puts {item} down at {lies}, and it belongs into {belongs or 'no bin'}"
+    told = case.ports(node)
+    reasons = (
+        (f"{node} has at: {told['at']}",) if "at" in told else (f"{node} put it down at {seconds(time)}",)
+    )
+    return Finding("mission.put_elsewhere", node, title, reasons, item, time)
+
+
+def _set_aside(case: Investigation, true: str) -> Finding | None:
+    names = case.believed.get(true, ())
+    found = [at for at in case.events(SetAsideEvent) if at.record.object in names]
+    if not found:
+        return None
+    time, event = found[-1].time, found[-1].record
+    title = f"the mission sets {event.object} aside: {event.node.rsplit('/', 1)[-1]} leaves it where it lies"
+    return Finding("mission.set_aside", event.node, title, (f"at {seconds(time)}",), event.object, time)
+
+
+def _wrong_bin(case: Investigation, true: str, item: str, into: str, node: str) -> Finding | None:
+    real = case.truth.tracks[true].bodies[-1]
+    told = case.ports(node).get("into", "")
+    believed = _believed_for(case, item, into if "{" in told else "")
+    belongs = case.destination(real)
+    if not into or not belongs or is_at(into, belongs):
+        return None
+    if (believed.colour, believed.kind) != (real.colour, real.kind) and case.destination(believed) == into:
+        title = (
+            f"{item} was taken for a {believed.colour} {believed.kind} and is a {real.colour} {real.kind}: "
+            f"it was placed into {into} and belongs into {belongs}"
+        )
+        about = f"{real.colour} as {believed.colour}" if real.colour != believed.colour else true
+        return Finding("perception.mistaken", about, title, (), item, None)
+    wrong = _mistaken_traits(case, believed, real) if case.destination(believed) == into else ()
+    if wrong:
+        title = f"{item} was placed into {into} and belongs into {belongs}: {listed(wrong, 3)}"
+        reasons = (
+            tuple(f"{each.to} for {each.where}" for each in case.scene.destinations) if case.scene else ()
+        )
+        later = case.belief.tracks[item].bodies[-1]
+        if _mass(later) != _mass(believed):
+            reasons = (*reasons, f"later {_mass(later)} were felt; its bin had been chosen by then")
+        return Finding("perception.mistaken", wrong[0].split(",")[0], title, reasons, item, None)
+    name = node.rsplit("/", 1)[-1]
+    title = f"the mission takes items into {into} that belong into {belongs}: {name} of {item} says so"
+    reasons = (
+        f"{node} has into: {told}" if told else f"{node} placed it into {into}",
+        f"by the scene's rules a {real.colour} {real.kind} belongs into {belongs}",
+    )
+    return Finding("mission.wrong_bin", node, title, reasons, item, None)
+
+
+def _believed_for(case: Investigation, item: str, into: str) -> BodyRecord:
+    """Return what was last believed of an item while it belonged into `into`; without such, at the end.
+
+    A second weighing may change the destination of an item that is on its way.
+    """
+    bodies = case.belief.tracks[item].bodies
+    return next((body for body in reversed(bodies) if into and case.destination(body) == into), bodies[-1])
+
+
+def _mass(body: BodyRecord) -> str:
+    return f"{body.mass * 1000:.0f} g" if isinstance(body, ThingRecord) and body.mass is not None else ""
+
+
+def _mistaken_traits(case: Investigation, believed: BodyRecord, real: BodyRecord) -> tuple[str, ...]:
+    """Return in words what the robot took a thing's tag, mass and size for, as far as rules ask for them."""
+    if case.scene is None or not (isinstance(believed, ThingRecord) and isinstance(real, ThingRecord)):
+        return ()
+    rules, found = case.scene.destinations, list[str]()
+    if asks_for(rules, "tag") and believed.tag != real.tag:
+        read = "its tag was not read" if believed.tag is None else f"tag {believed.tag} was read"
+        found.append(f"{read}, and it has {'none' if real.tag is None else f'tag {real.tag}'}")
+    if asks_for(rules, "mass") and real.mass is not None:
+        weighed = "it was not weighed" if believed.mass is None else f"{believed.mass * 1000:.0f} g were felt"
+        found.append(f"{weighed}, and it weighs {real.mass * 1000:.0f} g")
+    if asks_for(rules, "size") and believed.size is not None and real.size is not None:
+        found.append(f"{distance(believed.size)} of it were seen, and it is {distance(real.size)} long")
+    return tuple(found)
+
+
+def _not_seated(case: Investigation, true: str, item: str, into: str, time: float) -> Finding | None:
+    """It was let go at a hole, and by the scorer's measure is not in it."""
+    score = case.scores[true]
+    if not any(str(hole.id) == into for fixture in case.fixtures.values() for hole in fixture.holes):
+        return None
+    if score.seat is not None and score.reason:
+        title = f"{item} is not in {into}: {score.reason}"
+        return Finding("insert.not_in", true, title, (), item, time)
+    ends = case.truth.tracks[true].bodies[-1].pose.position
+    title = f"{item} is not in {into}, where it was let go: in the end it is at {place(ends)}"
+    return Finding("insert.not_in", true, title, (), item, time)
+
+
+def _left_bin(case: Investigation, true: str, item: str, into: str, time: float) -> Finding | None:
+    """It had been placed where it belongs, and does not lie there in the end."""
+    track = case.truth.tracks[true]
+    later = [(t, b) for t, b in zip(track.times, track.bodies, strict=True) if t > time]
+    inside = [t for t, b in later if case.bin_at(b) == into]
+    lies = track.bodies[-1]
+    ends = case.bin_at(lies)
+    where = f"in {ends}" if ends else f"at {place(lies.pose.position)}"
+    reasons = [f"{item} was let go over {into} at {seconds(time)}, and truly lies {where}"]
+    if ends == into and case.scores[true].bin is None and track.last_speed > MAX_REST_SPEED:
+        title = f"{item} still moved in {into} when the mission ended"
+        moved = distance(math.dist(lies.pose.position, track.bodies[-2].pose.position))
+        reasons.append(f"it moved {moved} {between(track.times[-2], track.times[-1])}")
+        return Finding("place.not_at_rest", true, title, tuple(reasons), item, track.times[-1])
+    others = [case.name_of(id_) for id_ in case.truth.tracks if id_ != true and _lies_in(case, id_, into)]
+    if (
+        not inside
+        and others
+        and any(_lay_in(case, id_, into, time) for id_ in case.truth.tracks if id_ != true)
+    ):
+        title = f"{into} has no room for {item}: it did not stay in it when it was placed"
+        reasons.append(f"in it lie {listed(others, 5)}")
+        return Finding("bin.crowded", into, title, tuple(reasons), item, time)
+    if not inside:
+        title = f"{item} fell beside {into} when it was placed"
+        return Finding("place.beside", true, title, tuple(reasons), item, time)
+    if ends == into:
+        reasons.append(f"beside it lie {listed(others, 5)}" if others else "nothing else lies there")
+        title = f"{item} lies above the rim of {into}, or does not come to rest there"
+        return Finding(*_crowded(into, true, others), title, tuple(reasons), item, time)
+    out, outside = next((t, b) for t, b in later if t > inside[-1] and case.bin_at(b) != into)
+    lay = next(b for t, b in later if t == inside[-1])
+    reasons.append(
+        f"it lay there, and {distance(math.dist(lies.pose.position, lay.pose.position))} away later"
+    )
+    placing = case.events(ItemDoneEvent, start=inside[-1] - BESIDE_IT, end=out + BESIDE_IT)
+    if math.dist(outside.pose.position, lay.pose.position) > PUSHED:
+        placing = []
+    came = [at.record.object for at in placing if at.record.into == into]
+    came = [name for name in came if name != item]
+    when = between(inside[-1], out)
+    if came:
+        title = f"{into} is too small for all that belongs into it: {item} left it again {when}"
+        reasons.append(f"{listed(came, 5)} came down into {into} about then and pushed it out")
+        return Finding("bin.crowded", into, title, tuple(reasons), item, inside[-1])
+    if out - time < BESIDE_IT and others:
+        title = f"{into} is too full for {item}: it did not stay in it when it was placed, {when}"
+        reasons.append(f"in it lie {listed(others, 5)}")
+        return Finding("bin.crowded", into, title, tuple(reasons), item, inside[-1])
+    if out - time < BESIDE_IT:
+        title = f"{item} bounced out of {into} when it was placed, {when}"
+        return Finding("place.beside", true, title, tuple(reasons), item, time)
+    title = f"{item} left {into} again after it had been placed, {when}"
+    reasons.append("nothing was placed there about then: something else than the arm flung it out")
+    return Finding("item.left_bin", true, title, tuple(reasons), item, inside[-1])
+
+
+def _lies_in(case: Investigation, true: str, bin_id: str) -> bool:
+    return case.gone(true) is None and case.bin_at(case.truth.tracks[true].bodies[-1]) == bin_id
+
+
+def _lay_in(case: Investigation, true: str, bin_id: str, time: float) -> bool:
+    body = case.truth.at(true, time)
+    return body is not None and case.bin_at(body) == bin_id
+
+
+def _crowded(bin_id: str, true: str, others: list[str]) -> tuple[str, str]:
+    """Cause and subject of an item that found no place in a bin."""
+    return ("bin.crowded", bin_id) if others else ("place.not_at_rest", true)
+
+
+def _not_tried(case: Investigation, true: str) -> Finding | None:
+    item = case.believed[true][-1]
+    if any(v.item in case.believed[true] for v in case.family.visits if v.id == "Grasp"):
+        return None
+    result = case.run.result
+    if result is None or result.status not in ("success", "incomplete"):
+        return None  # the run was over before its turn came
+    if case.run.log.lacks_something:
+        return None  # it may have been tried in what the log lacks
+    moving = way_since(case, true, case.belief.tracks[item].times[0], case.end)
+    title = f"the mission never tried {item}"
+    reasons = [f"the belief had it from {seconds(case.belief.tracks[item].times[0])} on"]
+    if moving is not None:
+        reasons.append(f"it was moved by {distance(moving.way)} {between(moving.start, moving.end)}")
+    return Finding("mission.not_tried", "", title, tuple(reasons), item, None)

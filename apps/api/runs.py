@@ -1,0 +1,169 @@
+"""Runs in Python: one mission with one seed, its result, and the answers from its log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import Literal
+
+from ...analysis.run import Run
+from ...files.arithmetic import departures
+from ...files.shipped_files import example_file
+from ...files.yaml.document import read_document
+from ...logs.recording.rotated_log import NO_ROTATION, Rotation
+from ...logs.run_result import RunResult
+from ...robot.planning.planning_worker import has_second_core
+from ...session.execution import Execution
+from ...session.recipe import DEFAULT_TIME_LIMIT, Recording, RunRequest, read_recipe
+from ...session.session import Session
+from ...simulation.backends import Backend
+from ...trees.node import Node
+from ...world.journal import Plain
+from .display import ReadableText, SceneImage, html_table
+from .mission import Mission
+
+
+class MissionRun(RunResult):
+    """Result of one run, with the answers that its log gives.
+
+    `status` is `success` when the goal is reached; `items`, `picks`, `failures` and `recoveries` are counts,
+    `log` is the log's file. `record` has everything in the log: ticks, visits, plans, joint positions.
+    """
+
+    @classmethod
+    def of(cls, result: RunResult) -> MissionRun:
+        """Return the run of a result."""
+        return cls(**{each.name: getattr(result, each.name) for each in fields(RunResult)})
+
+    @cached_property
+    def record(self) -> Run:
+        """The recorded run, read from the log on request."""
+        return Run(self.log)
+
+    def explain(self, *, everything: bool = False) -> ReadableText:
+        """Return why the run ended as it did: root causes, failures, cures, items.
+
+        `everything` tells each failure and each item by itself.
+        """
+        from ...analysis.explain.explanation_text import to_text
+
+        text = to_text(self.record, self.record.explanation, str(self.folder), everything=everything)
+        return ReadableText(text)
+
+    def show(
+        self,
+        at: float | None = None,
+        *,
+        size: tuple[int, int] = (960, 600),
+        view: str = "corner",
+        show: Literal["belief", "truth", "both"] = "belief",
+    ) -> SceneImage:
+        """Return a picture of the scene at a time, simulated s; by default of the end.
+
+        `view` is a name such as `top`, or `AZIMUTH,ELEVATION,DISTANCE` in degrees and m; `both` draws the
+        belief with outlines of the truth. Raises PicktreeError for a time outside the run.
+        """
+        time = self.record.end if at is None else at
+        return SceneImage(self.record.picture(time, size, view=view, show=show))
+
+    def report(self, file: str | PathLike[str]) -> Path:
+        """Write the run as a page with a 3-D replay, and return its path."""
+        from ...analysis.report.report import write_report
+
+        write_report(self.record, Path(file))
+        return Path(file)
+
+    def __repr__(self) -> str:
+        return self.to_text()
+
+    def _repr_html_(self) -> str:
+        items, picks = self.items, self.picks
+        rows: list[tuple[str, object]] = [
+            ("status", self.status + (f": {self.message}" if self.message else "")),
+            ("seed", self.seed),
+            ("items", items.to_text()),
+            ("grasps", f"{picks.held} held of {picks.tried} tried"),
+            ("simulated", f"{self.sim_seconds:.1f} s"),
+            *((f"failure {cause}", count) for cause, count in self.failures.items()),
+            ("log", self.log),
+        ]
+        return html_table(("run", ""), rows)
+
+
+def run(
+    mission: Mission | Node | str | PathLike[str],
+    *,
+    seed: int = 0,
+    scene: str | PathLike[str] | None = None,
+    robot: str | PathLike[str] | None = None,
+    parameters: Mapping[str, Plain] | None = None,
+    faults: str | PathLike[str] | None = None,
+    backend: Backend = "physics",
+    verify: bool = False,
+    limit: float = DEFAULT_TIME_LIMIT,
+    watch: bool = False,
+    rotation: Rotation = NO_ROTATION,
+    out: str | PathLike[str] | None = None,
+) -> MissionRun:
+    """Run a mission to its end, record it, and return its result.
+
+    `mission` is a file, a shipped example, a `Mission`, or a tree of nodes; a tree needs `scene`. `scene` and
+    `robot` are shipped ones or files, and replace the mission's. `parameters` are ports of `Main`, and ports
+    of nodes as `{"Grasp.force": "20 N"}`. `backend` is `physics` or `kinematic`; `verify` checks every
+    trajectory a second time; `limit` ends the run, simulated s; `watch` takes over edits of the file. The
+    run's folder is made in `out`, by default `runs`. It is computed in another process where numpy was
+    imported before picktree. Raises PicktreeError (FileError with all faults) for bad input.
+    """
+    if isinstance(mission, Node):
+        mission = Mission(mission, name=mission.description.id)
+    made = mission if isinstance(mission, Mission) and mission.file is None else None
+    request = RunRequest(
+        mission=made.place if made is not None else _file(mission),
+        scene=str(scene) if scene is not None else None,
+        robot=str(robot) if robot is not None else None,
+        seed=seed,
+        parameters={key: setting_text(value) for key, value in (parameters or {}).items()},
+        faults=example_file(faults, "faults", "faults file") if faults is not None else None,
+        out=Path(out) if out is not None else None,
+        backend=backend,
+        verify=verify,
+        limit=limit,
+        watch=watch,
+        rotation=rotation,
+    )
+    if departures() and (made is None or made.is_complete_text):
+        from .clean_process import in_clean_process  # most processes need none
+
+        return MissionRun.of(
+            in_clean_process(_computed_text, request, made.text if made is not None else None)
+        )
+    return MissionRun.of(_computed(request, made))
+
+
+def _computed_text(request: RunRequest, text: str | None) -> RunResult:
+    """Run a request; `text`: the mission that was made in Python, None: the request's file."""
+    made = Mission(read_document(request.mission, "mission", text)) if text is not None else None
+    return _computed(request, made)
+
+
+def _computed(request: RunRequest, made: Mission | None) -> RunResult:
+    if made is None:
+        return Session(request, planning_worker=has_second_core()).run()
+    execution = Execution(read_recipe(request, made.checked()), planning_worker=has_second_core())
+    return Session(execution, record=Recording(request.out, request.rotation)).run()
+
+
+def _file(mission: Mission | str | PathLike[str]) -> Path:
+    path = mission.file if isinstance(mission, Mission) else mission
+    assert path is not None
+    return example_file(path)
+
+
+def setting_text(value: Plain) -> str:
+    """Return the value of a parameter as `--set` takes it."""
+    if isinstance(value, list):
+        return ",".join(map(setting_text, value))
+    return str(value).lower() if isinstance(value, bool) else str(value)

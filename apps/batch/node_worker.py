@@ -1,0 +1,149 @@
+"""Worker on a node of the cluster: an actor that runs one order after the other with a local executor.
+
+Each run has a separate process below the worker, as on the batch's machine. Limits, stops and messages about
+lost workers are those of `LocalExecutor`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import shutil
+import signal
+import sys
+import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from .executor import Event, JobFailed, JobOrder, JobStopped
+from .local_executor import LocalExecutor
+from .messages import TOKEN, Installation, Task, installed
+
+_WORKER_CHECK_PERIOD = 0.02
+"""Interval between checks of the worker, wall s."""
+_PREFIX: Final = "picktree-foreman-"
+
+
+@dataclass(frozen=True, slots=True)
+class ResultFile:
+    """File that must be copied to the batch's machine."""
+
+    name: str
+    """Path in the order's folder."""
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class TaskReport:
+    """Result of a task."""
+
+    event: Event
+    files: tuple[ResultFile, ...]
+    """Files to copy; empty when they are in place already."""
+
+
+class NodeWorker:
+    """Actor of Ray: its methods are called remotely, one after the other except `stop`."""
+
+    def __init__(self) -> None:
+        # A spawned process rereads its parent's main file; that of Ray's workers would load Ray.
+        vars(sys.modules["__main__"]).pop("__file__", None)
+        _clear_after_the_dead()
+        self._place = Path(tempfile.mkdtemp(prefix=f"{_PREFIX}{os.getpid()}-"))
+        os.environ["TMPDIR"] = str(self._place)  # a worker that is killed leaves nothing elsewhere
+        self._executor = LocalExecutor(1)
+        self._stopped: set[Path] = set()
+
+    async def installed(self) -> Installation:
+        """Return the installation of this machine."""
+        return installed()
+
+    async def is_there(self) -> None:
+        """Do nothing: a reply shows that the worker is alive."""
+
+    async def carry_out(self, task: Task, recipe: bytes) -> TaskReport:
+        """Run an order in its folder when this machine shares it, else in a separate folder."""
+        order = task.order
+        shared = _takes_token(task)
+        try:
+            own = order if shared else self._moved(order, recipe)
+        except OSError as error:
+            return TaskReport(
+                JobFailed(order, f"its node cannot write to {self._place}: {error.strerror}"), ()
+            )
+        if order.folder in self._stopped:
+            return TaskReport(JobStopped(order), ())
+        with _no_signal_blocked():
+            self._executor.submit(own)
+        while not (events := self._executor.wait(0.0)):
+            await asyncio.sleep(_WORKER_CHECK_PERIOD)
+        return TaskReport(replace(events[0], order=order), () if shared else _files(own.folder))
+
+    async def stop(self, folder: Path) -> None:
+        """Break off the order of that folder, which may still be in transit."""
+        self._stopped.add(folder)
+        self._executor.stop()
+
+    async def piece(self, folder: str, name: str, offset: int, size: int) -> bytes:
+        """Return a part of a file in one of the worker's own folders."""
+        with (self._place / folder / name).open("rb") as file:
+            file.seek(offset)
+            return file.read(size)
+
+    async def forget(self, folder: str) -> None:
+        """Delete an order's files after they were copied."""
+        shutil.rmtree(self._place / folder, ignore_errors=True)
+
+    async def close(self) -> None:
+        """End the worker; nothing is left on this machine."""
+        self._executor.close()
+        shutil.rmtree(self._place, ignore_errors=True)
+
+    def _moved(self, order: JobOrder, recipe: bytes) -> JobOrder:
+        file = self._place / order.recipe.name
+        if not file.is_file():
+            file.write_bytes(recipe)
+        folder = self._place / order.folder.name
+        shutil.rmtree(folder, ignore_errors=True)
+        return replace(order, recipe=file, folder=folder)
+
+
+@contextmanager
+def _no_signal_blocked() -> Generator[None]:
+    """Unblock signals, so that a process started in the block can be stopped; Ray's threads block them."""
+    before = signal.pthread_sigmask(signal.SIG_SETMASK, ())
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _takes_token(task: Task) -> bool:
+    """Return whether the order's folder is that of the batch: then the token can be removed."""
+    token = task.order.folder / TOKEN
+    try:
+        if token.read_text() != task.token:
+            return False
+        token.unlink()
+    except OSError:
+        return False
+    return True
+
+
+def _files(folder: Path) -> tuple[ResultFile, ...]:
+    return tuple(
+        ResultFile(str(path.relative_to(folder)), path.stat().st_size)
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    )
+
+
+def _clear_after_the_dead() -> None:
+    """Delete the folders of workers that were killed."""
+    for folder in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
+        pid = folder.name.removeprefix(_PREFIX).partition("-")[0]
+        if not Path("/proc", pid).exists():
+            shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,183 @@
+"""Executor on the machines of a Ray cluster, or of a temporary one on this machine."""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from importlib.util import find_spec
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Final
+
+from ...files.errors import PicktreeError
+from ...logs.optional_libraries import optional_import
+from .executor import Event, JobFailed, JobOrder
+from .messages import STOP, TOKEN, ClusterRefusal, ClusterSettings, News, Said, Task, WorkerCount, installed
+
+_START_TIME_LIMIT = 180.0
+"""Time limit for the start of a cluster, beyond the driver's own waits, wall s."""
+_DRIVER_END_TIME_LIMIT = 30.0
+"""Time limit for the driver's end, wall s."""
+_OWN_CLUSTER_ENVIRONMENT: Final = {
+    "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",  # on Linux too: every port is one of 127.0.0.1 alone
+    "RAY_AUTH_MODE": "token",
+    "RAY_USAGE_STATS_ENABLED": "0",
+    "RAY_enable_worker_prestart": "0",  # a foreman for each slot is all that is needed
+    "RAY_prestart_worker_first_driver": "0",
+    "RAY_worker_niceness": "0",  # jobs have the batch's priority, as those of local workers
+}
+"""Environment of a cluster on this machine alone, read when Ray is loaded."""
+_LOG_PREFIX: Final = re.compile(r"^\[[^]]*\] (\S+:\d+: )?")
+"""Prefix of Ray's log lines: time, process, place in its source."""
+_MAX_FOLDER_LENGTH: Final = 20
+"""Maximum length of a parent folder for Ray's files, characters."""
+_DRIVER: Final = f"{__package__}.driver"
+
+
+class RayExecutor:
+    """Executor of a Ray cluster. A context manager that ends the workers, and a cluster that it started."""
+
+    def __init__(self, slots: int | None = None, address: str | None = None) -> None:
+        """`address`: that of a running cluster with this machine as a node; None: start one here.
+
+        `slots`: maximum number of workers, by default one for each CPU of the cluster. Raises PicktreeError
+        when there is no such cluster, a node has another installation, or ray is not installed.
+        """
+        with optional_import("ray", "ray", "A batch on a Ray cluster"):
+            if find_spec("ray") is None:
+                raise ModuleNotFoundError("No module named 'ray'", name="ray")
+        self._where = f"the Ray cluster at {address}" if address else "the Ray cluster of this batch"
+        self._folder = _short_folder()
+        self._output = self._folder.with_suffix(".out")
+        self._orders: dict[Path, JobOrder] = {}
+        self._lost: list[Event] = []
+        self._slots = 0
+        self._batch, self._driver = self._begun(own=address is None)
+        try:
+            self._say(ClusterSettings(address, slots, self._folder, self._output, installed()))
+            until = time.monotonic() + _START_TIME_LIMIT
+            while not self._slots and time.monotonic() < until:
+                self._hear(self._heard(1.0))
+            if not self._slots:
+                raise PicktreeError(f"{self._where} was not there within {_START_TIME_LIMIT:.0f} s")
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> RayExecutor:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def slots(self) -> int:
+        """Number of concurrent orders; it changes when nodes join and leave."""
+        return self._slots
+
+    def submit(self, order: JobOrder) -> None:
+        folder = order.folder.absolute()
+        token = secrets.token_hex(16)
+        self._orders[folder] = order
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / TOKEN).write_text(token)
+        except OSError as error:
+            self._lost.append(JobFailed(order, f"{folder}: {error.strerror}"))
+            return
+        self._say(Task(replace(order, folder=folder, recipe=order.recipe.absolute()), token))
+
+    def wait(self, seconds: float) -> Sequence[Event]:
+        events, self._lost = self._lost, []
+        until = time.monotonic() + seconds
+        while True:
+            left = 0.0 if events else max(0.0, until - time.monotonic())
+            news = self._heard(left)
+            event = self._hear(news)
+            if event is not None:
+                events.append(event)
+            elif news is None and (events or time.monotonic() >= until):
+                return events
+
+    def stop(self) -> None:
+        self._say(STOP)
+
+    def close(self) -> None:
+        self._batch.close()
+        if not self._slots:
+            self._driver.kill()
+        try:
+            self._driver.wait(_DRIVER_END_TIME_LIMIT)
+        except subprocess.TimeoutExpired:
+            self._driver.kill()  # what it started goes with it
+            self._driver.wait()
+        shutil.rmtree(self._folder, ignore_errors=True)
+        self._output.unlink(missing_ok=True)
+
+    def _begun(self, *, own: bool) -> tuple[Connection, subprocess.Popen[bytes]]:
+        """Start the driver in a separate session, so that Ctrl-C reaches the batch alone."""
+        ours, theirs = socket.socketpair()
+        extra = {**_OWN_CLUSTER_ENVIRONMENT, "RAY_AUTH_TOKEN": secrets.token_hex(32)} if own else {}
+        with theirs, self._output.open("wb") as output:
+            process = subprocess.Popen(
+                [sys.executable, "-P", "-m", _DRIVER, str(theirs.fileno())],
+                pass_fds=[theirs.fileno()],
+                env={**os.environ, **extra},
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                start_new_session=True,
+            )
+        return Connection(ours.detach()), process
+
+    def _say(self, said: Said | ClusterSettings) -> None:
+        with suppress(OSError):  # `wait` finds out
+            self._batch.send(said)
+
+    def _heard(self, seconds: float) -> News | None:
+        """Return the next message; None: none within that time. Raises PicktreeError when the cluster is
+        gone."""
+        try:
+            if not self._batch.poll(seconds):
+                return None
+            return self._batch.recv()
+        except (EOFError, OSError):
+            raise PicktreeError(f"{self._where} is gone{self._last_words()}; --resume goes on") from None
+
+    def _hear(self, news: News | None) -> Event | None:
+        match news:
+            case None:
+                return None
+            case WorkerCount(count):
+                self._slots = count
+                return None
+            case ClusterRefusal(reason):
+                raise PicktreeError(reason)
+            case _:
+                return replace(news, order=self._orders.pop(news.order.folder))
+
+    def _last_words(self) -> str:
+        """Return the first sentence of the last line that the driver printed, empty when there is none."""
+        try:
+            lines = self._output.read_text(errors="replace").strip().splitlines()
+        except OSError:
+            return ""
+        return f": {_LOG_PREFIX.sub('', lines[-1]).partition('. ')[0]}" if lines else ""
+
+
+def _short_folder() -> Path:
+    """Create a short temporary folder: Ray creates sockets deep in it, whose paths have at most 107 bytes."""
+    place = tempfile.gettempdir()
+    return Path(
+        tempfile.mkdtemp(prefix="picktree-ray-", dir=place if len(place) <= _MAX_FOLDER_LENGTH else "/tmp")
+    )

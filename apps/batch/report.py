@@ -1,0 +1,144 @@
+"""Writer of a batch's report: results on one page, with links to reports of the worst runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from string import Template
+from typing import Any
+from urllib.parse import quote
+
+from ...analysis.report.report import write_report as write_run_report
+from ...analysis.run import Run
+from ...files.atomic_write import whole
+from ...files.errors import PicktreeError
+from .findings import WorstJob
+from .plan import read_plan
+from .rates import rate
+from .store import RESULTS_FILE, Store
+from .summary import summarise
+from .views import CELL_SIZE
+
+_PAGE = Path(__file__).parent / "page"
+MOST_JOBS = 5_000
+"""Maximum number of jobs shown one by one, the first ones of the plan."""
+
+
+@dataclass(frozen=True, slots=True)
+class Linked:
+    """Job that missed its goal, with the page of its run."""
+
+    job: WorstJob
+    report: Path | None
+
+
+def write_report(folder: Path, output: Path, runs: int = 5) -> None:
+    """Write the batch in `folder` as one page. The worst `runs` runs with a log get pages next to their logs.
+
+    Raises PicktreeError when there is no batch, or the page cannot be written.
+    """
+    with Store(folder / RESULTS_FILE) as store:
+        data = _data(folder, store, output, runs)
+    text = Template((_PAGE / "page.html").read_text(encoding="utf-8")).substitute(
+        title=_escaped(f"Batch {read_plan(folder).name}"),
+        style=(_PAGE / "page.css").read_text(encoding="utf-8"),
+        data=json.dumps(data, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c"),
+        libraries=(_PAGE / "libraries.js").read_text(encoding="utf-8"),
+        script=(_PAGE / "page.js").read_text(encoding="utf-8"),
+    )
+    with whole([output], output) as (beside,):
+        beside.write_text(text, encoding="utf-8")
+
+
+def _data(folder: Path, store: Store, output: Path, runs: int) -> dict[str, Any]:
+    summary = summarise(store)
+    rates: Any = store.query("SELECT variant, rate FROM picks_an_hour").rows
+    linked = _linked(folder, summary.worst, runs)
+    done = summary.total - summary.waiting
+    reached = rate(sum(r.success.successes for r in summary.recipes), done)
+    versions: Any = store.query(
+        "SELECT library, group_concat(DISTINCT version) FROM versions WHERE library NOT LIKE '% of %' "
+        "GROUP BY library ORDER BY library"
+    ).rows
+    return {
+        **summary.to_json(),
+        "subtitle": f"{done} of {summary.total} jobs run, goal reached {reached}",
+        "rates": [{"label": label, "rate": value} for label, value in rates],
+        "jobs": _jobs(folder, store, output),
+        "cell": CELL_SIZE,
+        "worst": [_worst(one, folder, output) for one in linked],
+        "footer": ", ".join(f"{library} {version}" for library, version in versions if version),
+    }
+
+
+def _jobs(folder: Path, store: Store, output: Path) -> list[dict[str, Any]]:
+    rows: Any = store.query(
+        "SELECT variant, seed, status, items_sorted, items_total, sim_seconds, look_at, folder FROM jobs "
+        f"ORDER BY number LIMIT {MOST_JOBS}"
+    ).rows
+    return [
+        {
+            "label": label,
+            "seed": seed,
+            "status": status,
+            "sorted": good,
+            "items": total,
+            "seconds": seconds,
+            "look_at": look_at,
+            "report": _link(folder / kept / "report.html", output) if kept else "",
+        }
+        for label, seed, status, good, total, seconds, look_at, kept in rows
+    ]
+
+
+def _linked(folder: Path, worst: tuple[WorstJob, ...], runs: int) -> list[Linked]:
+    found: list[Linked] = []
+    made = 0
+    for job in worst:
+        report = folder / job.folder / "report.html" if job.folder else None
+        if report is not None and not report.is_file():
+            report = _write_run_page(report) if made < runs else None
+            made += 1
+        found.append(Linked(job, report))
+    return found
+
+
+def _write_run_page(report: Path) -> Path | None:
+    """Write the page of a run next to its log; None when the log is missing or unreadable."""
+    try:
+        with Run(report.parent) as run:
+            write_run_report(run, report)
+    except PicktreeError:
+        return None
+    return report
+
+
+def _worst(one: Linked, folder: Path, output: Path) -> dict[str, Any]:
+    job = one.job
+    kept = folder / job.folder if job.folder else None
+    return {
+        "seed": job.seed,
+        "label": job.label,
+        "status": job.status,
+        "missed": job.missed,
+        "look_at": job.look_at,
+        "root_cause": job.root_cause,
+        "report": "" if one.report is None else _link(one.report, output),
+        "command": shlex.join(
+            ["picktree", "explain", str(kept)] if kept else ["picktree", "resim", f"{folder}@{job.job}"]
+        ),
+    }
+
+
+def _link(page: Path, output: Path) -> str:
+    """Return a relative link to another page; empty when that does not exist."""
+    if not page.is_file():
+        return ""
+    return quote(Path(os.path.relpath(page, output.parent)).as_posix())
+
+
+def _escaped(text: str) -> str:
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace("$", "&#36;")

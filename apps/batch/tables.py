@@ -1,0 +1,296 @@
+"""Tables of a batch's results: their rows, and one declaration for the database, exports and documents."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Final, Literal, TypeAlias
+
+from pydantic import TypeAdapter, ValidationError
+
+from ...analysis.export.table_files import Column, ColumnDoc, Kind, columns, event_row
+from ...files.errors import PicktreeError
+from ...logs.episode import End
+from ...logs.run_result import RunStatus
+from ...world.skill_events import PickEvent
+from .views import VIEWS
+
+VERSION = 3
+"""Version of tables and views, in `PRAGMA user_version`."""
+
+Phase: TypeAlias = Literal["observe", "think", "move", "grasp", "place", "recover", "other"]
+JobStatus: TypeAlias = RunStatus | Literal["crashed"]
+"""End of a job: that of its run, or `crashed` when every attempt was without a result."""
+Time: TypeAlias = Annotated[float, ColumnDoc("simulated", "s")]
+Node: TypeAlias = Annotated[str, ColumnDoc("path in the tree")]
+Cause: TypeAlias = Annotated[str, ColumnDoc("as grasp.slipped")]
+Message: TypeAlias = Annotated[str, ColumnDoc("in a sentence")]
+Item: TypeAlias = Annotated[str, ColumnDoc("that it was about, as the robot calls it")]
+Position: TypeAlias = Annotated[float, ColumnDoc("where it lay when it arrived, in the world", "m")]
+Folder: TypeAlias = Annotated[str, ColumnDoc("of the run with its log, below the batch; empty: not kept")]
+LastTick: TypeAlias = Annotated[int | None, ColumnDoc("number of the last tick in the log")]
+
+
+@dataclass(frozen=True, slots=True)
+class JobItemRow:
+    item: Annotated[str, ColumnDoc("name in the simulation")]
+    kind: Annotated[str, ColumnDoc("in the scene's catalogue")]
+    form: Annotated[str, ColumnDoc("box, cylinder, …")]
+    colour: Annotated[str, ColumnDoc("name of the colour")]
+    x: Position
+    y: Position
+    arrived: Annotated[float, ColumnDoc("simulated time at which it was there first; 0: at the start", "s")]
+    destination: Annotated[str | None, ColumnDoc("bin where it belongs")]
+    bin: Annotated[str | None, ColumnDoc("where it ended")]
+    verdict: Annotated[
+        Literal["sorted", "misplaced", "left", "no destination"],
+        ColumnDoc("sorted, misplaced, left, no destination"),
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class JobPickRow(event_row(PickEvent, "object", "held", "node")):
+    """Closing of the fingers on an object."""
+
+
+@dataclass(frozen=True, slots=True)
+class JobFailureRow:
+    time: Time
+    node: Node
+    cause: Cause
+    message: Message
+    item: Item
+    fate: Annotated[str, ColumnDoc("cured, done_instead, passed_over, branched, ended, open")]
+    handled_by: Annotated[str, ColumnDoc("handlers that were tried, in order")]
+    seconds_lost: Annotated[
+        float | None,
+        ColumnDoc("simulated time lost of its episode, at the episode's first failure; 0 at others", "s"),
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeRow:
+    time: Annotated[float, ColumnDoc("simulated, of its first failure", "s")]
+    cause: Cause
+    node: Annotated[str, ColumnDoc("path of the node that failed first")]
+    item: Item
+    ended: Annotated[End, ColumnDoc("cured, done_instead, given_up, unhandled, open")]
+    handler: Annotated[str, ColumnDoc("what was tried last; empty: nothing")]
+    tried: Annotated[str, ColumnDoc("all that was tried, one after the other")]
+    by: Annotated[str, ColumnDoc("path of the node that took it up last; empty: nobody")]
+    tries: Annotated[int, ColumnDoc("runs after the failure that were to succeed")]
+    seconds: Annotated[float, ColumnDoc("simulated time lost", "s")]
+
+
+@dataclass(frozen=True, slots=True)
+class PlantedRow:
+    time: Time
+    fault: Annotated[str, ColumnDoc("its kind, as slip")]
+    message: Message
+    item: Annotated[str, ColumnDoc("name in the simulation; empty: it is about none")]
+    cause: Annotated[str, ColumnDoc("of the first failure after it; empty: nothing failed")]
+    after: Annotated[float | None, ColumnDoc("from the fault to that failure", "s")]
+    ended: Annotated[
+        End | Literal[""], ColumnDoc("what became of that failure, as in episodes; empty: nothing failed")
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class JobPlanRow:
+    time: Time
+    request: Annotated[str, ColumnDoc("what was asked for")]
+    planner: Annotated[str, ColumnDoc("that answered")]
+    outcome: Annotated[str, ColumnDoc("found, or why not")]
+    checks: Annotated[int, ColumnDoc("of collisions")]
+    thinking: Annotated[float, ColumnDoc("simulated time that it took", "s")]
+    duration: Annotated[float, ColumnDoc("of the motion", "s")]
+
+
+@dataclass(frozen=True, slots=True)
+class JobTimingRow:
+    phase: Annotated[Phase, ColumnDoc("observe, think, move, grasp, place, recover, other")]
+    seconds: Annotated[float, ColumnDoc("simulated time spent in it", "s")]
+
+
+@dataclass(frozen=True, slots=True)
+class CrashRow:
+    attempt: Annotated[int, ColumnDoc("1 for the first")]
+    reason: Annotated[str, ColumnDoc("why it ended, and where it was then")]
+    last_tick: Annotated[int | None, ColumnDoc("number of the last tick in its log")]
+    folder: Folder
+
+
+@dataclass(frozen=True, slots=True)
+class JobRow:
+    """Result of a job."""
+
+    status: Annotated[
+        JobStatus, ColumnDoc("success, incomplete, failure, timeout, paused, crashed; waiting: not yet run")
+    ]
+    message: Annotated[str, ColumnDoc("why it failed or crashed, in a sentence")]
+    digest: Annotated[str, ColumnDoc("of all that happened; two equal runs have the same")]
+    attempts: Annotated[int, ColumnDoc("times that a worker tried it")]
+    items_total: Annotated[int | None, ColumnDoc("true items")] = None
+    items_sorted: Annotated[int | None, ColumnDoc("in the bin where they belong")] = None
+    items_misplaced: Annotated[int | None, ColumnDoc("in another bin")] = None
+    items_left: Annotated[int | None, ColumnDoc("in no bin")] = None
+    picks_tried: Annotated[int | None, ColumnDoc("closings of the fingers on an object")] = None
+    picks_held: Annotated[int | None, ColumnDoc("of these, with the object between them")] = None
+    sim_seconds: Annotated[float | None, ColumnDoc("simulated time", "s")] = None
+    cpu_seconds: Annotated[float | None, ColumnDoc("CPU time", "s")] = None
+    wall_seconds: Annotated[float | None, ColumnDoc("wall time", "s")] = None
+    last_tick: LastTick = None
+    root_cause: Annotated[str, ColumnDoc("the one that cost the goal, else the first")] = ""
+    look_at: Annotated[str, ColumnDoc("one line on what to look at")] = ""
+    folder: Folder = ""
+
+
+@dataclass(frozen=True, slots=True)
+class JobRows:
+    """All rows of one job."""
+
+    job: JobRow
+    items: tuple[JobItemRow, ...] = ()
+    picks: tuple[JobPickRow, ...] = ()
+    failures: tuple[JobFailureRow, ...] = ()
+    episodes: tuple[EpisodeRow, ...] = ()
+    planted: tuple[PlantedRow, ...] = ()
+    plans: tuple[JobPlanRow, ...] = ()
+    timings: tuple[JobTimingRow, ...] = ()
+    versions: dict[str, str] = field(default_factory=dict[str, str])
+
+    def to_json(self) -> bytes:
+        return _ADAPTER.dump_json(self)
+
+    @classmethod
+    def from_json(cls, data: bytes, source: Path) -> JobRows:
+        """Read rows from JSON. Raises PicktreeError when the data are no result of a job."""
+        try:
+            return _ADAPTER.validate_json(data)
+        except ValidationError as error:
+            raise PicktreeError(f"{source}: no result of a job: {error.errors()[0]['msg']}") from None
+
+
+_ADAPTER = TypeAdapter(JobRows)
+
+_SQL: dict[Kind, str] = {"int": "INTEGER", "float": "REAL", "bool": "INTEGER", "text": "TEXT"}
+
+
+@dataclass(frozen=True, slots=True)
+class TableOf:
+    """One table. `key`: columns that identify a row; empty where only its position does."""
+
+    name: str
+    meaning: str
+    """Meaning of a row."""
+    columns: tuple[Column, ...]
+    key: tuple[str, ...] = ()
+    index: tuple[str, ...] = ()
+    """Columns with an index."""
+
+    def to_sql(self) -> str:
+        """Return the CREATE statements; their comments remain in the database."""
+        declared = [_declared(column, default=self.name == "jobs") for column in self.columns]
+        width = max(map(len, declared)) + 1
+        lines = [
+            f"    {words + ',':<{width}}  -- {column.meaning}" + (f", {column.unit}" if column.unit else "")
+            for words, column in zip(declared, self.columns, strict=True)
+        ]
+        lines += [f"    PRIMARY KEY ({', '.join(self.key)}),"] if self.key else []
+        if self.name != "jobs":
+            lines.append("    FOREIGN KEY (job) REFERENCES jobs,")
+        # The last declaration has no comma.
+        last = lines[-1].partition(",  -- ")
+        lines[-1] = f"{last[0]}  -- {last[2]}" if last[1] else lines[-1].removesuffix(",")
+        made = [f"CREATE TABLE {self.name} (  -- {self.meaning}", *lines, ") STRICT;"]
+        made += [f"CREATE INDEX {self.name}_by_{name} ON {self.name} ({name});" for name in self.index]
+        return "\n".join(made)
+
+
+def _text(name: str, meaning: str) -> Column:
+    return Column(name, "text", False, "", meaning)
+
+
+CHILDREN: Final[Mapping[str, type]] = {
+    "items": JobItemRow,
+    "picks": JobPickRow,
+    "failures": JobFailureRow,
+    "episodes": EpisodeRow,
+    "planted": PlantedRow,
+    "plans": JobPlanRow,
+    "timings": JobTimingRow,
+}
+"""Rows of the tables with many of a job."""
+
+
+def _table(
+    name: str, meaning: str, row: type, *, key: tuple[str, ...] = (), index: tuple[str, ...] = ()
+) -> TableOf:
+    return TableOf(name, meaning, (_JOB, *columns(row)), key, index)
+
+
+_JOB = _text("job", "id of the job")
+TABLES = (
+    TableOf(
+        "jobs",
+        "a job",
+        (
+            _text("job", "id: hash over everything that the job runs"),
+            Column("number", "int", False, "", "its place in the plan, from 0"),
+            _text("variant", "recipe: what sets it apart from the others of the plan"),
+            _text("mission", "path"),
+            _text("scene", "name or path; empty: the mission's own"),
+            _text("faults", "path; empty: none"),
+            _text("settings", "JSON object"),
+            Column("seed", "int", False, "", "of all its randomness"),
+            _text("recipe", "hash of all that it runs but the seed; recipes/HASH.zip holds it"),
+            *columns(JobRow),
+        ),
+        key=("job",),
+    ),
+    _table("items", "a true item, as the scorer found it", JobItemRow, key=("job", "item")),
+    _table("picks", "a closing of the fingers, as the robot felt it", JobPickRow, index=("job",)),
+    _table("failures", "a failure, and what became of it", JobFailureRow, index=("job", "cause")),
+    _table(
+        "episodes",
+        "a cause that was seen, what was tried against it, and what came of it",
+        EpisodeRow,
+        index=("job", "cause"),
+    ),
+    _table(
+        "planted",
+        "a fault that was planted in the simulation, and what failed first after it",
+        PlantedRow,
+        index=("job",),
+    ),
+    _table("plans", "a request to the planner", JobPlanRow, index=("job",)),
+    _table("timings", "a phase of a job", JobTimingRow, key=("job", "phase")),
+    _table(
+        "crashes",
+        "a try at a job that came to no result; of a job that succeeded when it was tried again, too",
+        CrashRow,
+        key=("job", "attempt"),
+    ),
+    TableOf(
+        "versions",
+        "a library that a job was run with",
+        (_JOB, _text("library", "name"), _text("version", "of it")),
+        key=("job", "library"),
+    ),
+)
+_DEFAULTS = {"status": "DEFAULT 'waiting'", "attempts": "DEFAULT 0"} | dict.fromkeys(
+    ("message", "digest", "root_cause", "look_at", "folder"), "DEFAULT ''"
+)
+"""Defaults of a job that was not run yet."""
+
+
+def _declared(column: Column, *, default: bool) -> str:
+    words = [column.name, _SQL[column.kind], "" if column.optional else "NOT NULL"]
+    words.append(_DEFAULTS.get(column.name, "") if default else "")
+    return " ".join(word for word in words if word)
+
+
+def schema() -> str:
+    """Return the SQL that creates all tables and views."""
+    return "\n".join([*(table.to_sql() for table in TABLES), *(view.to_sql() for view in VIEWS)])

@@ -1,0 +1,351 @@
+"""Commands that answer from logs: diff, explain, layout, export, report, replay, runs, snapshot, video."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, TextIO
+
+import typer
+
+from .options import JsonAnswer, JsonResult, JsonWritten, Log, Show, View, run_log
+from .output import StatusLine, end_with, json_text, keep_stdout, painter, print_answer, program
+
+if TYPE_CHECKING:
+    from ...logs.run_index import RunIndex, RunRow
+
+
+def diff(
+    a: Annotated[
+        str,
+        typer.Argument(
+            metavar="A", help="Log file, run folder, 'last', or a batch's job: DIR@seed=7.", parser=run_log
+        ),
+    ],
+    b: Annotated[str, typer.Argument(metavar="B", help="The run that it is compared with.", parser=run_log)],
+    json: JsonResult = False,
+) -> None:
+    """Where two runs part, and in what they differ. Exit code 0: they are identical; 1: they differ."""
+    answer = keep_stdout() if json else None
+
+    from ...analysis.compare.diff import diff as compare
+    from ...analysis.compare.diff_text import to_json_text, to_text
+    from ...analysis.run import Run
+
+    with Run(a) as one, Run(b) as other:
+        found = compare(one, other)
+    print_answer(answer, lambda: to_text(found), lambda: to_json_text(found))
+    end_with(found.same)
+
+
+def explain(
+    log: Log,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Tell each failure and each item by itself.")
+    ] = False,
+    hide_faults: Annotated[
+        bool, typer.Option("--hide-faults", help="Do not quote faults that were planted in the simulation.")
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the explanation as one JSON object.")
+    ] = False,
+) -> None:
+    """Say why a run ended as it did: root causes, failures, items, and what to look at.
+
+    Of a folder with many runs: their root causes, grouped and counted, with a typical run of each.
+    """
+    answer = keep_stdout() if as_json else None
+
+    from ...analysis.explain.explain_runs import holds_runs
+
+    if holds_runs(log):
+        _explain_runs(Path(log), answer)
+        return
+
+    from ...analysis.explain.explain import explain as find_out
+    from ...analysis.explain.explanation_text import to_json_text, to_text
+    from ...analysis.run import Run
+
+    with Run(log) as run:
+        found = find_out(run, faults=not hide_faults)
+        print_answer(
+            answer,
+            lambda: to_text(
+                run, found, log, program=program(), paint=painter(sys.stdout), everything=everything
+            ),
+            lambda: to_json_text(run, found),
+        )
+
+
+def _explain_runs(folder: Path, answer: TextIO | None) -> None:
+    from ...analysis.explain.explain_runs import explain_runs, runs_json_text, runs_text
+    from ..batch.store import dropped_logs
+
+    dropped = dropped_logs(folder, program())
+    with StatusLine() as line:
+        found = explain_runs(folder, line.say, [dropped] if dropped else [])
+    print_answer(
+        answer,
+        lambda: runs_text(found, program(), painter(sys.stdout)),
+        lambda: runs_json_text(found),
+    )
+
+
+def runs(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The runs below it are listed.")] = Path(
+        "runs"
+    ),
+    where: Annotated[
+        str | None,
+        typer.Option(metavar="CONDITION", help="List these alone, as \"status == 'failure' and lost > 20\"."),
+    ] = None,
+    keep: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Leave out the N that were written last.")
+    ] = 0,
+    prune: Annotated[bool, typer.Option("--prune", help="Delete the runs that are listed.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Delete without asking.")] = False,
+    json: JsonAnswer = False,
+) -> None:
+    """List the runs below a folder, newest first: mission, seed, status, items sorted, time lost, cause.
+
+    A condition has the names status, mission, scene, robot, backend, seed, sorted, total, misplaced, held,
+    seconds, lost, cause, causes, age (days) and folder.
+    """
+    answer = keep_stdout() if json else None
+
+    from ...files.errors import PicktreeError
+    from ...logs.run_index import RunFilter, RunIndex, heading, line
+
+    if prune and where is None and not keep:
+        raise PicktreeError("--prune deletes what is listed: say what with --where CONDITION, or --keep N")
+    index = RunIndex(folder)
+    found: list[RunRow] = []
+    for number, row in enumerate(index.select(None if where is None else RunFilter.parse(where))):
+        if number < keep:
+            continue
+        if answer is None:
+            print(line(row) if found else f"{heading()}\n{line(row)}", flush=not found)
+        found.append(row)
+    refused = _prune(index, found, yes=yes) if prune else []
+    for sentence in refused:
+        print(sentence, file=sys.stderr)
+    if not found and answer is None:
+        none = "no run that meets the condition" if where or keep else "no run yet"
+        print(f"{folder}: {none}; `picktree run MISSION` makes one")
+    if answer is not None:
+        with answer:
+            answer.write(json_text([row.to_json() for row in found]))
+    end_with(not refused)
+
+
+def _prune(index: RunIndex, found: Sequence[RunRow], *, yes: bool) -> list[str]:
+    """Delete runs after a confirmation; return why some were not deleted. Raises PicktreeError where nobody
+    can confirm."""
+    from ...files.errors import PicktreeError
+
+    size = f"{len(found)} runs, {sum(row.size for row in found) / 1e6:.1f} MB"
+    if found and not yes:
+        if not sys.stdin.isatty():
+            raise PicktreeError(f"--prune would delete {size}; say --yes where nobody can be asked")
+        if not typer.confirm(f"Delete {size}?", err=True):
+            return []
+    refused: list[str] = []
+    for row in found:
+        try:
+            index.delete(row)
+        except PicktreeError as error:
+            refused.append(str(error))
+    print(f"{len(found) - len(refused)} of {size} deleted", file=sys.stderr)
+    return refused
+
+
+def layout(
+    log: Log,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file; without: text, here.")
+    ] = None,
+) -> None:
+    """Write a layout for Foxglove and Lichtblick, made for this log's tree, joints and cameras."""
+    from ...analysis.export.layout import layout as make
+    from ...analysis.run import Run
+    from ...files.atomic_write import whole
+
+    with Run(log) as run:
+        if run.recovered:
+            print(run.recovered, file=sys.stderr)
+        made = make(run)
+    if output is None:
+        print(made.to_json_text(), end="")
+        return
+    with whole([output], output) as (beside,):
+        beside.write_text(made.to_json_text(), encoding="utf-8")
+    print(f"{output}: {len(made.panels)} panels, {made.lanes} lanes")
+
+
+def export(
+    log: Log,
+    to: Annotated[
+        Literal["csv", "parquet", "rerun"],
+        typer.Option("--to", help="Tables as csv or parquet files, or a recording for Rerun."),
+    ],
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", metavar="PATH", help="Folder for the tables; .rrd file for Rerun."),
+    ],
+    json: JsonWritten = False,
+) -> None:
+    """Export a log: tables of ticks, visits, failures, picks, plans, …; or a recording for Rerun."""
+    answer = keep_stdout() if json else None
+
+    from ...analysis.export.run_export import export as write
+    from ...analysis.run import Run
+
+    with Run(log) as run:
+        written = write(run, to, output)
+    print_answer(answer, written.to_text, lambda: json_text(written.to_json()))
+
+
+def report(
+    log: Log,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="PAGE", help="HTML file to write.")],
+    open_it: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Say what was written as one JSON object.")] = False,
+) -> None:
+    """Write a run as one HTML page: 3-D replay, tree, lanes, failures, plots, images. It needs no network."""
+    import json
+
+    from ...analysis.report.report import write_report
+    from ...analysis.run import Run
+    from ...files.errors import PicktreeError
+
+    if output.suffix.lower() not in (".html", ".htm"):
+        raise PicktreeError(f"{output}: a report is an HTML page; name it {output.with_suffix('.html').name}")
+    with Run(log) as run:
+        if run.recovered:
+            print(run.recovered, file=sys.stderr)
+        written = write_report(run, output)
+    print(json.dumps(written.to_json()) if as_json else written.to_text())
+    if open_it:
+        typer.launch(output.absolute().as_uri())
+
+
+def replay(
+    log: Log,
+    at: Annotated[float, typer.Option(metavar="TIME", min=0.0, help="Where to begin, simulated s.")] = 0.0,
+) -> None:
+    """Step through a run: tree, belief, what changed. With keys at a terminal; else commands from stdin."""
+    from ...analysis.cursor import Cursor
+    from ...analysis.run import Run
+    from .command_prompt import complete_with, line_reader
+    from .replay_prompt import ReplayPrompt
+
+    with Run(log) as run:
+        if run.recovered:
+            print(run.recovered, file=sys.stderr)
+        prompt = ReplayPrompt(Cursor(run, at), line_reader(sys.stdout), sys.stdout)
+        if prompt.cursor.run.log.format < 2:
+            print("a log of format 1: beginnings and ends are derived from the statuses", file=sys.stderr)
+        if not sys.stdin.isatty():
+            prompt.show_here()
+            prompt.converse()
+            return
+        complete_with(prompt)
+        if sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb" and os.name == "posix":
+            from .replay_screen import Screen
+
+            Screen(prompt).run()
+        else:
+            prompt.show_here()
+            prompt.converse()
+
+
+def snapshot(
+    log: Log,
+    at: Annotated[float, typer.Option(metavar="SECONDS", min=0.0, help="Simulated time.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="PICTURE", help="PNG file to write.")],
+    size: Annotated[str, typer.Option(metavar="WxH", help="In pixels.")] = "1280x800",
+    view: View = "corner",
+    show: Show = "belief",
+) -> None:
+    """Draw the scene at one moment of a run, from its log alone."""
+    from ...analysis.render.snapshot import snapshot as draw
+    from ...analysis.render.viewpoint import parse_size, parse_view
+    from ...logs.run_log import RunLog
+
+    with RunLog(log) as opened:
+        if opened.recovered:
+            print(opened.recovered, file=sys.stderr)
+        draw(opened, at, output, parse_size(size), parse_view(view), show=show)
+    print(output)
+
+
+def video(
+    log: Log,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILM", help="A .mp4 or .gif file.")],
+    start: Annotated[
+        float | None,
+        typer.Option(
+            "--from", metavar="SECONDS", min=0.0, help="Simulated time.", show_default="where the log begins"
+        ),
+    ] = None,
+    end: Annotated[
+        float | None,
+        typer.Option("--to", metavar="SECONDS", help="Simulated time.", show_default="the end of the run"),
+    ] = None,
+    speed: Annotated[
+        float, typer.Option(metavar="TIMES", help="Simulated seconds in one of the film.")
+    ] = 1.0,
+    fps: Annotated[
+        int | None, typer.Option(min=1, max=60, help="Frames in a second.", show_default="20, GIF 10")
+    ] = None,
+    size: Annotated[
+        str | None, typer.Option(metavar="WxH", help="In pixels.", show_default="960x600, GIF 640x400")
+    ] = None,
+    view: View = "corner",
+    show: Show = "belief",
+    processes: Annotated[
+        int | None,
+        typer.Option(min=1, help="How many draw.", show_default="as processors, 4 at most"),
+    ] = None,
+    json: JsonWritten = False,
+) -> None:
+    """Make a film of a run, from its log alone, with what runs, what is done and what fails written in."""
+    answer = keep_stdout() if json else None
+
+    from ...analysis.render.film import FilmRequest, film
+    from ...analysis.render.viewpoint import parse_size, parse_view
+    from ...logs.recording.interrupts import Interrupts
+    from ...logs.run_log import RunLog
+
+    request = FilmRequest(
+        start=start,
+        end=end,
+        speed=speed,
+        fps=fps,
+        size=parse_size(size) if size else None,
+        view=parse_view(view),
+        show=show,
+        processes=processes or min(os.cpu_count() or 1, 4),
+    )
+    with Interrupts(), RunLog(log) as opened, StatusLine() as line:
+        if opened.recovered:
+            print(opened.recovered, file=sys.stderr)
+        made = film(opened, output, request, _film_progress(line) if line.on else None)
+    print_answer(answer, made.to_text, lambda: json_text(made.to_json()))
+
+
+def _film_progress(line: StatusLine) -> Callable[[int, int], None]:
+    """Return a function that shows the number of frames and the remaining time."""
+    began = said = time.monotonic()
+
+    def tell(done: int, count: int) -> None:
+        nonlocal said
+        now = time.monotonic()
+        if now - said > 0.3 and done < count:
+            said = now
+            line.say(f"frame {done} of {count}, {(now - began) / done * (count - done):.0f} s left")
+
+    return tell

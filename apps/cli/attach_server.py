@@ -1,0 +1,364 @@
+"""Attach server: a Unix socket in the run's folder, over which other processes watch and steer the run.
+
+Both sides send JSON objects, one a line. A client sends `{"steer": bool}` first, then `{"line": COMMAND}`.
+The server sends `reply` to each command, and to all clients `run`, `state`, `stop`, `going`, `question`,
+`told`, `breakpoints` and `end`.
+
+A client whose first object has `"follow": true` also receives the messages of the log, of a tick or a few:
+`{"messages": [[TOPIC, SIMULATED NS, BYTES], …], "wall": SECONDS}`, and their payloads behind the line.
+`"whole": true` marks the last message of each topic, at the beginning and after messages that the client did
+not take in time.
+`{"statuses", "blackboard"}` end what a new follower receives first, and come before each stop within a tick,
+which no message of the log has yet.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import time
+from collections import deque
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Self
+
+from ...files.errors import PicktreeError
+from ...logs.schema import topics
+from ...session.attach_socket import SOCKET_NAME, listen_in
+from ...session.debugger import Debugger, DebuggerStop
+from ...session.last_messages import LastMessages
+from ...session.mission_edits import TAKEN_LATER, read_replacement
+from ...session.observer import Interrupter
+from .attach_clients import STATE_BACKLOG, Client, Clients, LogMessage
+from .command_prompt import Command
+from .operator_prompt import DebugPrompt, place
+from .progress import deepest_running
+
+if TYPE_CHECKING:
+    from ...logs.run_result import RunResult
+    from ...logs.schema.topics import Topic
+    from ...robot.operator_desk import OperatorQuestion
+    from ...session.execution import Execution
+    from ...trees.runner import TickReport
+
+_STATE_PERIOD = 0.2
+"""Maximum interval between two states that are sent while ticks come, wall s."""
+_LOG_PERIOD = 0.04
+"""Minimum interval between two sendings of the log, wall s: the ticks of a fast run are sent together."""
+_NOT_FOLLOWED: Final = frozenset({topics.ROBOT.name, topics.STATE.name, topics.TIMING.name})
+"""Topics that followers do not receive: the log has them."""
+
+
+class AttachPrompt(DebugPrompt):
+    """Commands of the debugger for attached processes, with those for a run that goes on or asks."""
+
+    def __init__(self, server: AttachServer) -> None:
+        super().__init__(lambda _: "", io.StringIO())
+        self._server = server
+        self.offer(
+            Command("pause", "stop at the end of the next tick", self._pause),
+            Command("answer TEXT", "the answer when the mission asks for help", self._answer),
+            Command("take FILE", "go on with this mission from the next item on", self._take),
+            Command("halt", "bring the arm to rest, and interrupt the run", self._halt),
+        )
+
+    def respond(self, debugger: Debugger, stop: DebuggerStop, line: str) -> tuple[str, bool]:
+        """Run a command line; return its output, and whether the run goes on."""
+        self._debugger, self._stop = debugger, stop
+        with self.into(io.StringIO()) as out:
+            goes_on = bool(line.strip()) and self.carry_out(line.strip())
+        return out.getvalue(), goes_on
+
+    def _pause(self, _: str) -> bool:
+        if self._server.stopped:
+            raise PicktreeError("the run is stopped already")
+        self._debug.step()
+        return True
+
+    def _answer(self, text: str) -> bool:
+        self._server.take_answer(text)
+        return False
+
+    def _take(self, file: str) -> bool:
+        if not file:
+            raise PicktreeError("take what? A mission file, as 'take sort.yaml'")
+        self._server.take_mission(Path(file))
+        return self._show([TAKEN_LATER])
+
+    def _halt(self, _: str) -> bool:
+        self._server.halt()
+        return True
+
+
+class AttachServer(Interrupter):
+    """Server of attached processes, polled after each tick: no thread, and one system call when nobody is
+    attached. A context manager.
+
+    A stop or a question lasts until a steering client continues or answers, or until none is attached. The
+    run is the same with and without clients, unless they interrupt it or answer. Where the file system has
+    no sockets, nobody can attach.
+    """
+
+    def __init__(self, *, waits: bool = False) -> None:
+        """`waits`: a question waits until a client comes and answers, also when none is attached."""
+        self._waits = waits
+        self._path: Path | None = None
+        self._clients = Clients(self._receive, self._forget)
+        self._commands: deque[tuple[Client, str]] = deque()
+        self._prompt = AttachPrompt(self)
+        self._debugger = Debugger(self._stop_there, at_start=False, file_breakpoints=False)
+        self._run: Execution | None = None
+        self._hooked = False
+        self._standing: Mapping[str, object] | None = None
+        """Message of the present stop or question; None: the run goes on."""
+        self._question: OperatorQuestion | None = None
+        self._given: str | None = None
+        self._halts = False
+        self._state: tuple[str, str] = ("", "")
+        self._state_sent = 0.0
+        self._reported: object = None
+        """Reports of the nodes that the last state was made of."""
+        self._last = LastMessages()
+        self._new: list[LogMessage] = []
+        """Messages of the log since the last tick that were not sent to followers yet."""
+        self._log_sent = 0.0
+        self._breakpoints: Sequence[object] = ()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._close()
+
+    @property
+    def stopped(self) -> bool:
+        return self._standing is not None and self._question is None
+
+    def take_answer(self, text: str) -> None:
+        """Answer the pending question. Raises PicktreeError when there is none, or no such choice."""
+        if self._question is None:
+            raise PicktreeError("no question waits for an answer")
+        choice = self._question.choice(text)
+        if choice is None:
+            known = ", ".join(self._question.choices)
+            raise PicktreeError(f"{text!r} is none of the answers; write a number or one of these: {known}")
+        self._given = choice
+
+    def take_mission(self, file: Path) -> None:
+        """Take over the mission of a file when the run is quiescent. Raises PicktreeError with its faults."""
+        assert self._run is not None
+        self.pending = read_replacement(self._run, file)
+
+    def halt(self) -> None:
+        """End the run after the present tick, with the arm at rest."""
+        self._halts = True
+
+    # Called by the session.
+
+    def started(self, run: Execution, folder: Path) -> None:
+        self._run, self._path = run, folder.absolute() / SOCKET_NAME
+        with contextlib.suppress(OSError):
+            self._clients.listen(listen_in(folder.absolute()))
+
+    def edited(self, run: Execution) -> None:
+        if self._hooked:
+            self._debugger.follow(run.tree)
+
+    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+        if not self._clients.listens:
+            return
+        if self._clients.follows and time.monotonic() - self._log_sent >= _LOG_PERIOD:
+            self._send_log()
+        if self._hooked:
+            self._debugger.pause_after_tick()
+        self._exchange(0)
+        while self._commands:
+            self._carry_out(DebuggerStop("tick"))
+        if self._clients:
+            self._send_state(now, report, items_done, items_total)
+
+    def told(self, now: float, text: str) -> None:
+        self._clients.send_all({"told": text, "time": now})
+
+    def recorded(self, topic: Topic, at: int, data: bytes, in_digest: bool) -> None:
+        self._last.keep(topic, at, data)
+        if self._clients.follows and _followed(topic.name):
+            self._new.append((topic.name, at, data))
+
+    def halts(self) -> bool:
+        return self._halts
+
+    def answer(self, question: OperatorQuestion) -> str | None:
+        if not self._clients.listens:
+            return None
+        self._exchange(0)
+        self._question, self._given = question, None
+        self._wait({"question": question.to_json()}, DebuggerStop("tick"))
+        self._question = None
+        return self._given
+
+    def finished(self, result: RunResult) -> None:
+        self._send_log()
+        self._clients.send_all({"end": result.status})
+        self._close()
+
+    # Stops.
+
+    def _stop_there(self, debugger: Debugger, stop: DebuggerStop) -> None:
+        now = debugger.tree.root.world.clock.now
+        where = place(debugger.tree, stop)
+        self._wait({"stop": where, "when": stop.when, "path": stop.path, "time": now}, stop)
+
+    def _wait(self, standing: Mapping[str, object], stop: DebuggerStop) -> None:
+        """Carry out commands until the run goes on: by a command, an answer, or because nobody steers."""
+        if not self._is_awaited():
+            return
+        self._standing = standing
+        self._send_log()
+        self._send_standing()
+        self._clients.send_all(standing)
+        try:
+            while self._is_awaited():
+                while self._commands:
+                    goes_on = self._carry_out(stop)
+                    if self._halts or (self._given is not None if self._question else goes_on):
+                        return
+                self._exchange(None)
+        finally:
+            self._standing = None
+            self._clients.send_all({"going": True})
+
+    def _is_awaited(self) -> bool:
+        """Whether the present stop or question has somebody who may end it."""
+        return (self._waits and self._question is not None) or any(client.steers for client in self._clients)
+
+    def _carry_out(self, stop: DebuggerStop) -> bool:
+        """Carry out the next command; return whether the run goes on. Raises KeyboardInterrupt for `quit`."""
+        client, line = self._commands.popleft()
+        try:
+            text, goes_on = self._prompt.respond(self._debugger, stop, line)
+        except KeyboardInterrupt:
+            self._clients.send(client, {"reply": "", "goes_on": True})
+            raise
+        self._clients.send(client, {"reply": text, "goes_on": goes_on and self._question is None})
+        self._send_breakpoints()
+        if not goes_on:
+            self._send_standing()
+        return goes_on
+
+    # Messages.
+
+    def _exchange(self, timeout: int | None) -> None:
+        """Welcome clients, receive their lines, send what waits for them. `timeout`: ms; None: until one
+        comes."""
+        for client in self._clients.exchange(timeout):
+            self._welcome(client)
+
+    def _welcome(self, client: Client) -> None:
+        assert self._run is not None and self._path is not None
+        if not self._hooked:
+            self._hooked = True
+            self._debugger.attach(self._run.tree)
+        self._state = ("", "")
+        self._clients.send(client, {"run": str(self._path.parent), "time": self._run.world.clock.now})
+        if self._standing is not None:
+            self._clients.send(client, self._standing)
+
+    def _receive(self, client: Client, message: Mapping[str, object]) -> None:
+        """Take a message. Raises KeyError, TypeError for one that is not in the protocol."""
+        if client.steers is None:
+            client.steers = bool(message["steer"])
+            if message.get("follow"):
+                self._begin_following(client)
+            return
+        line = message["line"]
+        if not client.steers or not isinstance(line, str):
+            raise TypeError("a client that watches sends no commands")
+        self._commands.append((client, line))
+
+    def _forget(self, client: Client) -> None:
+        """Leave out the commands of a client that has gone."""
+        self._commands = deque(each for each in self._commands if each[0] is not client)
+
+    # The log, for those who follow it.
+
+    def _begin_following(self, client: Client) -> None:
+        """Send the state of the run to a new follower."""
+        self._send_log()
+        client.follows = self._clients.follows = True
+        self._clients.send_whole(client, self._whole())
+        self._clients.send(client, {"breakpoints": self._breakpoints})
+        self._clients.send(client, self._board())
+
+    def _whole(self) -> Sequence[LogMessage]:
+        held = [(name, at, data) for name, (at, data) in self._last.items() if _followed(name)]
+        return sorted(held, key=lambda each: each[1])
+
+    def _send_log(self) -> None:
+        new, self._new = self._new, []
+        self._log_sent = time.monotonic()
+        if new:
+            self._clients.send_log(new, self._whole)
+
+    def _board(self) -> Mapping[str, object]:
+        """Return statuses and blackboard as they are now: at a stop within a tick no message has them yet."""
+        assert self._run is not None
+        tree = self._run.tree
+        statuses = {node.path: str(node.state) for node in tree.nodes}
+        return {"statuses": statuses, "blackboard": tree.blackboard.save()}
+
+    def _send_standing(self) -> None:
+        """Send statuses and blackboard to followers."""
+        if self._clients.follows:
+            board = self._board()
+            for client in self._clients:
+                if client.follows and len(client.outgoing) <= STATE_BACKLOG:
+                    self._clients.send(client, board)
+
+    def _send_breakpoints(self) -> None:
+        """Send the breakpoints to all clients when they have changed."""
+        known = self._debugger.breakpoints
+        breakpoints = [{"number": n, "path": b.path, "when": b.when} for n, b in known.items()]
+        if breakpoints != self._breakpoints:
+            self._breakpoints = breakpoints
+            self._clients.send_all({"breakpoints": breakpoints})
+
+    def _send_state(self, now: float, report: TickReport, done: int, total: int) -> None:
+        """Send where the run stands: at each change, and a few times per second of wall time."""
+        assert self._run is not None
+        recent = time.monotonic() - self._state_sent < _STATE_PERIOD
+        if recent and report.nodes is self._reported:  # the same tuple while nothing in it changes
+            return
+        self._reported = report.nodes
+        leaves = self._run.tree.leaves
+        failures = [
+            f"{node.path}: {node.cause}: {node.message}"
+            for node in report.nodes
+            if node.cause and node.ticked and node.status == "FAILURE" and node.path in leaves
+        ]
+        state = (self._run.tally.progress(total), deepest_running(report.nodes))
+        if state == self._state and not failures and recent:
+            return
+        self._state, self._state_sent = state, time.monotonic()
+        self._clients.send_all(
+            {
+                "state": state[0],
+                "time": now,
+                "done": done,
+                "total": total,
+                "node": state[1],
+                "failures": failures,
+            },
+            limit=STATE_BACKLOG,
+        )
+
+    def _close(self) -> None:
+        listened = self._clients.listens
+        self._clients.close()
+        if listened and self._path is not None:
+            self._path.unlink(missing_ok=True)
+
+
+def _followed(topic: str) -> bool:
+    """Whether followers receive the messages of a topic."""
+    return topic not in _NOT_FOLLOWED and not topic.endswith("/depth")

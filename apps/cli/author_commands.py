@@ -1,0 +1,354 @@
+"""Commands of an author: check, explain-code, lsp, nodes, rehearse, render, schema."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from dataclasses import asdict
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from ...files.errors import PicktreeError
+from .options import JsonResult, JunitFile, OtherRobot, TextFile, mission_file
+from .output import end_with, keep_stdout, painter, print_answer, require_place, show
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ...trees.declaration import NodeDeclaration
+    from ...trees.loading.registry import NodeRegistry
+
+
+def explain_code(
+    code: Annotated[
+        str | None, typer.Argument(metavar="CODE", help="As P104; without it, all codes are listed.")
+    ] = None,
+    index: Annotated[
+        bool, typer.Option("--index", help="Print the page of the documentation that lists all codes.")
+    ] = False,
+) -> None:
+    """Explain a code of `picktree check`: what is wrong, why it matters, how to mend it."""
+    from ...files.diagnostics.fault_codes import index as all_codes
+    from ...files.diagnostics.fault_codes import page, pages
+
+    if index:
+        print(all_codes(), end="")
+    elif code is None:
+        for each in pages():
+            print(f"{each.code}  {each.title}")
+    elif sys.stdout.isatty():
+        _show(page(code).text)
+    else:
+        print(page(code).text, end="")
+
+
+def _show(markdown: str) -> None:
+    from rich.console import Console
+    from rich.markdown import Markdown
+
+    Console().print(Markdown(markdown, code_theme="ansi_dark"))
+
+
+def check(
+    files: Annotated[
+        list[str],
+        typer.Argument(metavar="FILE…", help="Files of any kind; a folder: all its YAML files; -: stdin."),
+    ],
+    format_: Annotated[
+        Literal["text", "json", "github", "sarif"],
+        typer.Option("--format", help="For people, programs, annotations on GitHub, code scanning (SARIF)."),
+    ] = "text",
+    strict: Annotated[bool, typer.Option("--strict", help="Exit code 1 for warnings, too.")] = False,
+    ours_only: Annotated[
+        bool, typer.Option("--ours-only", help="Leave out files that are not picktree's, as in folders.")
+    ] = False,
+    stdin_filename: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="What stdin is called, and beside which file it stands."),
+    ] = None,
+) -> None:
+    """Check files of any kind: all faults of all files at once. Exit code 2: there are errors."""
+    from ...files.diagnostics.file_checks import UnsavedText, check_files
+    from ...files.shipped_files import known_file
+    from ...files.yaml.file_text import MAX_BYTES
+    from .file_schemas import CHECKS
+
+    def given(name: str) -> Path | UnsavedText:
+        if name != "-":
+            return known_file(name) or Path(name)
+        return UnsavedText(stdin_filename or Path("<stdin>"), sys.stdin.buffer.read(MAX_BYTES + 1))
+
+    report = check_files([given(name) for name in files], CHECKS, ours_only=ours_only)
+    match format_:
+        case "text":
+            print(report.to_text(painter(sys.stdout)))
+        case "github":
+            print(report.to_github())
+        case "json":
+            print(report.to_json_text(), end="")
+        case "sarif":
+            from ... import __version__
+            from ...files.diagnostics.sarif import to_sarif
+
+            print(to_sarif(report, __version__, Path.cwd()), end="")
+    raise typer.Exit(report.exit_code(strict=strict))
+
+
+def nodes(
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="A node: all about it.")] = None,
+    mission: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Also the nodes of this mission's plug-ins, and its sub-trees.",
+            parser=mission_file,
+        ),
+    ] = None,
+    shipped: Annotated[
+        bool, typer.Option("--shipped", help="Only the nodes that come with picktree.")
+    ] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print them as one JSON object.")] = False,
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="Print the page of the documentation with all of them.")
+    ] = False,
+    stub: Annotated[
+        bool, typer.Option("--stub", help="Print a Python stub of their constructors, for editors.")
+    ] = False,
+    output: TextFile = None,
+) -> None:
+    """List the nodes that a mission may use; with a NAME its ports, causes and an example."""
+    import orjson
+
+    from ...authoring.schema.node_reference import node_entry
+    from ...authoring.schema.reference_text import markdown as reference_page
+    from ...authoring.schema.reference_text import page, table
+    from .node_registries import registry
+
+    known = registry(shipped=shipped)
+    trees = _sub_trees(mission, known) if mission else ()
+    if stub:
+        from ...authoring.schema.python_stub import stub as stub_text
+
+        show(stub_text(known.declarations()), output)
+        return
+    declared = (*known.declarations(), *trees)
+    causes = known.causes
+    if name is not None:
+        library = () if any(node.id == name for node in declared) else _library_trees(known)
+        declared = (_named(name, (*declared, *library)),)
+    entries = tuple(node_entry(node, causes, known.find(node.id)) for node in declared)
+    if json:
+        listed = {"nodes": [asdict(entry) for entry in entries]}
+        text = orjson.dumps(listed, option=orjson.OPT_INDENT_2).decode() + "\n"
+    elif markdown:
+        text = reference_page(entries, causes)
+    else:
+        text = table(entries) if name is None else page(entries[0])
+    show(text, output)
+
+
+def _named(name: str, declared: tuple[NodeDeclaration, ...]) -> NodeDeclaration:
+    from ...files.value_wording import suggest_name
+
+    for node in declared:
+        if node.id == name:
+            return node
+    hint = suggest_name(name, [node.id for node in declared])
+    raise PicktreeError(f"there is no node {name!r}" + (f" ({hint})" if hint else ""))
+
+
+def _sub_trees(path: Path, known: NodeRegistry, *, included: bool = True) -> tuple[NodeDeclaration, ...]:
+    """Return the mission's sub-trees as nodes; the nodes of its plug-ins are added to `known`.
+
+    Without `included` only those of the file itself.
+    """
+    from ...authoring.schema.mission_context import one_mission
+    from ...files.yaml.document import read_document
+    from ...trees.declaration import NodeDeclaration
+    from ...trees.mission import MAIN
+
+    document = read_document(path, "mission")
+    mission, own = one_mission(document, known), document.data.get("trees")
+    return tuple(
+        NodeDeclaration(name, mission.docs.get(name) or f"A sub-tree of {path.name}.", "subtree", ports)
+        for name, ports in mission.trees.items()
+        if name != MAIN and (included or (isinstance(own, dict) and name in own))
+    )
+
+
+def _library_trees(known: NodeRegistry) -> Iterator[NodeDeclaration]:
+    """Yield the sub-trees that come with picktree, each with the `include` that it takes."""
+    from ...trees.declaration import NodeDeclaration
+    from ...trees.mission import LIBRARY, library_names
+
+    for library in library_names():
+        path = LIBRARY / f"{library}.yaml"
+        for tree in _sub_trees(path, known, included=False):
+            taken = f"A sub-tree of picktree's library: a mission takes it by 'include: [library/{library}]'."
+            yield NodeDeclaration(tree.id, f"{tree.doc} {taken}", "subtree", tree.ports)
+
+
+def rehearse(
+    mission: Annotated[
+        Path,
+        typer.Argument(metavar="MISSION", help="Mission file, or a shipped example.", parser=mission_file),
+    ],
+    cases: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Cases file.", show_default="cases/MISSION beside the mission"),
+    ] = None,
+    case: Annotated[
+        list[str] | None, typer.Option("--case", metavar="NAME", help="Only this case; may be repeated.")
+    ] = None,
+    robot: OtherRobot = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Verdicts without traces.")] = False,
+    full_coverage: Annotated[
+        bool, typer.Option("--full-coverage", help="Exit code 1 also when a node or branch is not reached.")
+    ] = False,
+    min_recovery_coverage: Annotated[
+        int,
+        typer.Option(
+            metavar="PERCENT",
+            min=0,
+            max=100,
+            help="Exit code 1 also when cases reach fewer branches of recovery.",
+        ),
+    ] = 0,
+    causes: Annotated[
+        bool, typer.Option("--causes", help="List the declared causes that no case raises.")
+    ] = False,
+    junit: JunitFile = None,
+    json: JsonResult = False,
+) -> None:
+    """Rehearse a mission without physics: its leaves answer as the cases say. Exit code 1: a case failed."""
+    answer = keep_stdout() if json else None
+
+    from ...authoring.rehearsal.rehearsal_result import coverage_gaps, to_json_text
+    from ...authoring.rehearsal.rehearsal_text import to_text
+    from ...authoring.rehearsal.rehearse import rehearse_files
+    from ...files.diagnostics.fault_rendering import fault_lines
+
+    if case and min_recovery_coverage:
+        raise PicktreeError("--min-recovery-coverage is about all cases: leave out --case")
+    require_place(junit)
+    result = rehearse_files(mission, cases, case or (), robot)
+    if result.warnings:
+        print(fault_lines(result.warnings, painter(sys.stderr)), file=sys.stderr)
+    print_answer(answer, lambda: to_text(result, quiet=quiet, causes=causes), lambda: to_json_text(result))
+    gaps = coverage_gaps(result.coverage, full=full_coverage, recovery=min_recovery_coverage)
+    for gap in gaps:
+        print(gap, file=sys.stderr)
+    if junit is not None:
+        from ...authoring.rehearsal.rehearsal_junit import to_junit
+
+        show(to_junit(result, gaps), junit)
+    end_with(result.passed and not gaps)
+
+
+def render(
+    file: Annotated[
+        Path,
+        typer.Argument(metavar="FILE", help="Mission file, or a shipped example.", parser=mission_file),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="PICTURE", help="A .svg, .html, .dot or .txt file; without: text, here."
+        ),
+    ] = None,
+    expand: Annotated[
+        bool, typer.Option("--expand", help="Write each sub-tree out wherever it is called.")
+    ] = False,
+) -> None:
+    """Draw a mission: its trees, ports, conditions, and what recovers from which failure."""
+    from ...authoring.drawing.chart_builder import chart_of_file
+    from ...authoring.drawing.file_formats import drawing_text, suffix_of
+    from ...authoring.drawing.text import DEFAULT_COLUMNS, text
+
+    suffix = suffix_of(output.name) if output is not None else ".txt"
+    charted = chart_of_file(file)
+    if output is None:
+        columns = (
+            shutil.get_terminal_size((DEFAULT_COLUMNS, 0)).columns if sys.stdout.isatty() else DEFAULT_COLUMNS
+        )
+        show(text(charted, columns=columns, expand=expand), None)
+        return
+    show(drawing_text(charted, suffix, expand=expand), output)
+    print(output)
+
+
+class Kind(StrEnum):
+    """Kinds of files that people write by hand."""
+
+    MISSION = "mission"
+    SCENE = "scene"
+    ROBOT = "robot"
+    FAULTS = "faults"
+    CASES = "cases"
+    PLAN = "plan"
+
+
+def schema(
+    kind: Annotated[Kind, typer.Argument(help="The kind of file.")],
+    mission: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Of this mission: with its sub-trees, its plug-ins' nodes and its scene's names.",
+            parser=mission_file,
+        ),
+    ] = None,
+    shipped: Annotated[
+        bool,
+        typer.Option("--shipped", help="Only the nodes that come with picktree, none of installed plug-ins."),
+    ] = False,
+    markdown: Annotated[
+        bool,
+        typer.Option("--markdown", help="Print the page of the documentation with all keys of the kind."),
+    ] = False,
+    output: TextFile = None,
+) -> None:
+    """Print the JSON Schema of a kind of file, by which editors complete, explain and underline."""
+    from ...authoring.schema.schema_parts import to_text
+    from .file_schemas import file_schema
+    from .node_registries import registry
+
+    if kind is not Kind.MISSION:
+        if mission is not None:
+            raise PicktreeError(f"--mission is for the schema of missions, not of {kind.value}")
+        found = file_schema(kind.value)
+        if markdown:
+            from ...authoring.schema.file_reference import file_reference
+
+            show(file_reference(kind.value, found).page(kind.value), output)
+            return
+    elif markdown:
+        raise PicktreeError(
+            "docs/language.md has the keys of missions, 'picktree nodes --markdown' the nodes"
+        )
+    else:
+        from ...authoring.schema.mission_context import any_mission, one_mission
+        from ...authoring.schema.mission_schema import mission_schema
+        from ...files.yaml.document import read_document
+
+        nodes = registry(shipped=shipped)
+        particular = any_mission()
+        if mission is not None:
+            particular = one_mission(read_document(mission, "mission"), nodes)
+        found = mission_schema(nodes, particular)
+    show(to_text(found), output)
+
+
+def lsp() -> None:
+    """Serve an editor by the language server protocol, over stdin and stdout."""
+    from ... import __version__
+    from ...logs.optional_libraries import optional_import
+
+    answer = keep_stdout()
+    with optional_import("lsp", "pygls", "The language server"):
+        from .language_server import serve
+
+    serve(sys.stdin.buffer, answer.buffer, __version__)

@@ -1,0 +1,409 @@
+"""picktree batch"""
+
+from __future__ import annotations
+
+import shlex
+import signal
+import sys
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from datetime import datetime
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated, Literal, TextIO, TypeAlias
+
+import typer
+
+from ...files.errors import PicktreeError
+from ...files.marks import FileError
+from .options import Backend, JsonWritten, JunitFile, Verify, faults_file, mission_file, plan_file
+from .output import (
+    StatusLine,
+    end_with,
+    json_text,
+    keep_stdout,
+    print_answer,
+    program,
+    require_place,
+    show,
+)
+
+if TYPE_CHECKING:
+    from ..batch.batch import Batch
+    from ..batch.executor import Executor
+    from ..batch.local_executor import LocalExecutor
+    from ..batch.plan import BatchPlan
+    from ..batch.ray_executor import RayExecutor
+    from ..batch.summary import BatchSummary
+
+
+_PLAN_OPTIONS = (
+    *("seeds", "scene", "robot", "faults", "set_", "backend", "verify"),
+    *("limit", "wall_limit", "memory", "disk", "keep"),
+)
+"""Options that a plan file replaces."""
+
+
+PlanArgument: TypeAlias = Annotated[
+    Path | None, typer.Argument(metavar="[PLAN]", help="Plan file.", parser=plan_file)
+]
+Missions: TypeAlias = Annotated[
+    list[Path] | None,
+    typer.Option(metavar="FILE", help="Instead of a plan: missions to be tried.", parser=mission_file),
+]
+Seeds: TypeAlias = Annotated[str, typer.Option(metavar="SEEDS", help="0:100 is half open; 3,7 is good, too.")]
+Scenes: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(metavar="SCENE", help="Scenes to be tried, for the missions' own."),
+]
+Robots: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(metavar="ROBOT", help="Shipped robots or robot files to be tried, for the scenes' own."),
+]
+FaultsFiles: TypeAlias = Annotated[
+    list[str] | None, typer.Option(metavar="FILE", help="Faults file, or none; several are tried.")
+]
+TriedSettings: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=A,B", help="Values to be tried, as SortOne/Grasp.force=15,30."),
+]
+TimeLimit: TypeAlias = Annotated[str, typer.Option(metavar="TIME", help="Simulated time of a job.")]
+WallLimit: TypeAlias = Annotated[str, typer.Option(metavar="TIME", help="Wall time of a job.")]
+MemoryLimit: TypeAlias = Annotated[str, typer.Option(metavar="SIZE", help="Memory of a job.")]
+DiskLimit: TypeAlias = Annotated[str, typer.Option(metavar="SIZE", help="What a job writes.")]
+KeptLogs: TypeAlias = Annotated[
+    Literal["all", "failures", "none"], typer.Option(help="Whose logs stay on the disk.")
+]
+Workers: TypeAlias = Annotated[
+    int | None, typer.Option(min=1, help="Jobs at once, at most.", show_default="one a core")
+]
+ExecutorName: TypeAlias = Annotated[
+    Literal["local", "ray"], typer.Option(help="Who runs them: this machine, or a Ray cluster.")
+]
+ClusterAddress: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        metavar="HOST:PORT",
+        help="Running Ray cluster with this machine in it, or auto.",
+        show_default="one of this machine, for this batch",
+    ),
+]
+NewFolder: TypeAlias = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="The batch's folder.", show_default="in runs/")
+]
+ResumedFolder: TypeAlias = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Go on with the batch in this folder.")
+]
+JsonEvents: TypeAlias = Annotated[bool, typer.Option("--json", help="Print an event a line, as JSON.")]
+
+
+def run(
+    context: typer.Context,
+    plan: PlanArgument = None,
+    mission: Missions = None,
+    seeds: Seeds = "0",
+    scene: Scenes = None,
+    robot: Robots = None,
+    faults: FaultsFiles = None,
+    set_: TriedSettings = None,
+    backend: Backend = "physics",
+    verify: Verify = False,
+    limit: TimeLimit = "3600 s",
+    wall_limit: WallLimit = "3600 s",
+    memory: MemoryLimit = "4 GB",
+    disk: DiskLimit = "10 GB",
+    keep: KeptLogs = "failures",
+    workers: Workers = None,
+    executor: ExecutorName = "local",
+    address: ClusterAddress = None,
+    out: NewFolder = None,
+    resume: ResumedFolder = None,
+    junit: JunitFile = None,
+    json: JsonEvents = False,
+) -> None:
+    """Run every combination of missions, scenes, faults and settings with every seed.
+
+    Ctrl-C once finishes what runs, twice stops at once; --resume goes on. Exit code 0: every job reached its
+    goal; 1: one did not.
+    """
+    _require_one_source(context, plan, mission, resume)
+    if address is not None and executor == "local":
+        raise PicktreeError("--address is of a Ray cluster: add --executor ray")
+    require_place(junit)
+    answer = keep_stdout() if json else None
+
+    from ..batch.batch import Batch
+    from ..batch.plan_loading import load_plan, plan_of
+
+    if resume is not None:
+        resumed = Batch.resume(resume)
+        with _executor(executor, workers, address) as hands:
+            _carry_out(resumed, hands, answer, junit)
+        return
+    if plan is not None:
+        asked = load_plan(plan)
+    else:
+        options = {
+            "scenes": scene,
+            "robots": robot,
+            "seeds": seeds,
+            "backend": backend,
+            "verify": verify,
+            "limit": limit,
+            "wall_limit": wall_limit,
+            "memory": memory,
+            "disk": disk,
+            "keep": keep,
+        }
+        asked = plan_of(_matrix(mission or [], faults or [], set_ or [], options))
+    with _executor(executor, workers, address) as hands:
+        _carry_out(Batch.create(out or _new_folder(asked), asked), hands, answer, junit)
+
+
+def _require_one_source(
+    context: typer.Context, plan: Path | None, missions: list[Path] | None, resume: Path | None
+) -> None:
+    """Raise PicktreeError unless plan, missions or a batch to resume is given, without options of its own."""
+    if sum([plan is not None, bool(missions), resume is not None]) != 1:
+        raise PicktreeError("give one of: a plan file, --mission FILE, --resume DIR")
+    if not missions:
+        _refuse_what_a_plan_says(context, also=("out",) if resume is not None else ())
+
+
+def _refuse_what_a_plan_says(context: typer.Context, also: Sequence[str]) -> None:
+    """Raise PicktreeError for an option that would have no effect."""
+    for name in (*_PLAN_OPTIONS, *also):
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            option = f"--{name.strip('_').replace('_', '-')}"
+            whose = "the batch has its own" if also else "the plan file says its own"
+            raise PicktreeError(f"{option} goes with --mission: {whose}")
+
+
+def _executor(
+    executor: Literal["local", "ray"], workers: int | None, address: str | None
+) -> LocalExecutor | RayExecutor:
+    """Return the executor. A cluster is connected before the batch is created."""
+    if executor == "ray":
+        from ..batch.ray_executor import RayExecutor
+
+        return RayExecutor(workers, address)
+
+    from ..batch.local_executor import LocalExecutor
+
+    return LocalExecutor(workers)
+
+
+def _matrix(
+    missions: list[Path], faults: list[str], settings: list[str], options: Mapping[str, object]
+) -> Mapping[str, object]:
+    """Return the keys of a plan file that correspond to the options."""
+    from .run import parse_parameters
+
+    return {
+        "name": missions[0].stem,
+        "missions": [str(file.absolute()) for file in missions],
+        "faults": [name if name == "none" else str(faults_file(name).absolute()) for name in faults],
+        "set": {name: value.split(",") for name, value in parse_parameters(settings).items()},
+        **options,
+    }
+
+
+def _carry_out(made: Batch, executor: Executor, answer: TextIO | None, junit: Path | None) -> None:
+    """Run all jobs that are to do, show the progress, and end with the exit code."""
+    from ..batch.junit import to_junit
+    from ..batch.summary import summarise
+    from .batch_progress import EventLines, discard, progress
+
+    with made, _stopped_by_signals(made), progress(made.folder, answer) as seen:
+        complete = made.run(executor, seen)
+        summary = summarise(made.store)
+        if junit is not None:
+            show(to_junit(made.store), junit)
+    try:
+        if answer is not None:
+            EventLines(answer).summary(summary)
+        else:
+            _show(made.folder, summary, complete)
+    except OSError:  # nobody reads it
+        discard(answer or sys.stdout)
+    end_with(summary.reached, "" if complete else "interrupted")
+
+
+def _show(folder: Path, summary: BatchSummary, complete: bool) -> None:
+    quoted = shlex.quote(str(folder))
+    print(summary.to_text())
+    print(f"\nresults       {folder.absolute()}")
+    print(f"look at them  {program()} batch query {quoted} 'SELECT * FROM worst'")
+    if not complete:
+        print(f"go on         {program()} batch run --resume {quoted}")
+    sys.stdout.flush()
+
+
+def _new_folder(plan: BatchPlan) -> Path:
+    stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
+    return Path("runs") / f"batch-{plan.name.replace('/', '-')}-{stamp}"
+
+
+@contextmanager
+def _stopped_by_signals(made: Batch) -> Generator[None]:
+    """Handle signals: Ctrl-C finishes running jobs, a second one and SIGTERM break them off.
+
+    The loss of the terminal finishes running jobs, too; under nohup it has no effect.
+    """
+    heard = {signal.SIGINT: made.stop, signal.SIGTERM: made.break_off, signal.SIGHUP: made.finish}
+
+    def hear(number: int, frame: FrameType | None) -> None:
+        heard[signal.Signals(number)]()
+
+    before = {number: signal.getsignal(number) for number in heard}
+    for number, handler in before.items():
+        if number != signal.SIGHUP or handler != signal.SIG_IGN:
+            signal.signal(number, hear)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+batch = typer.Typer(help="Run many jobs, and ask what came of them.", no_args_is_help=True)
+batch.command()(run)
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The batch's folder.")]
+
+
+@batch.command()
+def plan(
+    file: Annotated[Path, typer.Argument(metavar="PLAN", help="Plan file.")],
+    runs: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder with batches that tell how long jobs take.")
+    ] = Path("runs"),
+    workers: Workers = None,
+    stdin: Annotated[
+        bool, typer.Option("--stdin", help="Read the text from stdin; PLAN says where it belongs.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Check a plan, and show its matrix and what it will cost, without running it."""
+    from ...files.yaml.document import read_document
+    from ..batch.forecast import forecast, recorded_batches
+    from ..batch.plan_loading import check_plan
+
+    text = sys.stdin.read() if stdin else None
+    try:
+        place = file if stdin else plan_file(str(file))
+        wanted = check_plan(read_document(place.absolute(), "plan", text)).required()
+    except FileError as error:
+        if json:
+            print(json_text({"faults": [asdict(fault) for fault in error.faults]}), end="")
+            raise typer.Exit(2) from None
+        raise
+    found = forecast(wanted, recorded_batches(runs), workers)
+    print(json_text(found.to_json()) if json else f"{found.to_text()}\n", end="")
+
+
+@batch.command()
+def query(
+    folder: Folder,
+    sql: Annotated[str, typer.Argument(metavar="SQL", help="A SELECT on the tables and views.")],
+    json: Json = False,
+    csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
+) -> None:
+    """Answer a question in SQL. docs/batches.md lists tables and views."""
+    if json and csv:
+        raise PicktreeError("--json and --csv exclude each other")
+    from ..batch.store import RESULTS_FILE, Store
+
+    with Store(folder / RESULTS_FILE) as store:
+        table = store.query(sql)
+    if json:
+        print(table.to_json_text(), end="")
+    elif csv:
+        print(table.to_csv(), end="")
+    else:
+        print(table.to_text())
+
+
+@batch.command()
+def summary(
+    folder: Folder,
+    json: Json = False,
+) -> None:
+    """Success with intervals, picks an hour, causes, and the worst jobs."""
+    from ..batch.store import RESULTS_FILE, Store
+    from ..batch.summary import summarise
+
+    with Store(folder / RESULTS_FILE) as store:
+        found = summarise(store)
+    print(found.to_json_text() if json else f"{found.to_text()}\n", end="")
+
+
+@batch.command()
+def report(
+    folder: Folder,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="HTML file to write.")],
+    runs: Annotated[
+        int,
+        typer.Option(min=0, help="Of how many of the worst runs a report is made, where their log was kept."),
+    ] = 5,
+) -> None:
+    """Write the batch as one page: rates with intervals, where the time goes, causes, the worst runs."""
+    from ..batch.report import write_report
+
+    write_report(folder, output, runs)
+    print(output)
+
+
+@batch.command()
+def export(
+    folder: Folder,
+    to: Annotated[Literal["csv", "parquet"], typer.Option("--to", help="Form of the files.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FOLDER", help="Folder for the files, one a table.")
+    ],
+    json: JsonWritten = False,
+) -> None:
+    """Write every table as a CSV or Parquet file, for pandas, DuckDB or a spreadsheet."""
+    from ..batch.store import RESULTS_FILE, Store
+    from ..batch.store import export as write
+
+    with Store(folder / RESULTS_FILE) as store:
+        written = write(store, to, output)
+    print(written.to_json_text() if json else f"{written.to_text()}\n", end="")
+
+
+@batch.command()
+def compare(
+    a: Annotated[str, typer.Argument(metavar="A", help="A batch's folder, or FOLDER@RECIPE.")],
+    b: Annotated[str, typer.Argument(metavar="B", help="Another.")],
+    partings: Annotated[
+        int, typer.Option(min=0, help="For how many of the seeds that changed sides to tell where they part.")
+    ] = 3,
+    remake: Annotated[
+        bool, typer.Option("--remake", help="Run jobs again for that whose logs were not kept.")
+    ] = False,
+    unpaired: Annotated[
+        bool, typer.Option("--unpaired", help="As independent runs, though they share seeds.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Compare two recipes, paired by seed where they share them. Exit code 1: they differ by more than chance
+    explains."""
+    from ..batch.comparison import compare_recipes
+    from ..batch.comparison_text import json_text_of, text_of, with_divergences
+    from ..batch.differences import read_recipe
+
+    answer = keep_stdout() if json else None
+    recipes = read_recipe(a), read_recipe(b)
+    with StatusLine() as line:
+        found = with_divergences(
+            compare_recipes(*recipes, unpaired=unpaired),
+            *recipes,
+            partings,
+            remake=remake,
+            say=lambda what: line.say(f"running it again: {what}"),
+        )
+    print_answer(answer, lambda: text_of(found, program()), lambda: json_text_of(found))
+    end_with(not found.differ)

@@ -1,0 +1,24 @@
+"""picktree cache"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import typer
+
+from .options import JsonAnswer
+from .output import keep_stdout, print_answer
+
+
+def cache(
+    action: Annotated[
+        Literal["clear"] | None, typer.Argument(metavar="clear", help="clear: delete all entries.")
+    ] = None,
+    json: JsonAnswer = False,
+) -> None:
+    """Say where results are kept from run to run, such as meshes of robots, how many, and their size."""
+    from ...files.disk_cache import cache_content, clear_cache
+
+    answer = keep_stdout() if json else None
+    content = cache_content() if action is None else clear_cache()
+    print_answer(answer, lambda: content.to_text(cleared=action is not None), content.to_json_text)

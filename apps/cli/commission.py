@@ -1,0 +1,273 @@
+"""Commands that set up a cell: calibrate, plan, robot new, robot test, robot show."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .options import (
+    JsonAnswer,
+    JsonResult,
+    OtherRobot,
+    RobotPicture,
+    RobotTestPage,
+    RunsFolder,
+    Seed,
+    ShippedScene,
+)
+from .output import end_with, keep_stdout, print_answer, program
+
+if TYPE_CHECKING:
+    from ..commissioning.robot_test_result import RobotTestResult
+
+
+def calibrate(
+    scene: ShippedScene,
+    camera: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Which camera; several times for several.", show_default="all"),
+    ] = None,
+    tcp: Annotated[bool, typer.Option(help="Find the tool's centre point by touching, too.")] = True,
+    target: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Of the scene's targets.", show_default="the only one")
+    ] = None,
+    at: Annotated[
+        str,
+        typer.Option(
+            metavar="X,Y[,YAW]",
+            help="Where a target is put when the scene has none, as 0.5,0,20deg.",
+            show_default="in the middle of where items lie",
+        ),
+    ] = "",
+    robot: OtherRobot = None,
+    seed: Seed = 0,
+    views: Annotated[
+        int, typer.Option(min=4, max=100, help="Places to look from with a camera on the hand.")
+    ] = 12,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="Scene file to write.",
+            show_default="SCENE_calibrated.yaml",
+        ),
+    ] = None,
+    replace: Annotated[bool, typer.Option("--replace", help="Write over a file that exists.")] = False,
+    out: RunsFolder = None,
+    json: JsonAnswer = False,
+) -> None:
+    """Find out where cameras and tool really are, and write a scene that believes it.
+
+    The arm takes the camera on the hand around a target and touches the target with closed fingers; cameras
+    that hang still look at it. Items are cleared away for that. Exit code 0: written; 1: it cannot be told.
+    """
+    answer = keep_stdout() if json else None
+
+    from ..commissioning.calibration_job import CalibrationRequest
+    from ..commissioning.calibration_job import calibrate as calibrated
+    from ..commissioning.corrected_scene import parse_place
+    from .progress import run_display
+
+    place = parse_place(at) if at else None
+    asked = CalibrationRequest(
+        scene, tuple(camera or ()), tcp, target, place, robot, seed, views, output, replace, out
+    )
+    with run_display() as view:
+        found = calibrated(asked, (view,))
+    print_answer(answer, lambda: found.to_text(program()), found.to_json_text)
+    end_with(found.output is not None, found.status)
+
+
+def plan(
+    scene: ShippedScene,
+    to: Annotated[
+        str,
+        typer.Option(
+            metavar="GOAL",
+            help="A pose of the robot, as home; an object (over its best grasp and down onto it); a bin; or "
+            "x,y,z[,roll,pitch,yaw] of the tool, as 500mm,0,200mm,180deg,0,0 (without units: m, rad).",
+        ),
+    ],
+    begin: Annotated[
+        str,
+        typer.Option(
+            "--from", metavar="START", help="A pose of the robot, or a number for each joint: 0,-45deg,…"
+        ),
+    ] = "home",
+    robot: OtherRobot = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of what is spawned, and of the planner.")] = 0,
+    upright: Annotated[
+        str, typer.Option(metavar="TILT", help="Keep the tool looking down within this, as 10deg.")
+    ] = "",
+    line: Annotated[bool, typer.Option("--line", help="The tool straight to the goal.")] = False,
+    clearance: Annotated[
+        str, typer.Option(metavar="LENGTH", help="To keep beyond the usual margins, as 20mm.")
+    ] = "",
+    budget: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Collision checks.", show_default="20000")
+    ] = None,
+    planner: Annotated[
+        str, typer.Option(metavar="NAME", help="As rrt_connect, bit_star, aorrtc; a wrong name lists all.")
+    ] = "",
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Judge the trajectory by a second collision checker.")
+    ] = False,
+    picture: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw the plan or the failure.")] = None,
+    view: Annotated[
+        str, typer.Option(metavar="VIEW", help="Of the picture; as in picktree snapshot.")
+    ] = "corner",
+    size: Annotated[str, typer.Option(metavar="WxH", help="Of the picture, in pixels.")] = "1280x800",
+    json: JsonAnswer = False,
+) -> None:
+    """Plan a motion in a scene, without a mission. Exit code 0: there is a plan; 1: there is none.
+
+    The robot believes exactly what the scene spawns by that seed. Objects are named as perception names them:
+    colour, kind and a number, as red_block_1; a goal that does not exist lists all.
+    """
+    answer = keep_stdout() if json else None
+
+    from ...analysis.render.viewpoint import parse_size, parse_view
+    from ...robot.planning.requests import DEFAULT_CHECK_BUDGET
+    from ..commissioning.plan_trial import PlanQuery, plan_in_scene
+    from ..commissioning.target_syntax import quantity
+
+    found = plan_in_scene(
+        PlanQuery(
+            scene,
+            to,
+            begin,
+            robot,
+            seed,
+            quantity("--upright", upright, "rad") if upright else None,
+            line,
+            quantity("--clearance", clearance, "m") if clearance else 0.0,
+            DEFAULT_CHECK_BUDGET if budget is None else budget,
+            planner,
+            verify,
+            picture,
+            parse_view(view),
+            parse_size(size),
+        )
+    )
+    print_answer(answer, found.to_text, found.to_json_text)
+    end_with(found.good)
+
+
+robot = typer.Typer(help="Make robot files from URDFs, test them, and look at them.", no_args_is_help=True)
+
+
+@robot.command()
+def new(
+    urdf: Annotated[str, typer.Argument(metavar="URDF", help="File, or package:path in a Python package.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="Robot file to write.")],
+    gripper: Annotated[
+        str | None,
+        typer.Option(metavar="URDF[:LINK]", help="Gripper to mount, from that link of its URDF on."),
+    ] = None,
+    mount: Annotated[
+        str | None, typer.Option(metavar="LINK", help="Link of the arm on which --gripper is mounted.")
+    ] = None,
+    base: Annotated[
+        str | None, typer.Option(metavar="LINK", help="Where the arm begins; what is before it stands still.")
+    ] = None,
+    tip: Annotated[
+        str | None, typer.Option(metavar="LINK", help="Where the arm ends, of several that there are.")
+    ] = None,
+    picture: RobotPicture = None,
+    samples: Annotated[int, typer.Option(min=100, max=1_000_000, help="For the self-collisions.")] = 10_000,
+    seed: Seed = 0,
+    force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,
+    test: Annotated[bool, typer.Option(help="Test the robot in physics, as picktree robot test.")] = True,
+    page: RobotTestPage = None,
+    json: JsonResult = False,
+) -> None:
+    """Propose a robot file for a URDF: joints and limits, gripper and TCP, poses, self-collisions.
+
+    It ends with a self-test in physics. The file is written whatever the test says.
+    """
+    answer = keep_stdout() if json else None
+    from ...analysis.render.snapshot import draw_robot
+    from ...files.atomic_write import whole
+    from ...files.errors import PicktreeError
+    from ..commissioning.proposal import ProposalRequest, propose
+    from ..commissioning.summary import summary_of_new
+
+    if output.is_dir():
+        raise PicktreeError(f"{output} is a folder; name the robot file in it, as {output / 'arm.yaml'}")
+    if output.exists() and not force:
+        raise PicktreeError(f"{output} is there already; --force writes over it")
+    for file in (output, *(f for f in (picture, page) if f is not None)):
+        if not file.parent.is_dir():
+            raise PicktreeError(f"there is no folder {file.parent} for {file.name}; make it first")
+    if mount is not None and gripper is None:
+        raise PicktreeError("--mount says where --gripper goes; give --gripper URDF[:LINK], too")
+    proposal = propose(ProposalRequest(urdf, output, gripper, mount, base, tip, samples, seed))
+    with whole([output] if picture is None else [output, picture], output) as beside:
+        beside[0].write_text(proposal.text, encoding="utf-8")
+        if picture is not None:
+            drawn = beside[1].with_name(f"{beside[1].name}.png")
+            draw_robot(proposal.robot, drawn)
+            drawn.replace(beside[1])
+    tried = _tested(str(output), page) if test or page is not None else None
+    result = summary_of_new(proposal, str(picture) if picture is not None else "", tried)
+    hint = f"try it      {program()} run examples/one_pick.yaml --robot {output}"
+    print_answer(answer, lambda: f"{result.to_text()}\n{hint}", result.to_json_text)
+
+
+@robot.command()
+def test(
+    name: Annotated[str, typer.Argument(metavar="ROBOT", help="Shipped robot or robot file.")],
+    page: RobotTestPage = None,
+    json: JsonResult = False,
+) -> None:
+    """Test a robot in physics: its model, motions, gripper, and three grasps.
+
+    The tests: masses, limits, home, fingers, tool frame; effort at rest, tracking, braking, a soft retreat,
+    the gripper, the camera's view. Then a block, a can and a flat plate are grasped.
+    What fails says what to change in which file. Exit code 0: all tests are passed; 1: one failed.
+    """
+    answer = keep_stdout() if json else None
+    result = _tested(name, page)
+    print_answer(answer, result.to_text, result.to_json_text)
+    end_with(result.good)
+
+
+def _tested(name: str, page: Path | None) -> RobotTestResult:
+    """Test a robot, and write the page where one is wanted."""
+    from ...world.robot_model.loading import load_robot
+    from ..commissioning.robot_test import test_robot
+
+    result = test_robot(name)
+    if page is not None:
+        result.write_page(load_robot(name, Path.cwd()), page)
+    return result
+
+
+@robot.command()
+def show(
+    name: Annotated[str, typer.Argument(metavar="ROBOT", help="Shipped robot or robot file.")],
+    picture: RobotPicture = None,
+    json: JsonResult = False,
+) -> None:
+    """Tell what a robot file says: joints, gripper, poses, pairs of links that are not checked."""
+    answer = keep_stdout() if json else None
+    from dataclasses import replace
+
+    from ...analysis.render.snapshot import draw_robot
+    from ...files.atomic_write import whole
+    from ...world.robot_model.loading import load_robot
+    from ..commissioning.summary import summary_of
+
+    loaded = load_robot(name, Path.cwd())
+    result = summary_of(loaded)
+    if picture is not None:
+        with whole([picture], picture) as (beside,):
+            drawn = beside.with_name(f"{beside.name}.png")
+            draw_robot(loaded, drawn)
+            drawn.replace(beside)
+        result = replace(result, picture=str(picture))
+    print_answer(answer, result.to_text, result.to_json_text)

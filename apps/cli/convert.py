@@ -1,0 +1,118 @@
+"""Command `convert`: missions as XML of BehaviorTree.CPP 4, and such XML as missions."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ...files.errors import PicktreeError
+from .options import mission_file
+from .output import painter
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ...files.marks import Diagnostic
+
+_ENUM = re.compile(r"([A-Za-z_]\w*)=(-?\d{1,9})", re.ASCII)
+
+
+def convert(
+    files: Annotated[
+        list[str],
+        typer.Argument(metavar="FILE…", help="A mission, or XML: files, a folder of them, or -: stdin."),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="OUT", help="Where the other form goes.", show_default="stdout"),
+    ] = None,
+    stubs: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PY", help="Write a plug-in with a stub for each unknown node; the mission names it."
+        ),
+    ] = None,
+    plugin: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="PY", help="Plug-in with nodes of the XML; the mission names it."),
+    ] = None,
+    main: Annotated[
+        str, typer.Option(metavar="TREE", help="Tree of the XML with which the mission begins.")
+    ] = "",
+    enum: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=NUMBER", help="Name of a number in the XML's scripts.")
+    ] = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Refuse XML with anything that has no meaning for a run.")
+    ] = False,
+) -> None:
+    """Turn a mission into XML of BehaviorTree.CPP 4 and Groot2, and such XML into a mission."""
+    from ...authoring.xml.conversion import convert_all, read_files
+    from ...authoring.xml.mission_import import ImportOptions
+    from ...authoring.xml.source import XmlText
+    from ...files.yaml.file_text import MAX_BYTES, decoded
+
+    if "-" in files:
+        if len(files) > 1:
+            raise PicktreeError("stdin (-) is read alone, without other files")
+        stdin = Path("<stdin>")
+        given = [XmlText(decoded(sys.stdin.buffer.read(MAX_BYTES + 1), str(stdin)), stdin)]
+    else:
+        given = read_files([Path(name) if Path(name).is_dir() else mission_file(name) for name in files])
+    sources = [file.path for file in given if file.path.exists()]
+    if out is not None and out.exists() and any(map(out.samefile, sources)):
+        raise PicktreeError(f"{out} is the file that is read; give another one with -o")
+    folder = out.parent if out is not None else given[0].path.parent
+    options = ImportOptions(
+        strict=strict,
+        main=main,
+        plugins=tuple(_beside(each, folder) for each in plugin or ()),
+        folder=folder,
+        stubs=_beside(stubs, folder) if stubs is not None else "",
+        enums=dict(map(_enum, enum or ())),
+    )
+    if stubs is not None and stubs.exists():
+        raise PicktreeError(f"{stubs} is there already; move it away, or use it with --plugin {stubs}")
+    converted = convert_all(given, options)
+    _show_notes(converted.notes)
+    if stubs is not None and converted.stubs:
+        _write(stubs, converted.stubs)
+    if out is None:
+        print(converted.text, end="")
+    else:
+        _write(out, converted.text)
+
+
+def _enum(text: str) -> tuple[str, int]:
+    match = _ENUM.fullmatch(text)
+    if match is None:
+        raise PicktreeError(f"--enum {text!r}: it is a name and a whole number, as RED=1")
+    return match[1], int(match[2])
+
+
+def _beside(file: Path, folder: Path) -> str:
+    """Return the name by which a mission in the folder names a plug-in's file. Raises PicktreeError."""
+    name = os.path.relpath(file, folder)
+    if name.startswith("..") or not name.endswith(".py"):
+        message = f"{file} is no Python file in the mission's folder {folder or Path()}"
+        raise PicktreeError(f"{message}; a mission names plug-ins there or below it")
+    return Path(name).as_posix()
+
+
+def _show_notes(notes: Sequence[Diagnostic]) -> None:
+    if notes:
+        from ...files.diagnostics.fault_rendering import fault_lines
+
+        print(fault_lines(notes, painter(sys.stderr)), file=sys.stderr)
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise PicktreeError(f"{path} cannot be written: {error.strerror or error}") from None

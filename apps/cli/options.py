@@ -1,0 +1,92 @@
+"""Arguments and options that several commands have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
+
+import typer
+
+
+def mission_file(name: str) -> Path:
+    """Return the file of a mission that a command takes: a path, or the name of a shipped example."""
+    from ...files.shipped_files import example_file
+
+    return example_file(name)
+
+
+def plan_file(name: str) -> Path:
+    """Return the file of a plan that a command takes: a path, or the name of a shipped example."""
+    from ...files.shipped_files import example_file
+
+    return example_file(name, what="plan")
+
+
+def faults_file(name: str) -> Path:
+    """Return the file of faults that a command takes: a path, or the name of a shipped example."""
+    from ...files.shipped_files import example_file
+
+    return example_file(name, "faults", "faults file")
+
+
+def run_log(name: str) -> str:
+    """Return the log that a command takes: a file, a run's folder, `last`, or DIR@JOB of a batch."""
+    if "@" not in name:
+        return name
+    from ..batch.store import find_run
+
+    return find_run(name)
+
+
+Log: TypeAlias = Annotated[
+    str,
+    typer.Argument(
+        metavar="LOG", help="Log file, run folder, 'last', or a batch's job: DIR@seed=7.", parser=run_log
+    ),
+]
+ShippedScene: TypeAlias = Annotated[str, typer.Option(metavar="SCENE", help="Shipped scene or scene file.")]
+OtherRobot: TypeAlias = Annotated[
+    str | None, typer.Option(metavar="ROBOT", help="Shipped robot or robot file, for the scene's own.")
+]
+Seed: TypeAlias = Annotated[int, typer.Option(min=0, help="Of everything random.")]
+Backend: TypeAlias = Annotated[
+    Literal["physics", "kinematic"], typer.Option(help="kinematic: objects follow the gripper.")
+]
+Verify: TypeAlias = Annotated[
+    bool, typer.Option("--verify", help="Judge every trajectory by a second collision checker.")
+]
+OtherSettings: TypeAlias = Annotated[
+    list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Other parameter of the mission.")
+]
+RunsFolder: TypeAlias = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Where the run's folder is made.", show_default="runs")
+]
+View: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        metavar="VIEW",
+        help="corner, front, left, right, top, close, or AZIMUTH,ELEVATION,DISTANCE (degrees, metres).",
+    ),
+]
+Show: TypeAlias = Annotated[
+    Literal["belief", "truth", "both"],
+    typer.Option(help="What the robot believes, what is true, or both: the truth as outlines."),
+]
+RobotPicture: TypeAlias = Annotated[
+    Path | None, typer.Option(metavar="PNG", help="Draw the robot at home, with its frames.")
+]
+RobotTestPage: TypeAlias = Annotated[
+    Path | None, typer.Option(metavar="HTML", help="Write the verdicts of the self-test as a page.")
+]
+TextFile: TypeAlias = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", metavar="FILE", help="Write it there instead of to stdout."),
+]
+JunitFile: TypeAlias = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Write the results as JUnit XML, too.")
+]
+JsonResult: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")]
+JsonAnswer: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object.")]
+JsonWritten: TypeAlias = Annotated[
+    bool, typer.Option("--json", help="Print what was written as one JSON object.")
+]

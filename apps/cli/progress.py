@@ -1,0 +1,246 @@
+"""Displays of a running mission: a live tree on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Collection, Generator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Protocol, TextIO
+
+from ...session.observer import Observer
+
+# The libraries of the live view are imported where one is drawn.
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.text import Text
+
+    from ...logs.run_result import RunResult
+    from ...session.execution import Execution
+    from ...trees.runner import NodeInfo, NodeReport, TickReport
+
+_REDRAW_PERIOD = 0.1
+"""Interval between redraws of the live view, wall s."""
+_MAX_SILENCE = 30.0
+"""Interval between lines when there are no other events, simulated s."""
+STYLED_STATUS_MARKS = {
+    "IDLE": ("·", "dim"),
+    "RUNNING": ("▶", "bold cyan"),
+    "SUCCESS": ("✓", "green"),
+    "FAILURE": ("✗", "red"),
+    "SKIPPED": ("–", "dim"),
+}
+
+
+class RunDisplay(Observer, AbstractContextManager["RunDisplay"]):
+    """Observer of a session that holds the terminal while it is entered."""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
+    def aside(self) -> AbstractContextManager[None]:
+        """Release the terminal to another user in the block."""
+        return nullcontext()
+
+
+class LinesDisplay(RunDisplay):
+    """Display with a line for each finished item and each failed leaf, and one after a long time without."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._leaves: frozenset[str] = frozenset()
+        self._progress = ""
+        self._said_at = 0.0
+
+    def started(self, run: Execution, folder: Path) -> None:
+        self._run = run
+        self._progress = run.tally.progress(run.items_total)
+        self.edited(run)
+        self._line(f"recording to {folder}")
+
+    def edited(self, run: Execution) -> None:
+        self._leaves = run.tree.leaves
+
+    def told(self, now: float, text: str) -> None:
+        self._say(now, text)
+
+    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+        for node in report.nodes:
+            if node.cause and node.ticked and node.status == "FAILURE" and node.path in self._leaves:
+                self._say(now, f"{node.path}: {node.cause}: {node.message}")
+        progress = self._run.tally.progress(items_total)
+        if progress != self._progress:
+            self._progress = progress
+            self._say(now, progress)
+        if now - self._said_at >= _MAX_SILENCE:
+            self._say(now, f"at {deepest_running(report.nodes)}")
+
+    def _say(self, now: float, text: str) -> None:
+        self._said_at = now
+        self._line(f"{now:8.2f} s  {text}")
+
+    def _line(self, text: str) -> None:
+        print(text, file=self._stream, flush=True)
+
+
+class LiveDisplay(RunDisplay):
+    """Display of the tree with its statuses, redrawn a few times per second of wall time, removed at the
+    end."""
+
+    def __init__(self, console: Console) -> None:
+        from rich.live import Live
+
+        self._live = Live(console=console, auto_refresh=False, transient=True)
+        self._structure: tuple[NodeInfo, ...] = ()
+        self._began = self._drawn_at = time.monotonic()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._live.stop()
+
+    def started(self, run: Execution, folder: Path) -> None:
+        self._run = run
+        self.edited(run)
+        self._began = time.monotonic()
+        self._live.start()
+
+    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+        from rich.console import Group
+        from rich.text import Text
+
+        wall = time.monotonic()
+        if wall - self._drawn_at < _REDRAW_PERIOD:
+            return
+        self._drawn_at = wall
+        elapsed = wall - self._began
+        footer = (
+            f"{self._run.tally.progress(items_total)}   simulated {now:.1f} s   "
+            f"wall {elapsed:.1f} s   {now / max(elapsed, 1e-9):.1f} × real time"
+        )
+        room = max(self._live.console.height - 4, 5)
+        rows = tree_rows(self._structure, report.nodes, room)
+        for row in rows:
+            row.truncate(self._live.console.width, overflow="ellipsis")
+        self._live.update(Group(*rows, Text(), Text(footer, style="bold")), refresh=True)
+
+    def edited(self, run: Execution) -> None:
+        self._structure = run.tree.structure()
+
+    def told(self, now: float, text: str) -> None:
+        self._live.console.print(f"{now:8.2f} s  {text}", markup=False, soft_wrap=True)
+
+    def finished(self, result: RunResult) -> None:
+        self._live.stop()
+
+    @contextmanager
+    def aside(self) -> Generator[None]:
+        self._live.stop()
+        try:
+            yield
+        finally:
+            self._live.start()
+
+
+def run_display(*, to_stderr: bool = True, lines: bool = False) -> RunDisplay:
+    """Return the display of a run. `lines`: no live tree on any terminal, because the user types into it."""
+    stream = sys.stderr if to_stderr else sys.stdout
+    if lines or not (stream.isatty() or any(map(os.environ.get, _TERMINAL_VARIABLES))):
+        return LinesDisplay(stream)
+    from rich.console import Console
+
+    console = Console(stderr=to_stderr, highlight=False)
+    return LiveDisplay(console) if console.is_terminal else LinesDisplay(stream)
+
+
+_TERMINAL_VARIABLES = ("FORCE_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE")
+"""Environment variables by which rich takes another stream for a terminal."""
+
+
+def deepest_running(nodes: Sequence[NodeReport]) -> str:
+    """Return the path of the last running node, parents first; "nothing" when none runs."""
+    return next((node.path for node in reversed(nodes) if node.status == "RUNNING"), "nothing")
+
+
+class ShownNode(Protocol):
+    """Node of a displayed tree: of a running mission, or of a log."""
+
+    @property
+    def path(self) -> str: ...
+    @property
+    def id(self) -> str: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def parent(self) -> str | None:
+        """Path of the parent; None or empty for the root."""
+        ...
+
+
+class Status(Protocol):
+    """Status of a node after a tick."""
+
+    @property
+    def path(self) -> str: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def cause(self) -> str | None:
+        """Name of the failure's cause; None or empty without one."""
+        ...
+
+    @property
+    def message(self) -> str: ...
+
+
+def tree_rows(
+    structure: Sequence[ShownNode], nodes: Sequence[Status], room: int, also: Collection[str] = ()
+) -> list[Text]:
+    """Return a row for each node that runs or has a running parent, and for the paths `also`.
+
+    At most `room` rows are kept: those nearest to the last node of `also` that failed, and those above it;
+    without such a node the running ones, and those nearest to the last of them.
+    """
+    reports = {node.path: node for node in nodes}
+    depths = _depths(structure)
+    shown = [
+        info
+        for info in structure
+        if not info.parent
+        or info.path in also
+        or reports[info.path].status == "RUNNING"
+        or reports[info.parent].status == "RUNNING"
+    ]
+    running = [index for index, info in enumerate(shown) if reports[info.path].status == "RUNNING"]
+    failed = [i for i, n in enumerate(shown) if n.path in also and reports[n.path].status == "FAILURE"]
+    centre = max(failed, key=lambda i: depths[shown[i].path], default=running[-1] if running else 0)
+    leaf = shown[centre].path if failed else ""
+    first = {i for i, info in enumerate(shown) if leaf == info.path or leaf.startswith(f"{info.path}/")}
+    by_worth = sorted(range(len(shown)), key=lambda i: (i not in (first or running), abs(i - centre)))
+    kept = sorted(by_worth[:room])
+    return [_row(shown[index], reports[shown[index].path], depths[shown[index].path]) for index in kept]
+
+
+def _depths(structure: Sequence[ShownNode]) -> Mapping[str, int]:
+    depths: dict[str, int] = {}
+    for info in structure:
+        depths[info.path] = depths[info.parent] + 1 if info.parent else 0
+    return depths
+
+
+def _row(info: ShownNode, report: Status, depth: int) -> Text:
+    from rich.text import Text
+
+    mark, style = STYLED_STATUS_MARKS[report.status]
+    row = Text("  " * depth, no_wrap=True)
+    row.append(f"{mark} {info.id}", style=style)
+    if info.name != info.id:
+        row.append(f" {info.name}", style=style)
+    said = f"{report.cause}: {report.message}" if report.cause else report.message
+    if said:
+        row.append(f"  {said}", style="dim" if report.status != "FAILURE" else "red")
+    return row

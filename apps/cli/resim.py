@@ -1,0 +1,140 @@
+"""picktree resim"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TextIO
+
+import typer
+
+from .options import Log, OtherSettings, faults_file, mission_file
+from .output import StatusLine, end_with, keep_stdout, painter, print_answer
+from .run import parse_parameters
+
+if TYPE_CHECKING:
+    pass
+
+
+def whatif(
+    log: Log,
+    at: Annotated[
+        str,
+        typer.Option(metavar="TICK", help="It goes on from the last checkpoint by then: 412 or 20.6s."),
+    ],
+    mission: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="The mission from there on.", show_default="the same", parser=mission_file
+        ),
+    ] = None,
+    set_: OtherSettings = None,
+    faults: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Faults from there on.", show_default="the same", parser=faults_file
+        ),
+    ] = None,
+    no_faults: Annotated[bool, typer.Option("--no-faults", help="No faults from there on.")] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Where the new run's folder is made.", show_default="runs"),
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print both outcomes as one JSON object.")] = False,
+) -> None:
+    """Let a recorded run go on from a checkpoint with something changed, and compare. Exit code 0: the goal
+    is reached; 1: it is missed."""
+    answer = keep_stdout() if json else None
+    settings = parse_parameters(set_ or ())
+    from ...files.errors import PicktreeError
+
+    if faults is not None and no_faults:
+        raise PicktreeError("--faults and --no-faults exclude each other")
+    from ...analysis.resim.changes import RunChanges
+    from ...analysis.resim.whatif import what_if
+
+    changes = RunChanges(mission, None, settings, faults, no_faults)
+    from .progress import run_display
+
+    with run_display() as view:
+        found = what_if(log, at, changes=changes, out=out, observers=(view,))
+    if found.warnings:
+        from ...files.diagnostics.fault_rendering import fault_lines
+
+        print(fault_lines(found.warnings, painter(sys.stderr)), file=sys.stderr)
+    print_answer(answer, found.to_text, found.to_json_text)
+    end_with(found.status == "success", found.status)
+
+
+def resim(
+    log: Annotated[
+        str, typer.Argument(metavar="LOG|DIR@JOB", help="Log file, run folder, 'last'; or a job of a batch.")
+    ],
+    until: Annotated[
+        str | None, typer.Option(metavar="TICK", help="Stop there: a tick (412) or a time (20.6s).")
+    ] = None,
+    mission: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Another mission, for the recorded one.", parser=mission_file),
+    ] = None,
+    set_: OtherSettings = None,
+    scene: Annotated[str | None, typer.Option(metavar="SCENE", help="Another scene.")] = None,
+    faults: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Other faults.", parser=faults_file)
+    ] = None,
+    no_faults: Annotated[bool, typer.Option("--no-faults", help="No faults.")] = False,
+    seed: Annotated[int | None, typer.Option(min=0, help="Another seed.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Keep the new log, in a folder made there.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the comparison as one JSON object.")] = False,
+) -> None:
+    """Run a recorded run again, from its log alone, and compare. Exit code 0: identical; 1: it differs.
+
+    DIR@JOB is a job of the batch in DIR: by its id or the beginning of it, or by seed=7 or LABEL,seed=7. It
+    is run again from what the batch recorded, and its log is put where the batch would have kept it.
+    """
+    answer = keep_stdout() if json else None
+    settings = parse_parameters(set_ or ())
+    from ...files.errors import PicktreeError
+
+    if faults is not None and no_faults:
+        raise PicktreeError("--faults and --no-faults exclude each other")
+    if "@" in log and not Path(log).exists():
+        changed = until or mission or set_ or scene or faults or no_faults or seed is not None
+        _job_again(log, out, answer, alone=not changed)
+        return
+    from ..batch.store import RESULTS_FILE
+
+    if (Path(log) / RESULTS_FILE).is_file():
+        raise PicktreeError(f"{log} is a batch: name one of its jobs, as {log}@seed=7")
+    from ...analysis.resim.changes import RunChanges
+    from ...analysis.resim.resim import resimulate
+
+    changes = RunChanges(mission, scene, settings, faults, no_faults, seed)
+    with StatusLine() as line:
+
+        def progress(now: float, end: float) -> None:
+            line.say(f"running it again: {now:.1f} of {end:.1f} s")
+
+        found = resimulate(log, changes=changes, until=until, out=out, progress=progress)
+    if found.warnings:
+        print(found.warnings, file=sys.stderr)
+    print_answer(answer, found.to_text, found.to_json_text)
+    end_with(found.identical)
+
+
+def _job_again(where: str, out: Path | None, answer: TextIO | None, *, alone: bool) -> None:
+    from ...files.errors import PicktreeError
+    from ..batch.rerun_job import rerun_job
+
+    if not alone:
+        raise PicktreeError(
+            f"a job of a batch is run again as it was: for changes, first have its log by resim {where}, "
+            "then give that log"
+        )
+    with StatusLine() as line:
+        line.say("running it again")
+        found = rerun_job(where, out)
+    print_answer(answer, found.to_text, found.to_json_text)
+    end_with(found.identical)

@@ -1,0 +1,371 @@
+"""picktree run"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TextIO, TypeAlias
+
+import typer
+
+from ...files.errors import PicktreeError
+from .help_groups import HelpGroups
+from .options import (
+    Backend,
+    JsonResult,
+    OtherRobot,
+    RunsFolder,
+    Seed,
+    Verify,
+    faults_file,
+    mission_file,
+)
+from .output import end_with, keep_stdout, print_answer, program
+
+if TYPE_CHECKING:
+    from ...logs.recording.rotated_log import Rotation
+    from ...session.debugger import Debugger
+    from ...session.observer import Observer, WallClockPacer
+    from ...session.profiler import Profiler
+    from ...session.session import RunRequest, Session
+
+    Assembly: TypeAlias = Callable[[Sequence[Observer]], Session]
+    """Function that builds the session for its observers."""
+
+MissionFile: TypeAlias = Annotated[
+    Path | None,
+    typer.Argument(
+        metavar="MISSION", help="Mission file, or a shipped example; not with --resume.", parser=mission_file
+    ),
+]
+OtherScene: TypeAlias = Annotated[
+    str | None, typer.Option(metavar="SCENE", help="Shipped scene or scene file, for the mission's own.")
+]
+Settings: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Parameter, or port as SortOne/Grasp.force."),
+]
+FaultsFile: TypeAlias = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Faults to inject.", parser=faults_file)
+]
+Debug: TypeAlias = Annotated[
+    bool, typer.Option("--debug", help="Stop at the mission's breakpoints, and before the first node.")
+]
+Watch: TypeAlias = Annotated[
+    bool, typer.Option("--watch", help="Take over an edited mission between two items.")
+]
+TimeLimit: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        metavar="TIME",
+        help="Simulated time after which the run is ended, as 90 min.",
+        show_default="1 h; with --resume as before",
+    ),
+]
+RotateMegabytes: TypeAlias = Annotated[
+    float, typer.Option(min=0.0, metavar="MB", help="Go on in a further file of the log at this size.")
+]
+RotateMinutes: TypeAlias = Annotated[
+    float, typer.Option(min=0.0, metavar="MIN", help="The same after so many simulated minutes.")
+]
+Live: TypeAlias = Annotated[
+    bool, typer.Option("--live", help="Serve the log as it grows to Foxglove or Lichtblick, on this machine.")
+]
+LivePort: TypeAlias = Annotated[
+    int, typer.Option(min=0, max=65535, metavar="PORT", help="Of --live; 0: any that is free.")
+]
+Pace: TypeAlias = Annotated[
+    float | None,
+    typer.Option(metavar="FACTOR", help="Simulated time no faster than so many times the clock's."),
+]
+ResumedLog: TypeAlias = Annotated[
+    str | None,
+    typer.Option(metavar="LOG", help="Go on with this run: a log file, a run's folder, or 'last'."),
+]
+AsItStands: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--as-it-stands",
+        help="With --resume: as things stood last, knowing what was known at the checkpoint; look first.",
+    ),
+]
+Wait: TypeAlias = Annotated[
+    bool, typer.Option("--wait", help="Wait for `picktree attach` when the mission asks for help.")
+]
+ProfileFile: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Say where CPU and simulated time go, by node and by part; FILE is for speedscope.app.",
+    ),
+]
+Answers: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option("--answer", metavar="TEXT", help="What is answered when the mission asks for help."),
+]
+
+HELP_GROUPS: HelpGroups = {
+    "What is run": ("scene", "robot", "seed", "set_", "faults", "backend", "verify"),
+    "How long, and where it is recorded": ("limit", "out", "rotate_mb", "rotate_minutes"),
+    "Watching and steering": ("debug", "watch", "live", "live_port", "pace", "answers", "wait"),
+    "Going on with a run": ("resume", "as_it_stands"),
+    "Output": ("profile", "json"),
+}
+
+
+def run(
+    context: typer.Context,
+    mission: MissionFile = None,
+    scene: OtherScene = None,
+    robot: OtherRobot = None,
+    seed: Seed = 0,
+    set_: Settings = None,
+    faults: FaultsFile = None,
+    out: RunsFolder = None,
+    backend: Backend = "physics",
+    verify: Verify = False,
+    debug: Debug = False,
+    watch: Watch = False,
+    limit: TimeLimit = None,
+    rotate_mb: RotateMegabytes = 0.0,
+    rotate_minutes: RotateMinutes = 0.0,
+    live: Live = False,
+    live_port: LivePort = 8765,
+    pace: Pace = None,
+    resume: ResumedLog = None,
+    as_it_stands: AsItStands = False,
+    answers: Answers = None,
+    wait: Wait = False,
+    profile: ProfileFile = None,
+    json: JsonResult = False,
+) -> None:
+    """Run a mission in simulation, or go on with a run that did not come to its end. Exit code 0: the goal is
+    reached; 1: it is missed, or the run is paused because the mission asks for help."""
+    refuse_contradictions(context)
+    answer = keep_stdout() if json else None
+    parameters = parse_parameters(set_ or ())
+    pacer = None if pace is None else _pacer(pace)
+    seconds = None if limit is None else parse_limit(limit)
+    profiler = None if profile is None else _profiler(profile)
+    watchers = _Watchers(debug, live_port if live else None, pacer, profiler, wait, to_stderr=json)
+    rotation = _rotation(rotate_mb, rotate_minutes)
+    if resume is not None:
+        assembly = _resumed_run(resume, out, seconds, rotation, answers or (), as_it_stands)
+    else:
+        from ...session.session import RunRequest
+
+        assert mission is not None
+        request = RunRequest(
+            mission=mission,
+            scene=scene,
+            robot=robot,
+            seed=seed,
+            parameters=parameters,
+            faults=faults,
+            out=out,
+            backend=backend,
+            verify=verify,
+            watch=watch,
+            rotation=rotation,
+            **({} if seconds is None else {"limit": seconds}),
+        )
+        assembly = _new_run(request, answers or ())
+    with assembly as session_for, watchers.observers() as observers:
+        result = session_for(observers).run()
+    watchers.print_lateness()
+    print_answer(answer, lambda: result.to_text(program()), result.to_json_text)
+    if profile is not None:
+        watchers.write_profile(profile)
+    end_with(result.reached, result.status)
+
+
+@contextmanager
+def _new_run(request: RunRequest, answers: Sequence[str]) -> Generator[Assembly]:
+    """Assemble the session of a run from its beginning."""
+    from ...robot.planning.planning_worker import has_second_core
+    from ...session.observer import PresetAnswers
+    from ...session.session import Session
+
+    yield lambda observers: Session(
+        request, observers=(PresetAnswers(answers), *observers), planning_worker=has_second_core()
+    )
+
+
+@contextmanager
+def _resumed_run(
+    log: str,
+    out: Path | None,
+    limit: float | None,
+    rotation: Rotation,
+    answers: Sequence[str],
+    as_it_stands: bool,
+) -> Generator[Assembly]:
+    """Assemble the session that resumes a run; print where it resumes."""
+    from ...session.resumption import ResumeRequest, Resumption
+
+    request = ResumeRequest(log, out, limit, rotation, as_it_stands, tuple(answers))
+    with Resumption(request) as resumption:
+        print(resumption.told, file=sys.stderr, flush=True)
+        yield resumption.session
+
+
+@dataclass(frozen=True)
+class _Watchers:
+    """Options for the observers of a run at the command line."""
+
+    debug: bool
+    live_port: int | None
+    """Port of the live view; None: there is none."""
+    pacer: WallClockPacer | None
+    """Upper bound of simulated seconds per wall second; None: as fast as possible."""
+    profiler: Profiler | None
+    """Profiler of the run; None: there is none."""
+    wait: bool
+    """Whether questions wait for an attached process."""
+    to_stderr: bool
+    """Whether stdout belongs to the result alone."""
+
+    @contextmanager
+    def observers(self) -> Generator[tuple[Observer, ...]]:
+        """Return the observers; displays and servers are open in the block."""
+        from .attach_server import AttachServer
+        from .operator_prompt import operators
+        from .progress import run_display
+
+        with (
+            run_display(to_stderr=self.to_stderr, lines=self.debug) as view,
+            self._live_view() as live,
+            AttachServer(waits=self.wait) as attached,
+        ):
+            yield (
+                *([self.profiler] if self.profiler is not None else ()),
+                view,
+                *live,
+                *([self.pacer] if self.pacer is not None else ()),
+                *([self._debugger()] if self.debug else ()),
+                attached,
+                *operators(self._stream, view.aside),
+            )
+
+    @contextmanager
+    def _live_view(self) -> Generator[tuple[Observer, ...]]:
+        """Serve the live view in the block, if it is wanted; its address goes to stderr."""
+        if self.live_port is None:
+            yield ()
+            return
+        from ...logs.optional_libraries import optional_import
+
+        with optional_import("live", "foxglove", "A live view"):
+            from ...session.live_view import LiveServer
+        with LiveServer(self.live_port) as live_view:
+            print(f"live view at {live_view.url}", file=sys.stderr, flush=True)
+            yield (live_view,)
+
+    def print_lateness(self) -> None:
+        """Print how far the run stayed behind its pace, if it did."""
+        if self.pacer is not None and self.pacer.lateness:
+            print(self.pacer.lateness, file=sys.stderr)
+
+    def write_profile(self, file: Path) -> None:
+        """Write the profile into a file, and print where the time goes."""
+        assert self.profiler is not None
+        self.profiler.profile.write(file)
+        print(f"\n{self.profiler.profile.to_text()}", file=self._stream)
+
+    def _debugger(self) -> Debugger:
+        from ...session.debugger import Debugger
+        from .operator_prompt import debug_prompt
+
+        return Debugger(debug_prompt(self._stream))
+
+    @property
+    def _stream(self) -> TextIO:
+        return sys.stderr if self.to_stderr else sys.stdout
+
+
+_RECORDED_OPTIONS = ("mission", "scene", "robot", "seed", "set_", "faults", "backend", "verify", "watch")
+"""Parameters that are invalid with --resume, because the log has them."""
+
+
+def refuse_contradictions(context: typer.Context) -> None:
+    """Raise for options that do not go together: PicktreeError; a usage error when the mission is missing.
+
+    An option that the resumed run's log determines excludes --resume.
+    """
+    if context.params["resume"] is None:
+        if context.params["as_it_stands"]:
+            raise PicktreeError("--as-it-stands is said of a run that goes on: give --resume LOG, too")
+        if context.params["mission"] is None:
+            context.fail("Missing argument 'MISSION'.")
+        return
+    for name in _RECORDED_OPTIONS:
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            shown = "MISSION" if name == "mission" else f"--{name.rstrip('_')}"
+            raise PicktreeError(
+                f"--resume and {shown} exclude each other: mission, scene, robot, seed, parameters, faults "
+                "and backend are those of the run that goes on (`picktree whatif` changes some of them)"
+            )
+
+
+def _rotation(megabytes: float, minutes: float) -> Rotation:
+    from ...logs.recording.rotated_log import Rotation
+
+    return Rotation(round(megabytes * 1e6), minutes * 60.0)
+
+
+def _profiler(file: Path) -> Profiler:
+    """Return the profiler of a whole program. Raises PicktreeError when its file cannot be written."""
+    from ...session.profiler import Profiler
+    from ...session.run_profile import require_writable
+
+    require_writable(file)
+    return Profiler(whole_program=True)
+
+
+def parse_parameters(settings: list[str] | tuple[str, ...]) -> dict[str, str]:
+    """`["a=1"]` → `{"a": "1"}`. Raises PicktreeError for one without a name or given twice.
+
+    >>> parse_parameters(["colour=red", "rule=a=b"])
+    {'colour': 'red', 'rule': 'a=b'}
+    """
+    parameters: dict[str, str] = {}
+    for setting in settings:
+        name, equals, value = setting.partition("=")
+        name = name.strip()
+        if not equals or not name:
+            raise PicktreeError(f"--set {setting}: write NAME=VALUE, as in --set colour=red")
+        if name in parameters:
+            raise PicktreeError(f"--set {setting}: {name!r} is set twice")
+        parameters[name] = value
+    return parameters
+
+
+def _pacer(factor: float) -> WallClockPacer:
+    """Return the observer that keeps the pace. Raises PicktreeError unless the factor is above 0."""
+    if factor <= 0:
+        raise PicktreeError(f"--pace {factor:g}: write a number above 0, as in --pace 1 for real time")
+    from ...robot.control.supervision import MAX_UNATTENDED_MOTION
+    from ...session.observer import WallClockPacer
+
+    return WallClockPacer(factor, MAX_UNATTENDED_MOTION)
+
+
+def parse_limit(text: str) -> float:
+    """Simulated s. Raises PicktreeError for what is no time, or none at all.
+
+    >>> parse_limit("90 min")
+    5400.0
+    """
+    from ...files.quantities import parse_quantity
+
+    try:
+        seconds = parse_quantity(text, "s")
+    except ValueError as error:
+        raise PicktreeError(f"--limit {text}: {error}") from None
+    if seconds <= 0:
+        raise PicktreeError(f"--limit {text}: write a time above 0, as in --limit '90 min'")
+    return seconds

@@ -1,0 +1,111 @@
+"""Text of a tree, a node, the blackboard and the belief, of a running mission or of a log."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from ...files.expressions.expression import Expression
+from ...trees.port_types import show
+from ...world.values import Pose
+from .progress import STYLED_STATUS_MARKS
+
+
+@dataclass(frozen=True, slots=True)
+class NodeState:
+    """Node of a tree with its status and what it says."""
+
+    path: str
+    name: str
+    id: str
+    """Registered name, such as `Grasp`."""
+    status: str
+    message: str = ""
+    """Cause and message of a failure, or the feedback message; empty without one."""
+
+
+def status_text(cause: object, message: str) -> str:
+    """Return what a node says of its status: cause and message, or the message alone."""
+    return f"{cause}: {message}" if cause else message
+
+
+def tree_lines(nodes: Iterable[NodeState], top: str = "", marked: str = "") -> Iterator[str]:
+    """Yield a line for each node, or for `top` and its descendants. The node `marked` has an arrow."""
+    indent = top.count("/")
+    for node in nodes:
+        if not top or node.path == top or node.path.startswith(f"{top}/"):
+            name = node.name if node.name.split("#")[0] == node.id else f"{node.id} {node.name}"
+            margin = ("→ " if node.path == marked else "  ") + "  " * (node.path.count("/") - indent)
+            said = f"  {node.message}" if node.message else ""
+            yield f"{margin}{STYLED_STATUS_MARKS[node.status][0]} {name}{said}"
+
+
+def where_lines(nodes: Iterable[NodeState], end: str) -> Iterator[str]:
+    """Yield the nodes from the root to the node `end`."""
+    for node in nodes:
+        if node.path == end or end.startswith(f"{node.path}/"):
+            said = f": {node.message}" if node.message else ""
+            yield f"{STYLED_STATUS_MARKS[node.status][0]} {node.path} is {node.status}{said}"
+
+
+def failure_lines(origin: str, cause: object, message: str, evidence: Mapping[str, object]) -> Iterator[str]:
+    """Yield the failure of a node with its evidence."""
+    yield f"  failed in {origin}: {cause}: {message}"
+    for name, value in evidence.items():
+        yield f"    {name}: {value_text(value)}"
+
+
+def blackboard_lines(board: Mapping[str, object], part: str) -> Iterator[str]:
+    """Yield the keys that contain `part`, with their values; a single one in full."""
+    keys = sorted(key for key in board if part in key)
+    if not keys:
+        yield f"no key contains {part!r}" if part else "nothing is written yet"
+    for key in keys:
+        yield f"{key} = {board[key]!r}" if len(keys) == 1 else f"{key} = {value_text(board[key])}"
+
+
+def value_text(value: object) -> str:
+    """Return a value of a port or the blackboard in one line."""
+    return str(value) if isinstance(value, Expression) else show(value)
+
+
+class BelievedLike(Protocol):
+    @property
+    def id(self) -> str: ...
+    @property
+    def kind(self) -> str: ...
+    @property
+    def colour(self) -> str: ...
+    @property
+    def role(self) -> str: ...
+    @property
+    def place(self) -> str: ...
+    @property
+    def attached(self) -> bool: ...
+    @property
+    def pose(self) -> Pose: ...
+    @property
+    def last_seen(self) -> float: ...
+    @property
+    def confidence(self) -> float: ...
+
+
+def belief_lines(bodies: Iterable[BelievedLike], part: str, now: float) -> Iterator[str]:
+    """Yield the believed objects whose id contains `part`; `now`: simulated time, s."""
+    found = [body for body in bodies if part in body.id]
+    if not found:
+        yield f"no object is called {part!r}" if part else "no object is known yet"
+    for body in found:
+        yield _belief_line(body, now)
+
+
+def _belief_line(o: BelievedLike, now: float) -> str:
+    x, y, z = o.pose.position
+    place = "in the hand" if o.attached else o.place or "somewhere"
+    mass = getattr(o, "mass", None)
+    weighed = "" if mass is None else f", weighed {mass * 1000:.0f} g"
+    seen = f"seen {now - o.last_seen:.1f} s ago, confidence {o.confidence:.2f}"
+    return (
+        f"{o.id}: {o.colour} {o.kind}, {o.role}, {place}, at ({x:.3f}, {y:.3f}, {z:.3f}) m{weighed}, {seen}"
+    )

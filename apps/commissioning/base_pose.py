@@ -1,0 +1,152 @@
+"""Base of an arm: the nearest one from which the tool reaches items and bins of a sorting scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from itertools import product
+
+import numpy as np
+
+from ...robot.manipulation.release_poses import CELLS_PER_SIDE
+from ...robot.planning.inverse_kinematics import InverseKinematics
+from ...world.robot_model.model import RobotModel
+from ...world.robot_model.urdf_tree import UrdfTree
+from ...world.scene.scene_loading import load_scene
+from ...world.values import Array, Pose, Vector3
+from .link_geometry import LinkGeometry
+
+SCENE = "sort_small"
+HEIGHTS_OVER_TABLE, HEIGHT_OVER_BIN = (0.02, 0.12), 0.10
+"""Heights of the tool at an item and before it, over the table, and where it lets go, over the rim, m."""
+YAWS = (0.0, np.pi / 4, np.pi / 2, 3 * np.pi / 4)
+"""Directions of the fingers that are tried, rad."""
+STEPS_ALONG = tuple((0.05 * np.arange(-6, 7)).round(2).tolist())
+"""Positions of the base that are tried along the table, m."""
+STEPS_UP = (0.0, 0.1, 0.2, 0.3)
+"""Heights of the base that are tried, m: those of a pedestal."""
+RISE_COST = 2.0
+"""Cost of a pedestal, in distances along the table."""
+CLEARANCE = 0.02
+"""Least distance of the foot from items and bins, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class TargetPlace:
+    """Place where the tool has to point down: name, and position (3,) of the tool in the world, m."""
+
+    name: str
+    position: Array
+
+
+@dataclass(frozen=True, slots=True)
+class BaseProposal:
+    """Proposed base, its distance from the given one, m, and the name of each place it does not reach."""
+
+    at: Vector3
+    moved: Vector3
+    missed: tuple[str, ...]
+    count: int
+    """Number of all places."""
+
+    @property
+    def sentence(self) -> str:
+        """Sentence on what the tool reaches from there."""
+        reached = (
+            f"reaches {self.count - len(self.missed)} of {self.count} places of items and bins in {SCENE}"
+        )
+        if not self.missed:
+            reached = f"reaches items and bins of {SCENE}"
+        return f"from there the tool, pointing down, {reached}"
+
+
+@cache
+def places() -> tuple[TargetPlace, ...]:
+    """Return the places that the tool has to reach in the scene: over the items' area, and over each bin."""
+    scene = load_scene(SCENE)
+    found: list[TargetPlace] = []
+    # What is missed most often comes first: it ends the search at a base early.
+    for bin_ in scene.bins:
+        over = bin_.pose.apply(np.array([0.0, 0.0, bin_.size[2] + HEIGHT_OVER_BIN]))
+        inwards = -np.sign(over * (1.0, 1.0, 0.0)) * (*(np.array(bin_.size[:2]) / CELLS_PER_SIDE), 0.0)
+        found += [TargetPlace(str(bin_.id), place) for place in (over, over + inwards)]
+    for spawn in scene.spawn:
+        (left, front), (right, back) = spawn.area
+        for at in product(np.linspace(left, right, 3), np.linspace(front, back, 3), HEIGHTS_OVER_TABLE):
+            found.append(TargetPlace("items", np.array(at)))
+    return tuple(found)
+
+
+def propose_base(
+    model: RobotModel, tree: UrdfTree, solids: Mapping[str, LinkGeometry]
+) -> BaseProposal | None:
+    """Propose the nearest base from which most places of the scene are reached.
+
+    None: no other base reaches more of them than the model's.
+    """
+    reached = _Reach(model)
+    foot = _foot(model, tree, solids)
+    best, least = None, reached.missed((0.0, 0.0, 0.0), len(places()))
+    for moved in _moves():
+        if not least:
+            break
+        if not _stands_free(foot + np.array(moved[:2])):
+            continue
+        missed = reached.missed(moved, len(least))
+        if len(missed) < len(least):
+            best, least = moved, missed
+    if best is None:
+        return None
+    x, y, z = (round(a + b, 4) for a, b in zip(model.description.base_in_world.position, best, strict=True))
+    return BaseProposal((x, y, z), best, tuple(least), len(places()))
+
+
+def _moves() -> Iterator[Vector3]:
+    """Yield displacements of the base in the world, m, the least first."""
+    moves = [(x, 0.0, z) for x in STEPS_ALONG for z in STEPS_UP if x or z]
+    yield from sorted(moves, key=lambda move: (abs(move[0]) + RISE_COST * move[2], move))
+
+
+class _Reach:
+    """Places of the scene that the tool reaches, pointing down."""
+
+    def __init__(self, model: RobotModel) -> None:
+        self._ik, self._generator = InverseKinematics(model), np.random.default_rng(0)
+        self._home = model.named("home")
+
+    def missed(self, moved: Vector3, most: int) -> list[str]:
+        """Return the names of places out of reach from a displaced base; it stops at `most` of them."""
+        found: list[str] = []
+        for place in places():
+            x, y, z = (place.position - np.array(moved)).tolist()
+            if not self._reaches((x, y, z)):
+                found.append(place.name)
+            if len(found) >= most:
+                break
+        return found
+
+    def _reaches(self, position: Vector3) -> bool:
+        poses = (Pose.from_rpy(position, (np.pi, 0.0, yaw)) for yaw in YAWS)
+        return any(self._ik.solutions(pose, self._generator, self._home, 1) for pose in poses)
+
+
+def _foot(model: RobotModel, tree: UrdfTree, solids: Mapping[str, LinkGeometry]) -> Array:
+    """Return points (n, 2) of the links that stand on the table, from above, m in the world."""
+    first = tree.joints[model.description.joints[0]]
+    standing = tree.joints_to(first.parent)
+    links = {first.child, first.parent, *(tree.joints[name].parent for name in standing)}
+    poses = model.link_poses(model.named("home"), 0.0)
+    points = [poses[link].apply(solids[link].points)[:, :2] for link in links if link in solids]
+    return np.concatenate(points) if points else np.zeros((1, 2))
+
+
+def _stands_free(foot: Array) -> bool:
+    """Return whether the foot's outline keeps away from items and bins."""
+    low, high = foot.min(axis=0), foot.max(axis=0)
+    scene = load_scene(SCENE)
+    taken = [(np.array(spawn.area[0]), np.array(spawn.area[1])) for spawn in scene.spawn]
+    for bin_ in scene.bins:
+        half, at = np.array(bin_.size[:2]) / 2, np.array(bin_.pose.position[:2])
+        taken.append((at - half, at + half))
+    return not any((low < b + CLEARANCE).all() and (high > a - CLEARANCE).all() for a, b in taken)

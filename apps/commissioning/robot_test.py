@@ -1,0 +1,286 @@
+"""Self-test of a robot: checks of its file, then trials in physics, with a verdict a line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from pathlib import Path
+
+import numpy as np
+
+from ...files.errors import PicktreeError
+from ...recovery.safe_retreat import SafeRetreat
+from ...robot.control.external_torque import static_external_torque
+from ...robot.perception.robot_mask import hidden_shares
+from ...robot.planning.requests import NamedGoal
+from ...session.cell import CellSession
+from ...skills.grasp import Grasp
+from ...skills.observe import Observe
+from ...skills.place import Place
+from ...world import causes
+from ...world.causes import Failure
+from ...world.robot_model.loading import load_robot
+from ...world.scene.description import MAX_HIDDEN_SHARE
+from ...world.trajectory import Trajectory
+from ...world.values import Array
+from .base_pose import TargetPlace
+from .model_checks import RobotUnderTest, Verdict, check_model
+from .robot_test_result import RobotTestResult
+from .trial_advice import advice, opening_advice, reach_advice
+
+SCENE = "self_test"
+HEIGHT_OVER_BIN = 0.1
+"""Height of the tool over the rim of a bin when it lets go, m."""
+REST_TIME = 1.0
+"""Time for which the arm is held at `home`, s."""
+MAX_UNEXPLAINED_SHARE, MIN_UNEXPLAINED = 0.02, 0.3
+"""Greatest unexplained effort at rest: share of the joint's torque limit, and Nm."""
+MAX_SAG = 0.002
+"""Greatest distance of a joint from where it is held, rad."""
+MAX_TRACKING_ERROR = 0.02
+"""Greatest distance of a joint from its set-point on a motion, rad."""
+MAX_BRAKING_TIME = 1.0
+"""Longest time in which the arm comes to rest from full speed, s."""
+SHUT_OPENING = 0.003
+"""Distance of closed fingers from where they meet, and of open ones from their full opening, m."""
+CLOSING_FORCE = 10.0
+"""Force with which the empty fingers close, N."""
+
+
+def test_robot(name_or_path: str) -> RobotTestResult:
+    """Test a robot's file and model, then the robot in physics, where its model allows that.
+
+    Raises FileError with all faults of the file, PicktreeError for meshes that cannot be read.
+    """
+    robot = load_robot(name_or_path, Path.cwd())
+    tested = RobotUnderTest.of(robot)
+    verdicts = [*check_model(tested)]
+    singular = np.linalg.eigvalsh(tested.model.mass_matrix(tested.model.named("home"))).min() <= 0.0
+    trials = Trials(name_or_path, tested)
+    for name, trial in trials.all():
+        verdicts.append(
+            Verdict(name, False, "not tried: a moving link has no mass", "see 'masses'")
+            if singular
+            else trials.verdict(name, trial)
+        )
+    return RobotTestResult(robot.name, robot.source, tuple(verdicts))
+
+
+class Trials:
+    """Trials of one robot in physics. They share a cell until one of them fails."""
+
+    def __init__(self, robot: str, tested: RobotUnderTest) -> None:
+        self._robot, self._tested = robot, tested
+        self._cell: CellSession | None = None
+
+    def all(self) -> tuple[tuple[str, Callable[[CellSession], Verdict]], ...]:
+        """Return the trials with their names, in the order in which a fault explains those after it."""
+        return (
+            ("effort at rest", self._rest),
+            ("track", self._track),
+            ("brake", self._brake),
+            ("soft retreat", self._retreat),
+            ("open and close", self._grip),
+            ("camera's view", self._view),
+            ("grasp a block", lambda cell: self._grasp(cell, "block")),
+            ("grasp a can", lambda cell: self._grasp(cell, "can")),
+            ("grasp a plate", lambda cell: self._grasp(cell, "plate")),
+        )
+
+    def verdict(self, name: str, trial: Callable[[CellSession], Verdict]) -> Verdict:
+        """Carry out one trial; a failure of the robot or its model is its verdict."""
+        try:
+            if self._cell is None:
+                self._cell = CellSession(SCENE, robot=self._robot)
+            verdict = trial(self._cell)
+        except Failure as failure:
+            verdict = self._failed(name, failure.cause.name, failure.message)
+        except (PicktreeError, np.linalg.LinAlgError) as error:
+            verdict = self._failed(name, "error", str(error))
+        if not verdict.good:
+            self._cell = None
+        return verdict
+
+    def _failed(self, name: str, cause: str, message: str, places: tuple[TargetPlace, ...] = ()) -> Verdict:
+        told, file = f"{cause}: {message}", self._tested.file
+        if name in _OWN:
+            return Verdict(name, False, told, f"look at {_OWN[name]} in {file}")
+        if "reach" in message and (found := reach_advice(self._tested, places, file)) is not None:
+            return Verdict(name, False, f"{told}; {found[0]}", found[1])
+        scene = None if self._cell is None else self._cell.world.scene
+        bodies = () if scene is None else (*scene.fixtures, *scene.bins, *(str(o.id) for o in scene.objects))
+        return Verdict(name, False, told, advice(cause, message, file, self._tested.skeleton.links, bodies))
+
+    def _rest(self, cell: CellSession) -> Verdict:
+        world, model = cell.world, self._tested.model
+        home, names = model.named("home"), self._tested.description.joints
+        left: list[Array] = []
+        for _ in cell_ticks(cell, REST_TIME):
+            left.append(static_external_torque(model, world.control.state))
+        residual = np.abs(np.mean(left[len(left) // 2 :], axis=0))
+        bound = np.maximum(MAX_UNEXPLAINED_SHARE * model.torque_limit, MIN_UNEXPLAINED)
+        k = int((residual / bound).argmax())
+        sag = np.abs(world.control.state.position - home)
+        if residual[k] > bound[k]:
+            told = f"{names[k]} exerts {residual[k]:.1f} Nm more or less than gravity explains"
+            change = (
+                f"look at <inertial> of the links beyond {names[k]} in the URDF, or at 'inertias:' in "
+                f"{self._tested.file}"
+            )
+            return Verdict("effort at rest", False, told, change)
+        if sag.max() > MAX_SAG:
+            k = int(sag.argmax())
+            told = f"{names[k]} sags by {1000 * sag[k]:.1f} mrad with {model.torque_limit[k]:g} Nm"
+            return Verdict(
+                "effort at rest", False, told, f"raise 'torque' of {names[k]} in {self._tested.file}"
+            )
+        told = f"within {residual.max():.2f} Nm of gravity; held within {1000 * sag.max():.2f} mrad"
+        return Verdict("effort at rest", True, told)
+
+    def _track(self, cell: CellSession) -> Verdict:
+        worst = np.zeros(self._tested.model.n)
+        speed = 0.0
+        for pose in (self._other_pose(), "home"):
+            error, most = self._moved(cell, pose)
+            worst, speed = np.maximum(worst, error), max(speed, most)
+        k = int(worst.argmax())
+        name = self._tested.description.joints[k]
+        if worst[k] > MAX_TRACKING_ERROR:
+            change = f"lower 'acceleration' of {name} in {self._tested.file}, or raise its 'torque'"
+            return Verdict("track", False, f"{name} lags by {1000 * worst[k]:.1f} mrad", change)
+        told = f"within {1000 * worst[k]:.1f} mrad at {100 * speed:.0f} % of the joints' speeds"
+        return Verdict("track", True, told)
+
+    def _moved(self, cell: CellSession, pose: str) -> tuple[Array, float]:
+        """Move to a named pose. Return the greatest error (n,), rad, and speed as a share of the limits."""
+        world, model = cell.world, self._tested.model
+        plan = cell.perform(world.plan.to(NamedGoal(pose), node="track"))
+        worst, speed = np.zeros(model.n), 0.0
+
+        def watched() -> Generator[None]:
+            nonlocal worst, speed
+            for _ in world.move.along(plan.trajectory, node="track"):
+                state, reference = world.control.state, world.control.reference
+                if reference is not None:
+                    worst = np.maximum(worst, np.abs(reference - state.position))
+                speed = max(speed, float((np.abs(state.velocity) / model.velocity_limit).max()))
+                yield
+
+        cell.perform(watched())
+        return worst, speed
+
+    def _other_pose(self) -> str:
+        """Return a named pose other than `home`; `home` when there is none."""
+        home, named = self._tested.model.named("home"), self._tested.description.named
+        others = (name for name in ("observe", "rest") if name in named)
+        return next((name for name in others if not np.allclose(named[name], home)), "home")
+
+    def _brake(self, cell: CellSession) -> Verdict:
+        world, model = cell.world, self._tested.model
+        plan = cell.perform(world.plan.to(NamedGoal(self._other_pose()), node="brake"))
+        fastest = _fastest(plan.trajectory)
+
+        def braked() -> Generator[None, None, tuple[float, float]]:
+            motion = world.move.along(plan.trajectory, node="brake")
+            begun = cell.time
+            for _ in motion:
+                if cell.time - begun >= fastest:
+                    break
+                yield
+            speed = float((np.abs(world.control.state.velocity) / model.velocity_limit).max())
+            motion.close()
+            begun = cell.time
+            while not world.control.at_rest and cell.time - begun < 3 * MAX_BRAKING_TIME:
+                yield
+            return speed, cell.time - begun
+
+        speed, took = cell.perform(braked())
+        told = f"at rest {took:.2f} s after {100 * speed:.0f} % of the joints' speeds"
+        change = f"lower 'velocity' or raise 'acceleration' and 'torque' in {self._tested.file}"
+        return Verdict("brake", took <= MAX_BRAKING_TIME, told, change if took > MAX_BRAKING_TIME else "")
+
+    def _retreat(self, cell: CellSession) -> Verdict:
+        result = cell.run(SafeRetreat())
+        if not result:
+            return self._failed("soft retreat", result.cause, result.message)
+        left = np.abs(cell.world.control.state.position - self._tested.model.named("home")).max()
+        return Verdict(
+            "soft retreat", True, f"home after {result.seconds:.1f} s, within {1000 * left:.1f} mrad"
+        )
+
+    def _grip(self, cell: CellSession) -> Verdict:
+        gripper, hand = self._tested.description.gripper, cell.world.gripper
+        begun = cell.time
+        shut = cell.perform(hand.close(CLOSING_FORCE))
+        took = cell.time - begun
+        cell.perform(hand.open())
+        told = f"shut at {1000 * shut:.1f} mm after {took:.2f} s, open at {1000 * hand.width:.1f} mm"
+        good = shut <= gripper.min_width + SHUT_OPENING and (
+            abs(hand.width - gripper.max_width) <= SHUT_OPENING
+        )
+        change = f"look at 'pads:', 'max_width' and 'linkage:' under 'gripper:' in {self._tested.file}"
+        return Verdict("open and close", good, told, "" if good else change)
+
+    def _view(self, cell: CellSession) -> Verdict:
+        shares = hidden_shares(self._tested.model, cell.world.description, self._tested.model.named("home"))
+        told = ", ".join(f"{name}: the arm hides {100 * share:.0f} %" for name, share in shares.items())
+        good = all(share <= MAX_HIDDEN_SHARE for share in shares.values())
+        change = (
+            f"choose another 'home' under 'poses:' in {self._tested.file}: its arm stands before the camera, "
+            "and nothing below it is seen"
+        )
+        return Verdict(
+            "camera's view", good, f"{told} of the items' part of the table", "" if good else change
+        )
+
+    def _grasp(self, cell: CellSession, kind: str) -> Verdict:
+        """Grasp an item and put it into its bin. After a touch on the way it retreats and tries once more: a
+        hand that leaves a bin may meet what lies there."""
+        name = f"grasp a {kind}"
+        verdict, cause = self._grasped(cell, kind, name)
+        if cause == causes.world.DISTURBED.name and cell.run(SafeRetreat()):
+            verdict, _ = self._grasped(cell, kind, name)
+        return verdict
+
+    def _grasped(self, cell: CellSession, kind: str, name: str) -> tuple[Verdict, str]:
+        """Return the verdict of one attempt, and the cause of its failure."""
+        cell.run(Observe())
+        found = next((o for o in cell.world.scene.objects if o.kind == kind), None)
+        if found is None:
+            change = f"see 'camera's view'; else look at 'base:' in {self._tested.file}"
+            return Verdict(name, False, f"no {kind} is seen", change), ""
+        tested = self._tested
+        if (narrow := opening_advice(tested.description.gripper, found, tested.file)) is not None:
+            return Verdict(name, False, *narrow), ""
+        into = cell.world.scene.destination(found.id)
+        bin_ = next(b for b in cell.world.description.bins if b.id == into)
+        places = (
+            TargetPlace(found.id, np.array(found.pose.position)),
+            TargetPlace(bin_.id, bin_.pose.apply(np.array([0.0, 0.0, bin_.size[2] + HEIGHT_OVER_BIN]))),
+        )
+        steps = (Grasp(object=found.id), Place(object=found.id, into=bin_.id))
+        result = next((r for r in map(cell.run, steps) if not r), None)
+        if result is not None:
+            return self._failed(name, result.cause, result.message, places), result.cause
+        told = f"held and put into its bin, {cell.time:.1f} s after the cell's start"
+        return Verdict(name, True, told), ""
+
+
+_OWN = {"open and close": "'gripper:'", "camera's view": "'home' under 'poses:'"}
+"""Entry of a robot file that the failure of a trial goes back to, whatever its cause is."""
+
+
+def cell_ticks(cell: CellSession, seconds: float) -> Generator[None]:
+    """Let `seconds` of simulated time pass, and yield after each tick."""
+    until = cell.time + seconds
+    while cell.time < until - 1e-9:
+        cell.perform(_one_tick())
+        yield
+
+
+def _one_tick() -> Generator[None]:
+    yield
+
+
+def _fastest(trajectory: Trajectory) -> float:
+    """Return the time at which a trajectory is fastest, s."""
+    return float(trajectory.times[int(np.abs(trajectory.velocity).max(axis=1).argmax())])

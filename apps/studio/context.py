@@ -1,0 +1,219 @@
+"""Declarations that a mission's text may use: nodes, plug-ins where they are trusted, and sub-trees."""
+
+from __future__ import annotations
+
+import os
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import yaml
+
+from ...authoring.drawing.chart import symbol_of
+from ...authoring.editor.open_file import OpenFile, library_trees
+from ...authoring.editor.outline import Outline, outline
+from ...authoring.editor.syntax import Source, Syntax, source_of
+from ...authoring.editor.text_repair import read_repaired
+from ...authoring.file_kinds import file_schema
+from ...authoring.schema.schema_parts import Schema
+from ...files.errors import PicktreeError
+from ...files.marks import FileError
+from ...files.yaml.document import Document, read_document
+from ...trees.declaration import NodeDeclaration
+from ...trees.fault_collector import MissionDiagnostics
+from ...trees.loading.plugin import PLUGINS_VARIABLE
+from ...trees.loading.registry import NodeRegistry, installed_entries
+from ...trees.loading.tree_ports import TreePorts
+from ...trees.loading.tree_set import IncludeReader
+from ...trees.mission import LIBRARY, MAIN, FilesOnDisk, path_of
+
+_KEPT: Final = 16
+
+
+@dataclass(frozen=True, slots=True)
+class ReadText:
+    """Text as far as it can be read. `whole` is false where a fault of form had to be repaired for it."""
+
+    source: Source
+    whole: bool
+
+
+def read_text(text: str, file: str) -> ReadText | None:
+    """Read a text that is being written; None when nothing of it can be read."""
+    try:
+        return ReadText(source_of(text), True)
+    except yaml.YAMLError:
+        pass
+    repaired = read_repaired(text, file)
+    if repaired is None:
+        return None
+    try:
+        return ReadText(source_of(repaired[1]), False)
+    except yaml.YAMLError:
+        return None
+
+
+class MissionContext:
+    """Nodes and sub-trees of one mission, its own trees left out."""
+
+    def __init__(
+        self, registry: NodeRegistry, included: Mapping[str, NodeDeclaration], left_out: str
+    ) -> None:
+        self.registry = registry
+        self.included = included
+        self.left_out = left_out
+        """Reason why nodes of plug-ins are missing; empty: none are."""
+        self._symbols: dict[str, str] = {}
+        self._known: dict[str, NodeDeclaration | None] = {}
+
+    def known(self, identity: str) -> NodeDeclaration | None:
+        """Return the declaration of a node, or of a sub-tree of another file."""
+        if identity not in self._known:  # the registry looks at the disk for each
+            node = self.registry.find(identity)
+            self._known[identity] = node.declaration if node is not None else self.included.get(identity)
+        return self._known[identity]
+
+    def symbol(self, identity: str) -> str:
+        """Return the symbol of a node in pictures."""
+        found = self._symbols.get(identity)
+        if found is None:
+            declaration = self.known(identity)
+            found = self._symbols[identity] = symbol_of(declaration) if declaration is not None else "unknown"
+        return found
+
+    def outline(self, source: Source) -> Outline:
+        return outline(source, self.known)
+
+
+class MissionContexts:
+    """Contexts by what a text includes, read once while the files stay the same."""
+
+    def __init__(self) -> None:
+        self._registry = NodeRegistry()
+        self._kept: OrderedDict[tuple[object, ...], MissionContext] = OrderedDict()
+
+    def of(self, path: Path, source: Source) -> MissionContext:
+        """Return the context of a text. `path`: its file."""
+        included, plugins = _words(source.root, "include"), _words(source.root, "plugins")
+        folder = path.parent
+        files = [path_of(name, folder) for name in included] + [folder / name for name in plugins]
+        trusted = os.environ.get(PLUGINS_VARIABLE) != "refuse"
+        changes = (*installed_entries(), *(_changed(file) for file in files))
+        key = (folder, included, plugins, trusted, changes)
+        found = self._kept.get(key)
+        if found is None:
+            found = self._kept[key] = self._made(path, included, plugins)
+            while len(self._kept) > _KEPT:
+                self._kept.popitem(last=False)
+        self._kept.move_to_end(key)
+        return found
+
+    def _made(self, path: Path, included: tuple[str, ...], plugins: tuple[str, ...]) -> MissionContext:
+        registry = self._registry.copy()
+        problems: list[str] = []
+        documents = _included(path, included)
+        named = [(plugin, path.parent) for plugin in plugins]
+        for document in documents:
+            given = document.data.get("plugins")
+            if isinstance(given, list):
+                named += [(plugin, document.path.parent) for plugin in given if isinstance(plugin, str)]
+        for plugin, folder in named:
+            try:
+                registry.add_plugin(plugin, folder)
+            except PicktreeError as error:
+                problems.append(str(error))
+        trees = {
+            tree.id: tree for document in documents for tree in tree_declarations(document) if tree.id != MAIN
+        }
+        return MissionContext(registry, trees, "; ".join(problems))
+
+
+def library_declarations() -> dict[str, tuple[NodeDeclaration, str]]:
+    """Return the sub-trees that come with picktree, each with the name under which it is included."""
+    files = FilesOnDisk(LIBRARY)
+    found: dict[str, tuple[NodeDeclaration, str]] = {}
+    for file in dict.fromkeys(file for _, file in library_trees()):
+        for tree in tree_declarations(files.document(file)):
+            found[tree.id] = tree, file
+    return found
+
+
+def tree_declarations(document: Document) -> list[NodeDeclaration]:
+    """Return the trees of a document as nodes that can be called."""
+    bodies = document.data.get("trees")
+    declared = TreePorts(document, MissionDiagnostics())
+    return [
+        NodeDeclaration(
+            name,
+            declared.doc(name, body) or f"A sub-tree of {document.path.name}.",
+            "subtree",
+            declared.of(name, body),
+        )
+        for name, body in (bodies if isinstance(bodies, dict) else {}).items()
+    ]
+
+
+def _included(path: Path, names: tuple[str, ...]) -> tuple[Document, ...]:
+    """Return the files that a mission includes, as far as they can be read."""
+    if not names:
+        return ()
+    text = "".join(["picktree: 1\nkind: mission\ninclude:\n", *(f"  - {name}\n" for name in names)])
+    try:
+        head = read_document(path, "mission", text)
+    except FileError:
+        return ()
+    return IncludeReader(FilesOnDisk(path.parent), MissionDiagnostics()).of(head)
+
+
+def _words(root: Syntax, key: str) -> tuple[str, ...]:
+    found = root.child(key)
+    return (
+        tuple(item.text for item in found.value.items if item.kind == "scalar") if found is not None else ()
+    )
+
+
+def _changed(file: Path) -> int:
+    try:
+        return file.stat().st_mtime_ns
+    except OSError:
+        return 0
+
+
+class MissionTexts:
+    """Readers of texts, with the contexts and nodes that the texts share."""
+
+    def __init__(self) -> None:
+        self._contexts = MissionContexts()
+        self._registry = NodeRegistry()
+
+    def context(self, path: Path, reading: ReadText) -> MissionContext:
+        return self._contexts.of(path, reading.source)
+
+    def read(self, path: Path, text: str) -> tuple[MissionContext, ReadText]:
+        """Read a text. Raises PicktreeError when nothing of it can be read."""
+        reading = read_text(text, str(path))
+        if reading is None:
+            raise PicktreeError("the text cannot be read: mend its faults of form first")
+        return self.context(path, reading), reading
+
+    def file(self, path: Path, text: str) -> OpenFile:
+        return OpenFile(path, text, self._registry, _schema_of)
+
+
+def own_trees(path: Path, text: str) -> list[NodeDeclaration]:
+    """Return the trees of a text itself as nodes that can be called."""
+    try:
+        document = read_document(path, "mission", text)
+    except PicktreeError:
+        return []
+    return [tree for tree in tree_declarations(document) if tree.id != MAIN]
+
+
+def _schema_of(kind: str) -> Schema:
+    match kind:
+        case "scene" | "robot" | "faults" | "cases":
+            return file_schema(kind)
+        case _:
+            return {}

@@ -1,0 +1,195 @@
+"""Live slice: the calls with which the page starts runs, watches them and steers them."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import socket
+import struct
+import time
+from collections.abc import AsyncIterator, Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from starlette.routing import BaseRoute
+
+from ...files.errors import PicktreeError
+from ...logs.mcap.sealed_file import is_written
+from ...session.attach_socket import SOCKET_NAME, connect_to_run
+from .calls import JsonValue, call, watch
+from .job_records import Job
+from .jobs import job_text
+from .run_start import RunOrder, run_command, start_form
+from .slice import Studio
+
+if TYPE_CHECKING:
+    from .followed_run import FollowedRun
+
+MAX_RUNS: Final = 4
+"""Number of runs of the folder that may go on at once."""
+_LIVE: Final = "#/live/"
+_ENDED: Final = "live.ended"
+"""Name of what is done at the end of a run's job."""
+_PERIOD: Final = 0.5
+_START_TIME: Final = 120.0
+"""Time for a new run to appear, wall s: a robot is read, and its meshes are made when they are new."""
+_SKIPPED: Final = frozenset({"node_modules", "__pycache__"})
+_MAX_DEPTH: Final = 3
+"""Depth of folders below the studio's in which runs are looked for."""
+
+
+class LiveSlice:
+    """Calls on runs that go on. They are found by the sockets in their folders, whoever started them."""
+
+    def __init__(self, studio: Studio) -> None:
+        self._workspace = studio.workspace
+        self._jobs = studio.jobs
+        self._jobs.finishers[_ENDED] = _show_as_kept
+        self._followed: dict[str, FollowedRun] = {}
+        self._beginning: dict[str, asyncio.Lock] = {}
+        self._over: set[str] = set()
+        """Folders of runs that have ended."""
+
+    def routes(self) -> Sequence[BaseRoute]:
+        return ()
+
+    async def close(self) -> None:
+        for run in self._followed.values():
+            run.leave()
+
+    @watch("live.runs")
+    async def runs(self) -> AsyncIterator[JsonValue]:
+        """Yield the runs of the folder that go on, again whenever they change."""
+        before: list[JsonValue] | None = None
+        while True:
+            now = await asyncio.to_thread(self._going_on)
+            if now != before:
+                yield now
+                before = now
+            await asyncio.sleep(_PERIOD)
+
+    @call("live.form")
+    async def form(self, mission: str) -> JsonValue:
+        """Return what a mission and the folder offer for a run."""
+        return await asyncio.to_thread(start_form, self._workspace, mission)
+
+    @call("live.start")
+    async def start(self, order: RunOrder) -> str:
+        """Start a run in a process of its own; return its identity when it can be watched.
+
+        Raises PicktreeError with what it wrote when it ends before.
+        """
+        if len(await asyncio.to_thread(self._going_on)) >= MAX_RUNS:
+            raise PicktreeError(f"{MAX_RUNS} runs go on in this folder; wait for one, or halt one")
+        runs = self._workspace.root / "runs"
+        command = await asyncio.to_thread(run_command, self._workspace, order, runs)
+        job = self._jobs.start(f"Run {order.mission}", command, keeps_on=True, finish=_ENDED)
+        return await self._appeared(job)
+
+    async def _appeared(self, job: Job) -> str:
+        """Return the identity of the job's run when its socket is there."""
+        end = time.monotonic() + _START_TIME
+        while time.monotonic() < end:
+            for found in await asyncio.to_thread(lambda: list(self._sockets())):
+                if job.process and await asyncio.to_thread(_is_of, found, job.process.number):
+                    identity = self._workspace.relative(found)
+                    job.result = f"{_LIVE}{identity}"
+                    self._jobs.write(job)
+                    return identity
+            if job.ended is not None:
+                raise PicktreeError(job_text(job).strip()[-2000:] or "the run has ended at once")
+            await asyncio.sleep(0.05)
+        raise PicktreeError(f"the run has not begun within {_START_TIME:g} s")
+
+    @watch("live.follow")
+    async def follow(self, id: str) -> AsyncIterator[JsonValue]:
+        """Yield everything about a run at first, then what changes, until it ends."""
+        run = await self._run(id)
+        async for event in run.events():
+            yield event
+
+    @call("live.stage")
+    async def stage(self, id: str) -> str:
+        """Return robot and fixed parts of a run for the 3-D view, packed."""
+        run = await self._run(id)
+        return await asyncio.to_thread(run.stage)
+
+    @call("live.command")
+    async def command(self, id: str, line: str) -> str:
+        """Carry out a command of `picktree attach` in a run; return what it says."""
+        run = await self._run(id)
+        return await run.command(line)
+
+    @call("live.take")
+    async def take(self, id: str, mission: str) -> str:
+        """Let a mission of the folder take over between two items; return what is said of it."""
+        file = self._workspace.resolve(mission)
+        run = await self._run(id)
+        return await run.command(f"take {file}")
+
+    async def _run(self, id: str) -> FollowedRun:
+        """Return the run of an identity, connected. Raises PicktreeError when it is not going on."""
+        async with self._beginning.setdefault(id, asyncio.Lock()):
+            known = self._followed.get(id)
+            if known is None or known.ended:
+                from .followed_run import (
+                    FollowedRun,
+                )  # it loads analysis, which a page without runs needs not
+
+                known = FollowedRun(self._workspace.resolve(id))
+                await known.begin()
+                self._followed[id] = known
+            return known
+
+    def _going_on(self) -> list[JsonValue]:
+        """Return the runs that go on, newest first."""
+        found = [folder for folder in self._sockets() if any(map(is_written, folder.glob("*.mcap")))]
+        found.sort(key=_began, reverse=True)
+        return [{"id": self._workspace.relative(each), "began": _began(each)} for each in found]
+
+    def _sockets(self) -> Iterator[Path]:
+        """Yield the folders with a run's socket. A run that was seen to have ended is not looked at again."""
+        todo = [(self._workspace.root, 0)]
+        while todo:
+            folder, depth = todo.pop()
+            below: list[str] = []
+            with suppress(OSError), os.scandir(folder) as entries:
+                below = [entry.path for entry in entries if _may_hold_runs(entry)]
+            for path in below if depth < _MAX_DEPTH else ():
+                if path in self._over:
+                    continue
+                if os.path.lexists(f"{path}/{SOCKET_NAME}"):
+                    yield Path(path)
+                elif os.path.lexists(f"{path}/result.json"):
+                    self._over.add(path)
+                else:
+                    todo.append((Path(path), depth + 1))
+
+
+def _may_hold_runs(entry: os.DirEntry[str]) -> bool:
+    hidden = entry.name.startswith(".") or entry.name in _SKIPPED
+    return not hidden and entry.is_dir(follow_symlinks=False)
+
+
+def _show_as_kept(job: Job) -> None:
+    """Let the result of a run's job be the run as it is kept, when the run has ended."""
+    if job.result.startswith(_LIVE):
+        job.result = f"#/run/{job.result.removeprefix(_LIVE)}"
+
+
+def _began(folder: Path) -> float:
+    with suppress(OSError):
+        return (folder / SOCKET_NAME).stat().st_mtime
+    return 0.0
+
+
+def _is_of(folder: Path, process: int) -> bool:
+    """Whether the run of a folder is that of a process."""
+    try:
+        with connect_to_run(folder) as connection:
+            size = struct.calcsize("3i")
+            found = struct.unpack("3i", connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size))
+            return found[0] == process
+    except (PicktreeError, OSError):
+        return False

@@ -1,0 +1,273 @@
+"""Run slice: the calls with which the page lists, opens, explains, continues and compares runs."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import AsyncIterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path, PurePath
+from typing import Annotated, Final, cast
+
+import orjson
+from pydantic import Field
+from starlette.requests import Request
+from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.routing import BaseRoute, Route
+
+from ...files.errors import PicktreeError
+from ...logs.log_paths import find_log
+from ...logs.optional_libraries import install_command
+from ...logs.run_index import COLUMNS, RunIndex, RunRow
+from ...logs.run_log import RunLog
+from .calls import JsonValue, call, watch
+from .job_records import Job
+from .jobs import job_text
+from .made_files import MadeFiles
+from .run_table import Query, RunTable
+from .security import SANDBOXED
+from .slice import Studio
+
+MAX_WINDOW: Final = 500
+"""Number of rows that one call returns at most."""
+_PERIOD: Final = 0.2
+_WHATIF: Final = "runs.whatif"
+"""Name of what is done at the end of a what-if."""
+_NEW_LOG: Final = re.compile(r"^new log +(.+)$", re.MULTILINE)
+
+Count = Annotated[int, Field(ge=0, le=MAX_WINDOW)]
+Moment = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+
+
+class RunSlice:
+    """Calls on the runs of the folder."""
+
+    def __init__(self, studio: Studio) -> None:
+        self._workspace = studio.workspace
+        self._jobs = studio.jobs
+        self._jobs.finishers[_WHATIF] = self._find_new_run
+        self._table = RunTable(studio.workspace)
+        self._made = MadeFiles(studio.workspace.state.place / "made")
+
+    def routes(self) -> Sequence[BaseRoute]:
+        return (Route("/runs/{id:path}/report", self._report_page),)
+
+    async def close(self) -> None:
+        await self._table.close()
+        await self._made.close()
+
+    @watch("runs.index")
+    async def index(
+        self,
+        where: str = "",
+        text: str = "",
+        sort: str = "written",
+        descending: bool = True,
+        count: Count = 100,
+    ) -> AsyncIterator[JsonValue]:
+        """Yield the number of runs and the first rows, again whenever they change."""
+        query, told = Query(where, text, sort, descending), None
+        self._table.enter()
+        try:
+            while True:
+                snapshot = self._table.snapshot
+                if told != snapshot.version and (snapshot.rows or snapshot.complete):
+                    told = snapshot.version
+                    rows = await asyncio.to_thread(self._table.select, query)
+                    yield {
+                        "version": told,
+                        "total": len(snapshot.rows),
+                        "matched": len(rows),
+                        "complete": snapshot.complete,
+                        "problem": self._table.problem,
+                        "rows": [self._row(row) for row in rows[:count]],
+                    }
+                await asyncio.sleep(_PERIOD if told else 0.02)
+        finally:
+            self._table.leave()
+
+    @call("runs.rows")
+    async def rows(
+        self,
+        where: str = "",
+        text: str = "",
+        sort: str = "written",
+        descending: bool = True,
+        offset: Annotated[int, Field(ge=0)] = 0,
+        count: Count = 100,
+    ) -> JsonValue:
+        """Return a window of the rows that a query finds."""
+        rows = await asyncio.to_thread(self._table.select, Query(where, text, sort, descending))
+        return [self._row(row) for row in rows[offset : offset + count]]
+
+    @call("runs.columns")
+    async def columns(self) -> JsonValue:
+        """Return the names of a condition with their meanings."""
+        return {name: meaning for name, (_, meaning) in COLUMNS.items()}
+
+    def _row(self, row: RunRow) -> dict[str, JsonValue]:
+        return cast("dict[str, JsonValue]", {**row.to_json(), "id": self._table.run_id(row)})
+
+    def log_of(self, id: str) -> Path:
+        """Return the log of a run by its identity. Raises PicktreeError when none is below the folder."""
+        log = find_log(self._workspace.resolve(id))
+        place = self._workspace.resolve(self._workspace.relative(log))
+        if not place.is_file():  # a pipe would be waited for
+            raise PicktreeError(f"{id} is no file of a log")
+        return place
+
+    @call("runs.open")
+    async def open(self, id: str) -> JsonValue:
+        """Return the row of a run, and the texts that it was made from."""
+        return await asyncio.to_thread(self._opened, id)
+
+    def _opened(self, id: str) -> JsonValue:
+        log = self.log_of(id)
+        row = RunIndex(log.parent).row(log.name)
+        opened = cast("dict[str, JsonValue]", row.to_json())
+        opened.update(id=id, folder=id, log=self._workspace.relative(log))
+        with suppress(PicktreeError), RunLog(log) as read:
+            names = read.attachments
+            opened["checkpoints"] = sum(name.startswith("checkpoint") for name in names)
+            opened["parameters"] = dict(read.run.parameters)
+            for name in ("mission", "faults"):
+                if f"{name}.yaml" in names:
+                    opened[f"{name}_text"] = read.attachment(f"{name}.yaml").decode("utf-8", "replace")
+            opened["mission_file"] = self._mission_file(read.run.files, read.run.mission)
+        return opened
+
+    def _mission_file(self, files: Mapping[str, str], name: str) -> str:
+        """Return the path of the run's mission below the folder; empty when it is not there."""
+        _, _, recorded = files.get("mission.yaml", "").partition(" ")
+        with suppress(PicktreeError, ValueError):
+            path = PurePath(recorded)
+            below = path.relative_to(self._workspace.root) if path.is_absolute() else path
+            if self._workspace.resolve(str(below)).is_file():
+                return below.as_posix()
+        return next((each.path for each in self._workspace.files("mission") if each.name == name), "")
+
+    @call("runs.explain")
+    async def explain(self, id: str) -> JsonValue:
+        """Return the explanation of a run, as `picktree explain --json` prints it."""
+        log = self.log_of(id)
+        file = await self._made.made(log, "explain.json", ["explain", str(log), "--json"])
+        return orjson.loads(await asyncio.to_thread(file.read_bytes))
+
+    @call("runs.report")
+    async def report(self, id: str) -> str:
+        """Make the report of a run, unless it is there; return its address."""
+        await self._report(id)
+        return f"/runs/{id}/report"
+
+    async def _report(self, id: str) -> Path:
+        log = self.log_of(id)
+        return await self._made.made(log, "report.html", ["report", str(log), "-o", "{}"])
+
+    async def _report_page(self, request: Request) -> Response:
+        try:
+            file = await self._report(request.path_params["id"])
+        except PicktreeError as error:
+            return PlainTextResponse(f"{error}\n", 404)
+        return FileResponse(file, headers={"content-security-policy": SANDBOXED})
+
+    @call("runs.whatif")
+    async def whatif(
+        self,
+        id: str,
+        at: Moment,
+        mission: str | None = None,
+        mission_file: str = "",
+        faults: str | None = None,
+        no_faults: bool = False,
+    ) -> int:
+        """Go on from the checkpoint before a moment with other texts; return the job's number.
+
+        `mission_file`: mission of the folder in place of the run's; `mission` is then an edit of it. The
+        texts are written as files beside the mission, so that what they name is found.
+        """
+        command = ["whatif", str(self.log_of(id)), "--at", f"{at:.4f}s", "--out", str(self._runs())]
+        opened = await asyncio.to_thread(self._opened, id)
+        assert isinstance(opened, dict)
+        own = mission_file or opened.get("mission_file") or f"{_stem(opened.get('mission'))}.yaml"
+        beside = PurePath(str(own))
+        if mission_file and mission is None:
+            command += ["--mission", str(self._workspace.resolve(mission_file))]
+        for option, text in (("mission", mission), ("faults", faults)):
+            if text is not None:
+                path = beside.with_name(
+                    f"{beside.stem}.what-if{'.faults' if option == 'faults' else ''}.yaml"
+                )
+                place = await asyncio.to_thread(self._write_over, path.as_posix(), text)
+                command += [f"--{option}", str(place)]
+        if no_faults:
+            command.append("--no-faults")
+        return self._jobs.start(f"What if, from {at:.2f} s", command, finish=_WHATIF).number
+
+    def _write_over(self, path: str, text: str) -> Path:
+        """Write a text that the studio itself makes for a command."""
+        version = self._workspace.read(path).version if self._workspace.resolve(path).exists() else None
+        self._workspace.write(path, text, version)
+        return self._workspace.resolve(path)
+
+    def _runs(self) -> Path:
+        """Return where new runs are put."""
+        root, folder = self._workspace.root, self._table.folder
+        holds_runs = folder != root or any(root.glob("*/*.mcap")) or any(root.glob("*.mcap"))
+        return folder if holds_runs else root / "runs"
+
+    def _find_new_run(self, job: Job) -> None:
+        found = _NEW_LOG.search(job_text(job))
+        if found is not None:
+            with suppress(PicktreeError, ValueError):
+                place = (self._workspace.root / found[1].strip()).resolve()
+                job.result = f"#/run/{self._workspace.relative(place.parent)}"
+
+    @call("runs.resim")
+    async def resim(self, id: str) -> int:
+        """Run a log again and compare; return the job's number."""
+        return self._jobs.start(f"Run again: {id}", ["resim", str(self.log_of(id))]).number
+
+    @call("runs.diff")
+    async def diff(self, id: str, other: str) -> int:
+        """Compare two runs; return the job's number."""
+        command = ["diff", str(self.log_of(id)), str(self.log_of(other))]
+        return self._jobs.start("Compare two runs", command).number
+
+    @call("runs.write_report")
+    async def write_report(self, id: str) -> int:
+        """Write the report of a run into the folder `reports`; return the job's number."""
+        path = self._new_file(f"reports/{_stem(id)}.html")
+        command = ["report", str(self.log_of(id)), "-o", str(path)]
+        return self._made_job("Write the page", command, path)
+
+    @call("runs.write_film")
+    async def write_film(self, id: str, start: Moment | None = None, end: Moment | None = None) -> int:
+        """Write a film of a run into the folder `films`; return the job's number."""
+        try:
+            import av  # pyright: ignore[reportUnusedImport]  # noqa: F401
+        except ImportError:
+            raise PicktreeError(f"A film needs the extra 'video': {install_command('video')}") from None
+        path = self._new_file(f"films/{_stem(id)}.mp4")
+        command = ["video", str(self.log_of(id)), "-o", str(path)]
+        command += [] if start is None else ["--from", f"{start:.3f}"]
+        command += [] if end is None else ["--to", f"{end:.3f}"]
+        return self._made_job("Make the film", command, path)
+
+    def _made_job(self, title: str, command: list[str], path: Path) -> int:
+        address = f"/files/{self._workspace.relative(path)}"
+        return self._jobs.start(title, command, result=address).number
+
+    def _new_file(self, path: str) -> Path:
+        """Return the place of a file that is made, in a folder that exists then."""
+        place = self._workspace.resolve(path)
+        try:
+            place.parent.mkdir(exist_ok=True)
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            raise PicktreeError(f"{path} cannot be written: {reason}") from None
+        return place
+
+
+def _stem(id: object) -> str:
+    """Return a name for files of a run."""
+    return re.sub(r"[^\w.-]+", "-", PurePath(str(id)).name).strip(".-")[:120] or "run"

@@ -1,1 +1,0 @@
-"""Formats of drawings: SVG, HTML, DOT and text."""

@@ -1,1 +1,0 @@
-"""Layout of a chart: text sizes, cards, frames and positions."""

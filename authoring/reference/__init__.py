@@ -1,1 +1,0 @@
-"""Reference of nodes: purpose, ports and causes, from their declarations."""

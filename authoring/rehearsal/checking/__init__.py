@@ -1,1 +1,0 @@
-"""Check of cases against their mission."""

@@ -1,1 +1,0 @@
-"""Stage of a rehearsal: world, stubs, spies and trace."""

@@ -1,0 +1,334 @@
+"""Trace of a rehearsed case: its events in order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+from ...files.marks import Location
+from ...files.node_patterns import node_matches
+from ...trees.blackboard import BlackboardWrite
+from ...trees.controls import NODES
+from ...trees.declaration import Resource
+from ...trees.flow import NEXT, ChildFlow, CleanUp, Recovery
+from ...trees.mission import Mission, NodeSpec
+from ...trees.node import Node
+from ...trees.ports import PortDeclaration
+from ...trees.status import NodeStatus
+from ...world.causes import Cause, FailureReport, Family, perception
+from ...world.journal import JournalEvent, Plain
+from ...world.run_events import HandledEvent, InternalErrorEvent, RecoveryEvent
+from .cases_schema import LeafAnswer, LeafScript
+
+_LANGUAGE_NODES = frozenset(NODES)
+
+
+@dataclass(frozen=True, slots=True)
+class NodeRole:
+    """One node of the built tree. `text` is its path in the tree of the file."""
+
+    path: str
+    text: str
+    spec: NodeSpec
+    branch: str = ""
+    """Slot and label of the node where they have a meaning: `when grasp.missed`, `otherwise`."""
+
+    recovers: bool = False
+    """Whether it runs only after a failure: a handler, or an alternative of a Fallback."""
+    played: bool = False
+    """Whether a case answers for the node; nodes of the language run themselves."""
+    causes: tuple[Cause | Family, ...] = ()
+    """Causes with which the node itself may fail under its wiring."""
+    needed: tuple[PortDeclaration, ...] = ()
+    """Outputs that the mission reads and that only a case can give."""
+
+
+def is_stubbed(node: type[Node]) -> bool:
+    """Whether a stub replaces the node: a leaf outside the language that does more than change the belief."""
+    return node.played and node not in _LANGUAGE_NODES and not node.declaration.slots
+
+
+def may_fail_with(role: NodeRole) -> tuple[Cause | Family, ...]:
+    """Return the causes of a leaf under its wiring; a leaf that looks may lack an image under any wiring."""
+    node = role.spec.node
+    looks = node is not None and perception.NO_IMAGE in node.causes
+    return (*role.causes, perception.NO_IMAGE) if looks else role.causes
+
+
+def follows_from_belief(port: PortDeclaration, uses: tuple[Resource, ...]) -> bool:
+    """Whether an output needs no answer: a camera lists the items that the belief has to do."""
+    return Resource.CAMERA in uses and port.type.name == "object" and port.type.many
+
+
+@dataclass(frozen=True, slots=True)
+class NodeRoles:
+    """All nodes of a mission, parents first."""
+
+    all: tuple[NodeRole, ...]
+
+    def fitting(self, pattern: str) -> tuple[NodeRole, ...]:
+        return tuple(role for role in self.all if node_matches(pattern, role.path))
+
+
+def roles_of(mission: Mission) -> NodeRoles:
+    """Return the roles of all nodes of the built tree, without `Main` itself."""
+    return NodeRoles(tuple(_walk(mission, mission.main.root, mission.main.name, mission.main.name, "")))
+
+
+def _walk(
+    mission: Mission, spec: NodeSpec, above: str, text: str, branch: str, *, recovers: bool = False
+) -> Iterator[NodeRole]:
+    path, text, node = f"{above}/{spec.name}", f"{text}/{spec.name}", spec.node
+    role = NodeRole(path, text, spec, branch, recovers)
+    if node is not None:
+        declared = node.declaration
+        wired = [port for port in declared.outputs if port.key in spec.ports]
+        needed = tuple(port for port in wired if not follows_from_belief(port, declared.uses))
+        causes = declared.causes_with(spec.ports)
+        role = replace(role, played=is_stubbed(node), causes=causes, needed=needed)
+    yield role
+    if spec.node is None:
+        called = mission.trees[spec.id]
+        yield from _walk(mission, called.root, role.path, called.name, "")
+    for slot, filled in spec.slots.items():
+        for index, (label, child) in enumerate(filled):
+            below = f"{slot} {label}".strip() if label or slot != "do" else ""
+            recovers = node is not None and _runs_after_failure(node, slot, index, len(filled))
+            yield from _walk(mission, child, role.path, role.text, below, recovers=recovers)
+
+
+def _runs_after_failure(parent: type[Node], slot: str, index: int, count: int) -> bool:
+    """Whether that child starts only when another child has failed."""
+    flow = parent.flow
+    if isinstance(flow, Recovery):
+        return slot != "do" or index > 0
+    if isinstance(flow, CleanUp):
+        return index == count - 1
+    return type(flow) is ChildFlow and flow.failure == NEXT and index > 0
+
+
+@dataclass(slots=True)
+class _Turns:
+    script: LeafScript
+    given: int = 0
+
+
+class ScriptedAnswers:
+    """Answers by start count of each pattern; the first pattern that matches a node counts."""
+
+    def __init__(self, scripts: Iterable[LeafScript]) -> None:
+        self._turns = [_Turns(script) for script in scripts]
+
+    def answer(self, path: str) -> LeafAnswer | None:
+        """Return the next answer of the leaf at that path; None when the case gives none."""
+        turns = next((t for t in self._turns if node_matches(t.script.pattern, path)), None)
+        if turns is None or not turns.script.answers:
+            return None
+        number, turns.given = turns.given, turns.given + 1
+        if number < len(turns.script.answers):
+            return turns.script.answers[number]
+        return turns.script.otherwise or turns.script.answers[-1]
+
+    def unused(self) -> tuple[Location, ...]:
+        """Return the places of answers that no leaf has used."""
+        return tuple(
+            answer.loc
+            for turns in self._turns
+            for number, answer in enumerate(turns.script.everything)
+            if number >= turns.given
+        )
+
+
+@dataclass(slots=True)
+class LeafRun:
+    """One run of a leaf, from its start to its end."""
+
+    tick: int
+    """Tick of the start, from 1."""
+    path: str
+    last: int | None = None
+    """Tick of the end; None while the leaf runs."""
+    outcome: str = "RUNNING"
+    """SUCCESS, FAILURE, SKIPPED or HALTED; RUNNING before the end."""
+    cause: str = ""
+    message: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class LeafStarted:
+    """Start of a leaf."""
+
+    tick: int
+    run: LeafRun
+
+
+@dataclass(frozen=True, slots=True)
+class LeafEnded:
+    """End or halt of a leaf."""
+
+    tick: int
+    run: LeafRun
+
+
+@dataclass(frozen=True, slots=True)
+class ConditionAnswered:
+    """Answer of a precondition for a node that does not start, or changed answer of a condition node."""
+
+    tick: int
+    path: str
+    status: NodeStatus
+
+
+@dataclass(frozen=True, slots=True)
+class KeyWritten:
+    """Write of a value to the blackboard."""
+
+    tick: int
+    path: str
+    key: str
+    value: Plain
+
+
+@dataclass(frozen=True, slots=True)
+class ControlFailed:
+    """Failure of a control node with a cause of its own."""
+
+    tick: int
+    path: str
+    cause: str
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class FailureHandled:
+    """Failure that went no further: `by` handled it, with `handler` where handlers have names."""
+
+    tick: int
+    cause: str
+    failed: str
+    by: str
+    handler: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class NoteTaken:
+    """Event that a node adds to the journal."""
+
+    tick: int
+    path: str
+    kind: str
+    message: str
+
+
+Event: TypeAlias = (
+    LeafStarted | LeafEnded | ConditionAnswered | KeyWritten | ControlFailed | FailureHandled | NoteTaken
+)
+
+
+MAX_EVENTS = 20_000
+"""Maximum number of events of one case: nobody reads more."""
+
+
+class Trace:
+    """Collector of the events of one case, called by nodes and stubs."""
+
+    def __init__(self, played: Iterable[str]) -> None:
+        self.tick = 1
+        """Present tick, from 1."""
+        self._played = frozenset(played)
+        self._open: dict[str, LeafRun] = {}
+        self._handlers: dict[str, str] = {}
+        self._said: dict[str, NodeStatus] = {}
+        self.writes: Callable[[], tuple[BlackboardWrite, ...]] = tuple
+        self.events: list[Event] = []
+        self.runs: list[LeafRun] = []
+        self._begun: dict[str, int] = {}
+        self.started: dict[str, int] = {}
+        """Tick of the first start of every node that has started."""
+        self.handled: list[FailureHandled] = []
+        self.faults: list[str] = []
+        """Program faults (internal.error)."""
+        self.raised: set[tuple[str, str]] = set()
+        """Path and cause of every failure, at its origin."""
+
+    # Called by the tree.
+
+    def begun(self, path: str) -> None:
+        """Record the start of a node."""
+        self.flush()
+        self._begun[path] = self.tick
+        self.started.setdefault(path, self.tick)
+        if path in self._played:
+            run = LeafRun(self.tick, path)
+            self._open[path] = run
+            self.runs.append(run)
+            self._add(LeafStarted(run.tick, run))
+
+    def stepped(self, path: str, before: NodeStatus, status: NodeStatus) -> None:
+        """Record a tick. A node that was not RUNNING and did not start was stopped by a precondition."""
+        self.flush()
+        if before is not NodeStatus.RUNNING and self._begun.get(path) != self.tick:
+            self._add(ConditionAnswered(self.tick, path, status))
+
+    def ended(self, path: str, status: NodeStatus, failure: FailureReport | None) -> None:
+        """Record the end of a stub."""
+        if failure is not None:
+            self.raised.add((path, failure.cause.name))
+        if path in self._open:
+            self._end(self._open[path], status.value, failure)
+
+    def halted(self, path: str) -> None:
+        """Record the halt of a running stub."""
+        self.flush()
+        run = self._open.get(path)
+        if run is not None:
+            self._end(run, "HALTED", None)
+
+    def says(self, path: str, status: NodeStatus) -> None:
+        """Record the answer of a condition node if it differs from the last."""
+        if self._said.get(path) is not status:
+            self._said[path] = status
+            self._add(ConditionAnswered(self.tick, path, status))
+
+    def failed(self, report: FailureReport) -> None:
+        """Record the failure of a control node with a cause of its own."""
+        self.flush()
+        self.raised.add((report.node, report.cause.name))
+        self._add(ControlFailed(self.tick, report.node, report.cause.name, report.message))
+
+    def took_up(self, by: str, report: FailureReport, *, by_handlers: bool) -> None:
+        """Record that `by` did not fail although a node below did; `by_handlers`: only with a known
+        handler."""
+        self.flush()
+        handler = self._handlers.pop(by, "")
+        if by_handlers and not handler:
+            return
+        handled = FailureHandled(self.tick, report.cause.name, report.node, by, handler)
+        self.handled.append(handled)
+        self._add(handled)
+
+    def noted(self, entry: JournalEvent) -> None:
+        self.flush()
+        if isinstance(entry, RecoveryEvent):
+            self._handlers[entry.node] = entry.handler
+        if isinstance(entry, InternalErrorEvent):
+            self.faults.append(entry.message)
+        if not isinstance(entry, RecoveryEvent | HandledEvent):
+            self._add(NoteTaken(self.tick, entry.node, entry.kind, entry.message))
+
+    def flush(self, also: tuple[BlackboardWrite, ...] = ()) -> None:
+        """Record the blackboard writes up to now; `also` holds writes taken before."""
+        for write in (*also, *self.writes()):
+            self._add(KeyWritten(self.tick, write.node, write.key, write.value))
+
+    def _end(self, run: LeafRun, outcome: str, failure: FailureReport | None) -> None:
+        del self._open[run.path]
+        run.last, run.outcome = self.tick, outcome
+        if failure is not None:
+            run.cause, run.message = failure.cause.name, failure.message
+        self._add(LeafEnded(run.last, run))
+
+    def _add(self, event: Event) -> None:
+        if len(self.events) < MAX_EVENTS:
+            self.events.append(event)

@@ -1,0 +1,303 @@
+"""Comparison of a case's result with its expectation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import cast
+
+from ...files.marks import Location, Mark, where
+from ...files.node_patterns import node_matches
+from ...files.yaml.document import Document
+from ...trees.blackboard import Namespace
+from ...trees.port_types import show
+from ...trees.references import Reference, attribute
+from ...trees.runner import BehaviourTree, SubTree
+from ...trees.status import NodeStatus
+from ...world.causes import FailureReport, matches
+from .cases_schema import (
+    ANY_LEAVES,
+    OUTCOMES,
+    Expectation,
+    ExpectedHandling,
+    ExpectedStart,
+    RehearsalCase,
+)
+from .rehearsal_world import RehearsalWorld
+from .trace import LeafRun
+
+
+@dataclass(frozen=True, slots=True)
+class OrderMismatch:
+    """First entry of `order` that does not match."""
+
+    loc: Location
+    message: str
+    tick: int | None
+
+
+def compare_order(
+    order: Sequence[ExpectedStart], runs: Sequence[LeafRun], loc: Location
+) -> OrderMismatch | None:
+    """Return the first mismatch of the leaves' order; None when all entries match.
+
+    `...` stands for any number of leaves. Each stretch between two of them is searched from left to right,
+    which finds a match whenever one exists.
+    """
+    stretches = _stretches(order)
+    wrong = _first_wrong(stretches[0], runs, 0, loc, to_end=len(stretches) == 1)
+    if wrong is not None or len(stretches) == 1:
+        return wrong
+    position = len(stretches[0])
+    for stretch in stretches[1:-1]:
+        found = _find(stretch, runs, position)
+        if found is None:
+            return _nearest_miss(stretch, runs, position)
+        position = found + len(stretch)
+    return _at_end(stretches[-1], runs, position, loc)
+
+
+def _stretches(order: Sequence[ExpectedStart]) -> list[tuple[ExpectedStart, ...]]:
+    """Return the entries before the first `...`, between two, and after the last; the outer ones may be
+    empty."""
+    parts: list[list[ExpectedStart]] = [[]]
+    for turn in order:
+        if turn.pattern == ANY_LEAVES:
+            parts.append([])
+        else:
+            parts[-1].append(turn)
+    inner = [part for part in parts[1:-1] if part]
+    outer = [parts[0], *inner, parts[-1]] if len(parts) > 1 else parts
+    return [tuple(part) for part in outer]
+
+
+def _first_wrong(
+    turns: Sequence[ExpectedStart], runs: Sequence[LeafRun], start: int, loc: Location, *, to_end: bool
+) -> OrderMismatch | None:
+    for number, turn in enumerate(turns):
+        run = runs[start + number] if start + number < len(runs) else None
+        if run is None or not _fits(turn, run):
+            return _wrong(turn, run)
+    rest = runs[start + len(turns) :]
+    if to_end and rest:
+        return OrderMismatch(loc, f"the order ends, but {rest[0].path} starts", rest[0].tick)
+    return None
+
+
+def _find(turns: Sequence[ExpectedStart], runs: Sequence[LeafRun], start: int) -> int | None:
+    for begin in range(start, len(runs) - len(turns) + 1):
+        if all(_fits(turn, runs[begin + n]) for n, turn in enumerate(turns)):
+            return begin
+    return None
+
+
+def _at_end(
+    turns: Sequence[ExpectedStart], runs: Sequence[LeafRun], position: int, loc: Location
+) -> OrderMismatch | None:
+    if not turns:
+        return None
+    begin = len(runs) - len(turns)
+    if begin >= position:
+        return _first_wrong(turns, runs, begin, loc, to_end=True)
+    return _nearest_miss(turns, runs, position)
+
+
+def _nearest_miss(turns: Sequence[ExpectedStart], runs: Sequence[LeafRun], position: int) -> OrderMismatch:
+    """Return the entry that fails where most entries before it match."""
+
+    def fitting(begin: int) -> int:
+        count = 0
+        while count < len(turns) and begin + count < len(runs) and _fits(turns[count], runs[begin + count]):
+            count += 1
+        return count
+
+    begin = max(range(position, len(runs) + 1), key=lambda b: (fitting(b), -b), default=position)
+    count = min(fitting(begin), len(turns) - 1)
+    if count == 0:
+        before = runs[position - 1] if position else None
+        after = f" after {before.path}" if before else ""
+        message = f"{_wanted(turns[0])} is expected{after}, but does not come"
+        return OrderMismatch(turns[0].loc, message, before.tick if before else None)
+    run = runs[begin + count] if begin + count < len(runs) else None
+    return _wrong(turns[count], run)
+
+
+def _wrong(turn: ExpectedStart, run: LeafRun | None) -> OrderMismatch:
+    if run is None:
+        return OrderMismatch(turn.loc, f"{_wanted(turn)} is expected, but no further leaf starts", None)
+    if node_matches(turn.pattern, run.path):
+        ended = run.cause or run.outcome
+        return OrderMismatch(
+            turn.loc, f"{turn.outcome} is expected of {run.path}, which is {ended}", run.tick
+        )
+    return OrderMismatch(turn.loc, f"{_wanted(turn)} is expected, but {run.path} starts", run.tick)
+
+
+def _fits(turn: ExpectedStart, run: LeafRun) -> bool:
+    if not node_matches(turn.pattern, run.path):
+        return False
+    if not turn.outcome or turn.outcome in OUTCOMES:
+        return not turn.outcome or turn.outcome == run.outcome
+    return bool(run.cause) and matches(turn.outcome, run.cause)
+
+
+def _wanted(turn: ExpectedStart) -> str:
+    return f"{turn.pattern} with {turn.outcome}" if turn.outcome else turn.pattern
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectationMiss:
+    """One difference from the expectation: its place in the file, and the tick in which it shows."""
+
+    mark: Mark
+    where: str
+    """Place of the value in its case: `expect.order[3]`."""
+    message: str
+    tick: int | None = None
+
+    def __str__(self) -> str:
+        when = f" (tick {self.tick})" if self.tick is not None else ""
+        return f"{self.mark}: {self.where}: {self.message}{when}"
+
+
+@dataclass(frozen=True, slots=True)
+class CaseOutcome:
+    """End of a case."""
+
+    ticks: int
+    status: NodeStatus
+    failure: FailureReport | None
+    tree: BehaviourTree
+    world: RehearsalWorld
+
+
+def differences(document: Document, case: RehearsalCase, outcome: CaseOutcome) -> tuple[ExpectationMiss, ...]:
+    """Return all differences from the case's expectation; impossible answers come first."""
+    return tuple(_Comparison(document, case, outcome).all())
+
+
+class _Comparison:
+    def __init__(self, document: Document, case: RehearsalCase, outcome: CaseOutcome) -> None:
+        self._document, self._case, self._outcome = document, case, outcome
+        self._trace = outcome.world.trace
+
+    def all(self) -> Iterator[ExpectationMiss]:
+        expect, outcome = self._case.expect, self._outcome
+        for found in outcome.world.contradictions:
+            yield self._at(self._case.loc, f"this cannot be: {found.path}: {found}", outcome.ticks)
+        for sentence in dict.fromkeys(self._trace.faults):
+            yield self._at(self._case.loc, f"a fault of the program: {sentence}", outcome.ticks)
+        yield from self._end(expect)
+        if expect.order is not None:
+            found = compare_order(expect.order, self._trace.runs, (*expect.loc, "order"))
+            if found is not None:
+                yield self._at(found.loc, found.message + self._unknown_traits(), found.tick)
+        for wanted in expect.handled:
+            yield from self._handled(wanted)
+        for number, pattern in enumerate(expect.never):
+            first = next((p for p in self._trace.started if node_matches(pattern, p)), None)
+            if first is not None:
+                loc = (*expect.loc, "never", number)
+                yield self._at(loc, f"{first} has started", self._trace.started[first])
+        yield from self._facts(expect.facts, (*expect.loc, "facts"))
+        yield from self._objects(expect, (*expect.loc, "objects"))
+        for key, value in expect.blackboard.items():
+            yield from self._blackboard(key, value, (*expect.loc, "blackboard", key))
+
+    def _unknown_traits(self) -> str:
+        """Return which item is still to be done because the case does not give what rules ask for."""
+        for item, traits in self._outcome.world.belief.misplaced_for_want_of():
+            cure = f"then: {{objects: {{{item.id}: {{{traits[0]}: …}}}}}}"
+            return (
+                f"; {item.id} lies in {item.place} and is still to be done: the scene's rules ask for its "
+                f"{traits[0]}, which the case does not give ('{cure}' in an answer)"
+            )
+        return ""
+
+    def _at(self, loc: Location, message: str, tick: int | None = None) -> ExpectationMiss:
+        return ExpectationMiss(self._document.mark(loc), where(loc[2:]) or self._case.name, message, tick)
+
+    def _end(self, expect: Expectation) -> Iterator[ExpectationMiss]:
+        outcome, failure = self._outcome, self._outcome.failure
+        if expect.status is not None and outcome.status.value != expect.status:
+            why = f": {failure.cause} at {failure.node}: {failure.message}" if failure else ""
+            message = f"{expect.status} is expected, but the mission is {outcome.status.value}{why}"
+            yield self._at((*expect.loc, "status"), message, outcome.ticks)
+        if expect.cause is not None and (failure is None or not matches(expect.cause, failure.cause)):
+            got = f"it fails with {failure.cause}" if failure else f"it is {outcome.status.value}"
+            got += " without a cause" if outcome.status is NodeStatus.FAILURE and failure is None else ""
+            yield self._at((*expect.loc, "cause"), f"{expect.cause} is expected, but {got}", outcome.ticks)
+        if expect.ticks is not None and expect.status is None and outcome.status is NodeStatus.RUNNING:
+            yield self._at((*expect.loc, "ticks"), "the mission still runs", outcome.ticks)
+
+    def _handled(self, wanted: ExpectedHandling) -> Iterator[ExpectationMiss]:
+        of_cause = [h for h in self._trace.handled if matches(wanted.cause, h.cause)]
+        found = [
+            h
+            for h in of_cause
+            if (not wanted.by or node_matches(wanted.by, h.by))
+            and (not wanted.handler or h.handler == wanted.handler)
+        ]
+        by = f" by {wanted.by}" if wanted.by else ""
+        by += f" with {wanted.handler!r}" if wanted.handler else ""
+        if wanted.times is not None and len(found) != wanted.times:
+            message = f"{wanted.cause} is taken up{by} {_times(len(found))}, not {_times(wanted.times)}"
+            yield self._at(wanted.loc, message, found[-1].tick if found else None)
+        elif not found:
+            other = of_cause[0] if of_cause else None
+            got = "nobody takes it up"
+            if other is not None:
+                got = f"{other.by} takes it up" + (f" with {other.handler!r}" if other.handler else "")
+            message = f"{wanted.cause} is not taken up{by}: {got}"
+            yield self._at(wanted.loc, message, other.tick if other else None)
+
+    def _facts(self, wanted: Mapping[str, object], loc: Location) -> Iterator[ExpectationMiss]:
+        facts = self._outcome.world.facts()
+        for name, value in wanted.items():
+            if not _same(facts.get(name), value):
+                yield self._at((*loc, name), f"it is {show(facts.get(name))}, not {show(value)}")
+
+    def _objects(self, expect: Expectation, loc: Location) -> Iterator[ExpectationMiss]:
+        scene = self._outcome.world.scene
+        for name, entry in expect.objects.items():
+            known = scene.find(name)
+            if entry is None or known is None:
+                if (entry is None) != (known is None):
+                    says = "is still in the belief" if known else "is not in the belief"
+                    yield self._at((*loc, name), f"{name!r} {says}")
+                continue
+            for field in sorted(entry.model_fields_set):
+                value, wanted = attribute(scene, name, field), getattr(entry, field)
+                if not _same(value, wanted):
+                    yield self._at((*loc, name, field), f"it is {show(value)}, not {show(wanted)}")
+
+    def _blackboard(self, key: str, wanted: object, loc: Location) -> Iterator[ExpectationMiss]:
+        owner, _, name = key.rpartition("/")
+        spaces = namespaces(self._outcome.tree, owner)
+        written = [space for space in spaces if space.has(name)]
+        if not written:
+            yield self._at(loc, f"nothing has written {name!r}")
+        for space in written:
+            value = space.read(Reference(name), self._outcome.world.scene)
+            if not _same(value, wanted):
+                yield self._at(loc, f"it is {show(value)}, not {show(wanted)}")
+                return
+
+
+def namespaces(tree: BehaviourTree, owner: str) -> list[Namespace]:
+    """Return the namespaces of sub-trees that match the pattern; that of `Main` when it is empty."""
+    root = cast("SubTree", tree.root)
+    subtrees = [node for node in tree.nodes if isinstance(node, SubTree)]
+    return [node.inside for node in subtrees if node_matches(owner, node.path)] if owner else [root.inside]
+
+
+def _times(number: int) -> str:
+    return "once" if number == 1 else f"{number} times"
+
+
+def _same(value: object, wanted: object) -> bool:
+    """Whether the values are equal in YAML's sense: true is not 1, but 1 is 1.0."""
+    if isinstance(value, list) and isinstance(wanted, Sequence) and not isinstance(wanted, str):
+        values, all_wanted = cast("list[object]", value), cast("Sequence[object]", wanted)
+        return len(values) == len(all_wanted) and all(map(_same, values, all_wanted))
+    return isinstance(value, bool) == isinstance(wanted, bool) and value == wanted

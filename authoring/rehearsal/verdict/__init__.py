@@ -1,1 +1,0 @@
-"""Results of rehearsals, and their output."""

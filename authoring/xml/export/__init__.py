@@ -1,1 +1,0 @@
-"""Export of missions to BehaviorTree.CPP's XML."""

@@ -1,1 +1,0 @@
-"""Parts of BehaviorTree.CPP's XML."""

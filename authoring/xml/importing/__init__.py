@@ -1,1 +1,0 @@
-"""Import of missions from BehaviorTree.CPP's XML."""

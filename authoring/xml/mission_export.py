@@ -1,0 +1,380 @@
+"""Exporter: converts a mission to the elements of a BehaviorTree.CPP 4 file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from typing import cast
+
+from ...files.expressions.expression import Expression
+from ...files.marks import Diagnostic, FileError, Mark
+from ...trees.declaration import AUTOREMAP, POSTCONDITIONS
+from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec
+from ...trees.node import Node
+from ...trees.port_types import PortType
+from ...trees.ports import PortDeclaration
+from ...trees.references import Assignment, Binding, Constant, PortExpression, Reference
+from . import btcpp_vocabulary, tree_nodes_model
+from .btcpp_vocabulary import SlotRow, indexes_text, table_text
+from .element import Comments, Element
+from .key_types import KeyTypes, fits
+from .literal_text import is_pointer, value_text
+from .loose_comments import with_loose_comments
+from .script_export import NotExpressible, assignments_script, constant_script, expression_text, script
+from .switch_export import TRUTH_LABELS, TruthSwitches
+from .xml_text import to_text, unfit
+
+_DELETE = "\x7f"
+
+
+def mission_to_xml(mission: Mission) -> str:
+    """Return the mission as XML text. Raises FileError with everything that cannot be expressed there."""
+    exporter = XmlExporter(mission)
+    root = exporter.root()
+    if exporter.faults:
+        raise FileError(exporter.faults)
+    return to_text(root)
+
+
+class XmlExporter:
+    """Converter of the trees of one mission to elements."""
+
+    def __init__(self, mission: Mission) -> None:
+        self.faults: list[Diagnostic] = []
+        self._mission = mission
+        self._comments = Comments(mission.text)
+        self._models: dict[str, Element] = {}
+        self._called: set[str] = set()
+        """Names of the sub-tree instances of the present tree: each may be used once."""
+        self._types = KeyTypes(mission)
+        self._switches = TruthSwitches(mission)
+
+    def root(self) -> Element:
+        """Return the root element of the file."""
+        comments = self._comments.at_the_top()
+        for key in ("kind", "name", "scene", "goal", "include", "plugins", "library", "trees"):
+            if key in self._mission.document.data:
+                comments += self._comments.above(self._mission.document.key_mark((key,)).line)
+        trees = tuple(self.tree(tree) for tree in self._mission.trees.values())
+        trees, below = with_loose_comments(trees, self._comments.rest())
+        parts = (*trees, Element("TreeNodesModel", {}, (*self._tree_models(), *self._node_models())))
+        attributes = {"BTCPP_format": btcpp_vocabulary.XML_FORMAT}
+        if MAIN in self._mission.trees:
+            attributes["main_tree_to_execute"] = MAIN
+        root = Element("root", attributes, parts, comments=comments, comments_below=below)
+        self.faults += self._types.faults
+        self._check_characters(root)
+        return root
+
+    def tree(self, tree: TreeSpec) -> Element:
+        if btcpp_vocabulary.taken(tree.name):
+            self._fault(tree.mark, f"trees.{tree.name}", f"{tree.name!r} is a name of BehaviorTree.CPP's own",
+                        "give the tree another name", code="P920")  # fmt: skip
+        for port in tree.ports:
+            self._check_port(port, tree.mark, f"trees.{tree.name}")
+        self._called = set()
+        comments = self._above(tree.mark)
+        root = self.node(tree.root, tree.name)
+        said = {btcpp_vocabulary.DESCRIPTION: tree.doc} if tree.doc else {}
+        return Element("BehaviorTree", {"ID": tree.name, **said}, (root,), comments=comments, mark=tree.mark)
+
+    # Models.
+
+    def _tree_models(self) -> Iterable[Element]:
+        for index, tree in enumerate(self._mission.trees.values()):
+            fields = tree_nodes_model.head(self._mission) if index == 0 else []
+            if self.included(tree):
+                fields.append({tree_nodes_model.INCLUDED: "true"})
+            yield tree_nodes_model.tree_model(tree, fields, self._default)
+
+    def included(self, tree: TreeSpec) -> bool:
+        """Whether the tree is in another file."""
+        return tree.mark.file != str(self._mission.document.path)
+
+    def _node_models(self) -> Iterable[Element]:
+        return (self._models[identity] for identity in sorted(self._models))
+
+    def _use(self, identity: str, model: Callable[[], Element]) -> None:
+        if identity not in self._models:
+            self._models[identity] = model()
+
+    # Nodes.
+
+    def node(self, spec: NodeSpec, above: str) -> Element:
+        trail = f"{above}/{spec.name}"
+        comments = self._above(spec.mark)
+        element = self._of_class(spec, spec.node, trail) if spec.node else self._call(spec, trail)
+        if spec.breakpoint is not None:
+            element = _with(element, {btcpp_vocabulary.BREAKPOINT: spec.breakpoint})
+        return replace(self._conditioned(spec, element), comments=comments, mark=spec.mark)
+
+    def _of_class(self, spec: NodeSpec, node: type[Node], trail: str) -> Element:
+        match spec.id:
+            case "Condition":
+                return self._condition(spec)
+            case "SetBlackboard":
+                return self._set_blackboard(spec, trail)
+            case "Script":
+                return self._script(spec)
+            case "Switch":
+                return self._switch(spec, trail)
+            case "Repeat" if "while" in spec.ports:
+                self._use(
+                    btcpp_vocabulary.REPEAT_WHILE,
+                    lambda: tree_nodes_model.repeat_while_model(
+                        node.declaration, self._types.loose(btcpp_vocabulary.REPEAT_WHILE)
+                    ),
+                )
+                return self._plain(spec, node, btcpp_vocabulary.REPEAT_WHILE, trail)
+            case identity if identity in btcpp_vocabulary.SHARED_NODES:
+                return self._plain(spec, node, identity, trail)
+            case identity:
+                if btcpp_vocabulary.taken(identity):
+                    message = f"{identity!r} is a name of BehaviorTree.CPP's own"
+                    self._fault(spec.mark, trail, message, "give the node another ID", code="P920")
+                for port in node.declaration.ports:
+                    self._check_port(port, spec.mark, trail)
+                loose = self._types.loose(identity)
+                self._use(identity, lambda: tree_nodes_model.node_model(node.declaration, loose))
+                return self._plain(spec, node, identity, trail)
+
+    def _plain(self, spec: NodeSpec, node: type[Node], identity: str, trail: str) -> Element:
+        """Return a node with its ports as attributes, and its children as elements."""
+        attributes = self._named(spec, identity)
+        for key, bound in spec.ports.items():
+            port = node.declaration.port(key)
+            if port is not None:
+                attributes[key] = self._bound(bound, port, spec, trail)
+        children: list[Element] = []
+        for key, filled in spec.slots.items():
+            slot = node.declaration.slot(key)
+            rows = [SlotRow(label, len(children) + index) for index, (label, _) in enumerate(filled)]
+            if slot is not None and key != "do":
+                table = slot.arity == "table"
+                attributes[key] = table_text(rows) if table else indexes_text(row.child for row in rows)
+            children += (self.node(child, trail) for _, child in filled)
+        return Element(identity, attributes, tuple(children))
+
+    def _bound(self, bound: Binding, port: PortDeclaration, spec: NodeSpec, trail: str) -> str:
+        if isinstance(bound, Reference):
+            return str(bound)
+        mark = spec.places.get(port.key, spec.mark)
+        if isinstance(bound, PortExpression):
+            message = f"port {port.key!r}: BehaviorTree.CPP has no expressions as values of ports"
+            hint = f'set a key before, as "{{{port.key}}}" by SetBlackboard, and give the key'
+            self._fault(mark, trail, message, hint, code="P929")
+            return ""
+        text = (
+            value_text(bound.value, port.type) if spec.node else self._given(bound.value, port, spec, trail)
+        )
+        self._check_text(text, f"port {port.key!r}", mark, trail)
+        kind = btcpp_vocabulary.PORT_TYPES.get(port.key, "")
+        if spec.id in btcpp_vocabulary.SHARED_NODES and not fits(kind, bound.value):
+            message = f"port {port.key!r}: BehaviorTree.CPP counts with 32 bits, not to {text}"
+            self._fault(mark, trail, message, code="P923")
+        elif spec.id in btcpp_vocabulary.SHARED_NODES and kind == "unsigned" and not _whole(bound.value):
+            message = f"port {port.key!r}: BehaviorTree.CPP counts whole milliseconds, not {text}"
+            self._fault(mark, trail, message, code="P923")
+        return text
+
+    def _given(self, value: object, port: PortDeclaration, spec: NodeSpec, trail: str) -> str:
+        """Return the literal of a sub-tree's port."""
+        text = self._types.literal(spec.id, port, value)
+        if text is None:
+            self._fault(spec.mark_at(port.key), trail, *_a_number(port.key, value), code="P926")
+        return text or ""
+
+    def _default(self, tree: TreeSpec, port: PortDeclaration) -> str:
+        """Return the default of a tree's port."""
+        text = self._types.literal(tree.name, port, port.default)
+        if text is None:
+            mark = tree.places.get(port.key, tree.mark)
+            self._fault(mark, f"trees.{tree.name}", *_a_number(port.key, port.default), code="P926")
+        return text or ""
+
+    def _named(self, spec: NodeSpec, identity: str) -> dict[str, str]:
+        """Return the attribute `name` if the node's name differs from its ID, else nothing."""
+        name = spec.name.partition("#")[0]
+        if name == spec.id:
+            return {}
+        if _DELETE in name:  # which BehaviorTree.CPP refuses in a name
+            return {"name": name.replace(_DELETE, ""), btcpp_vocabulary.OWN_NAME: name}
+        return {btcpp_vocabulary.OWN_NAME: name} if name == identity else {"name": name}
+
+    def _condition(self, spec: NodeSpec) -> Element:
+        bound = cast("Constant", spec.ports["if"])
+        expression = cast("Expression", bound.value)
+        try:
+            return Element(
+                "ScriptCondition", {**self._named(spec, "ScriptCondition"), "code": script(expression)}
+            )
+        except NotExpressible:
+            self._use(btcpp_vocabulary.CHECK, tree_nodes_model.check_model)
+            return Element(
+                btcpp_vocabulary.CHECK, {**self._named(spec, btcpp_vocabulary.CHECK), "if": expression.text}
+            )
+
+    def _set_blackboard(self, spec: NodeSpec, trail: str) -> Element:
+        """Export a SetBlackboard. Numbers and truth values keep their type in a Script only."""
+        bound, key = spec.ports["value"], cast("Reference", spec.ports["output_key"]).key
+        named = self._named(spec, "SetBlackboard")
+        if isinstance(bound, PortExpression):
+            with suppress(NotExpressible):
+                return Element(
+                    "Script", {**named, "code": assignments_script([Assignment(key, bound.value)])}
+                )
+            port = cast("type[Node]", spec.node).declaration.port("value")
+            assert port is not None
+            text = self._bound(bound, port, spec, trail)
+        elif isinstance(bound, Constant):
+            value = bound.value
+            text = value_text(value, PortType("any"))
+            if text != value:
+                with suppress(NotExpressible):
+                    said = {"code": constant_script(key, value), btcpp_vocabulary.SETS: "true"}
+                    return Element("Script", {**named, **said})
+            self._check_text(text, "port 'value'", spec.places.get("value", spec.mark), trail)
+        else:
+            text = str(bound)
+        return Element("SetBlackboard", {**named, "value": text, "output_key": key})
+
+    def _script(self, spec: NodeSpec) -> Element:
+        given = spec.postconditions["code"]
+        try:
+            return Element("Script", {**self._named(spec, "Script"), "code": assignments_script(given)})
+        except NotExpressible:
+            self._use(btcpp_vocabulary.ASSIGN, tree_nodes_model.assign_model)
+            named = self._named(spec, btcpp_vocabulary.ASSIGN)
+            return Element(btcpp_vocabulary.ASSIGN, {**named, "code": _assignments(given)})
+
+    def _switch(self, spec: NodeSpec, trail: str) -> Element:
+        cases = spec.slots["cases"]
+        identity = f"Switch{len(cases)}"
+        if identity not in btcpp_vocabulary.BUILT_IN:
+            self._use(identity, lambda: tree_nodes_model.switch_model(len(cases)))
+        attributes = self._named(spec, identity)
+        port = cast("type[Node]", spec.node).declaration.port("variable")
+        assert port is not None
+        attributes["variable"] = self._bound(spec.ports["variable"], port, spec, trail)
+        truth = self._switches.decides(spec)
+        for index, (label, _) in enumerate(cases, 1):
+            self._check_text(label, f"the case {label!r}", spec.mark, trail)
+            if truth is None and label in TRUTH_LABELS:
+                message = f"{spec.ports['variable']} may be a truth value, which is a number there: {label!r}"
+                hint = "compare it in Conditions, or switch over a text"
+                self._fault(spec.mark_at(f"cases/{label}"), trail, message, hint, code="P927")
+            attributes[f"case_{index}"] = TRUTH_LABELS.get(label, label) if truth else label
+        default = spec.slots.get("default")
+        if default:
+            last = self.node(default[0][1], trail)
+        else:
+            last = Element("AlwaysFailure", {btcpp_vocabulary.NO_CASE: "true"})
+        return Element(identity, attributes, (*(self.node(child, trail) for _, child in cases), last))
+
+    def _above(self, mark: Mark) -> tuple[str, ...]:
+        """Return the comments above a line of the mission's own file."""
+        own = mark.file == str(self._mission.document.path)
+        return self._comments.above(mark.line) if own else ()
+
+    # Sub-trees.
+
+    def _call(self, spec: NodeSpec, trail: str) -> Element:
+        attributes = {"ID": spec.id} | self._instance(spec)
+        left_out: list[str] = []
+        if spec.autoremap is not None:
+            attributes[AUTOREMAP] = "true"
+        for port in self._mission.trees[spec.id].ports:
+            bound = spec.ports.get(port.key)
+            if port.key in (spec.autoremap or ()) or (port.remapped and bound is None):
+                continue
+            if bound is not None:
+                attributes[port.key] = self._bound(bound, port, spec, trail)
+            elif port.direction == "out":
+                # Without a key to write to, BehaviorTree.CPP refuses the whole file.
+                attributes[port.key] = f"{{_unused_{spec.id}_{port.key}}}"
+                left_out.append(port.key)
+            elif value_text(port.default, port.type) == "":
+                # BehaviorTree.CPP ignores an empty default.
+                attributes[port.key] = ""
+                left_out.append(port.key)
+        if left_out:
+            attributes[btcpp_vocabulary.LEFT_OUT] = " ".join(left_out)
+        return Element("SubTree", attributes)
+
+    def _instance(self, spec: NodeSpec) -> dict[str, str]:
+        """Return the name of a sub-tree instance; BehaviorTree.CPP refuses equal names in one tree."""
+        named = self._named(spec, spec.id)
+        name = named.get("name")
+        if name is None:
+            return {}
+        instance, number = name, 1
+        while instance in self._called:
+            number += 1
+            instance = f"{name} ({number})"
+        self._called.add(instance)
+        own = {btcpp_vocabulary.OWN_NAME: name} if instance != name else {}
+        return {"name": instance} | own | {key: value for key, value in named.items() if key != "name"}
+
+    # Conditions.
+
+    def _conditioned(self, spec: NodeSpec, element: Element) -> Element:
+        """Return the element with conditions as attributes, or within a Guarded where scripts cannot express
+        all."""
+        after = {key: spec.postconditions[key] for key in POSTCONDITIONS if key in spec.postconditions}
+        if not spec.preconditions and not after:
+            return element
+        try:
+            said = {key: script(expression) for key, expression in spec.preconditions.items()}
+            said |= {key: assignments_script(given) for key, given in after.items()}
+            return _with(element, said)
+        except NotExpressible:
+            self._use(btcpp_vocabulary.GUARDED, tree_nodes_model.guarded_model)
+            ours = {
+                btcpp_vocabulary.GUARDS[key]: expression.text
+                for key, expression in spec.preconditions.items()
+            }
+            ours |= {btcpp_vocabulary.GUARDS[key]: _assignments(given) for key, given in after.items()}
+            return Element(btcpp_vocabulary.GUARDED, ours, (element,))
+
+    # Faults.
+
+    def _check_port(self, port: PortDeclaration, mark: Mark, trail: str) -> None:
+        if port.key == "ID":
+            message = "BehaviorTree.CPP keeps the attribute 'ID' for itself"
+            self._fault(mark, trail, message, "give the port another name", code="P921")
+
+    def _check_text(self, text: str, what: str, mark: Mark, trail: str) -> None:
+        if is_pointer(text):
+            message = f"{what}: BehaviorTree.CPP reads {text!r} as a key of the blackboard"
+            self._fault(mark, trail, message, "leave out the braces", code="P922")
+
+    def _check_characters(self, root: Element) -> None:
+        for element in root.iterate():
+            for text in (*element.attributes.values(), element.text):
+                if character := unfit(text):
+                    shown = f"U+{ord(character):04X}"
+                    mark = Mark(str(self._mission.document.path), 1, 1)
+                    message = f"<{element.name}>: no XML file can hold the character {shown}"
+                    self._fault(mark, "", message, "leave it out", code="P924")
+
+    def _fault(self, mark: Mark, trail: str, message: str, hint: str = "", *, code: str) -> None:
+        self.faults.append(Diagnostic(mark, trail, message, hint, code))
+
+
+def _with(element: Element, attributes: Mapping[str, str]) -> Element:
+    return Element(element.name, {**element.attributes, **attributes}, element.children, element.text)
+
+
+def _assignments(assignments: Iterable[Assignment]) -> str:
+    return "; ".join(f"{a.key} {':=' if a.new else '='} {expression_text(a.value.root)}" for a in assignments)
+
+
+def _a_number(key: str, value: object) -> tuple[str, str]:
+    """Return message and hint of a text that BehaviorTree.CPP stores as a number."""
+    message = f"port {key!r}: BehaviorTree.CPP takes {value!r} for a number, and a node reads a text from it"
+    return message, "write a text that is no number, or set a key with SetBlackboard and give that"
+
+
+def _whole(value: object) -> bool:
+    return not isinstance(value, float) or (value.is_integer() and value >= 0)

@@ -1,0 +1,346 @@
+"""Importer of nodes: elements of trees as nodes of a mission."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ...files.value_wording import suggest_name
+from ...files.yaml.writer import MarkedValue
+from ...trees.declaration import AUTOREMAP, NodeDeclaration
+from ...trees.loading.registry import NodeRegistry
+from ...trees.node import Node
+from ...trees.port_types import PortType
+from ...trees.ports import SlotDeclaration
+from . import btcpp_vocabulary
+from .attributes import COMMON, ElementReader, NodeDraft, alone
+from .btcpp_vocabulary import SlotRow, read_indexes, read_table
+from .element import Element
+from .import_faults import ImportFaults
+from .key_flow import FALSE_WORDS, TRUE_WORDS, KeyFlow
+from .literal_text import is_pointer
+from .port_import import TreePort, literal_type
+from .renaming import identifier
+from .source import XmlSource
+from .stubs import StubNode, stub_class
+from .translations import Translations
+
+
+@dataclass(slots=True)
+class ImportContext:
+    """State of one import, for the reading of nodes."""
+
+    source: XmlSource
+    registry: NodeRegistry
+    faults: ImportFaults
+    flow: KeyFlow
+    stubs: Mapping[str, StubNode]
+    """Stubs by the ID in XML."""
+    ports: Mapping[str, tuple[TreePort, ...]]
+    aliases: Mapping[str, str]
+    """IDs of nodes of plug-ins by the ID in XML."""
+    enums: Mapping[str, int] = field(default_factory=dict[str, int])
+    trails: dict[str, str] = field(default_factory=dict[str, str])
+    """Path of the first use of each stub, by the ID in XML."""
+    _classes: dict[str, type[Node]] = field(default_factory=dict[str, type[Node]])
+
+    @property
+    def ours(self) -> bool:
+        """Whether picktree wrote the file."""
+        return bool(self.source.said("picktree"))
+
+    def stub_class(self, stub: StubNode) -> type[Node]:
+        """Return the class of a stub, made once and known to the registry."""
+        if stub.id not in self._classes:
+            made = self._classes[stub.id] = stub_class(stub)
+            self.registry.add([made], "stubs")
+        return self._classes[stub.id]
+
+
+class XmlNodeReader(ElementReader):
+    """Reader of the elements of one import."""
+
+    def __init__(self, context: ImportContext) -> None:
+        super().__init__(context.faults)
+        self._registry = context.registry
+        self._trees = context.ports
+        self._context = context
+        self.enums = context.enums
+        self._translations = Translations(self, context.enums)
+        self.switches = self._translations.switches
+        self._made = set[str]()
+        """Keys that the import has made."""
+
+    def literal_type(self, tree: str, key: str, declared: PortType) -> PortType:
+        """Return the type with which a literal for a key of a tree is read."""
+        return declared if self._context.ours else literal_type(self._context.flow, tree, key, declared)
+
+    def is_read(self, key: str) -> bool:
+        """Whether anything reads a key of the present tree."""
+        return self._context.flow.group(self.tree, key).read is not None
+
+    def is_created(self, key: str) -> bool:
+        """Whether anything makes a key of the present tree."""
+        return self._context.ours or self._context.flow.group(self.tree, key).created
+
+    def tree_root(self, name: str, element: Element) -> NodeDraft:
+        """Read the root node of a tree."""
+        self.tree = name
+        return self.node(element.children[0], self._context.source.called(name))
+
+    def node(self, element: Element, above: str) -> NodeDraft:
+        """Read one element and its descendants."""
+        identity = element.identity
+        if not identity:
+            message = f"<{element.name}> needs the attribute 'ID'"
+            hint = 'as <ScriptCondition code="…"/>' if element.name == "Condition" else ""
+            self.fault(element.mark, above, message, hint, code="P905")
+            return NodeDraft.of("AlwaysSuccess", element.mark)
+        trail = f"{above}/{element.get('name') or identity}"
+        if element.text:
+            message = f"the text {element.text[:30]!r} has no meaning here"
+            self.faults.note(element.mark, trail, message, "a comment stands in <!-- -->", code="P905")
+        if element.name not in btcpp_vocabulary.ELEMENTS and "ID" in element.attributes:
+            message = f"<{element.name}> has no attribute 'ID'"
+            hint = "the ID is the element's name, or stands in <Action>, <Condition>, <Control>, <Decorator>"
+            self.fault(element.place("ID"), trail, message, hint, code="P908")
+        draft = self._draft(element, identity, trail)
+        self.common(element, draft, trail)
+        return draft
+
+    def _draft(self, element: Element, identity: str, trail: str) -> NodeDraft:
+        if element.name == "SubTree":
+            return self._subtree(element, identity, trail)
+        stub = self._context.stubs.get(identity)
+        if stub is not None:
+            return self._stubbed(element, stub, trail)
+        node = self._registry.find(self._context.aliases.get(identity, identity))
+        if identity == btcpp_vocabulary.REPEAT_WHILE:
+            node = self._registry.find("Repeat")
+        translation = self._translations.of(identity)
+        # The ID is BehaviorTree.CPP's own: those names are refused for other nodes.
+        foreign = identity == "ForEach" and "vector_in" in element.attributes
+        if translation is not None and (node is None or foreign or identity in ("SetBlackboard", "Script")):
+            return translation(element, trail)
+        if node is not None:
+            return self._declared(element, node.declaration, trail)
+        self._unknown(element, identity, trail)
+        for child in element.children:
+            self.node(child, trail)
+        return NodeDraft.of("AlwaysSuccess", element.mark)
+
+    def _unknown(self, element: Element, identity: str, trail: str) -> None:
+        mark = element.place("ID")
+        if identity in btcpp_vocabulary.FOREIGN:
+            message = f"{identity!r} has no counterpart"
+            self.fault(mark, trail, message, btcpp_vocabulary.FOREIGN[identity], code="P907")
+        elif identity in self._trees:
+            hint = f'a sub-tree is called by <SubTree ID="{identity}"/>'
+            self.fault(mark, trail, f"unknown node {identity!r}", hint, code="P906")
+
+    def _stubbed(self, element: Element, stub: StubNode, trail: str) -> NodeDraft:
+        """Read a node that picktree does not know; what is missing is reported once for all of them."""
+        self._context.trails.setdefault(stub.source, trail)
+        declaration = self._context.stub_class(stub).declaration
+        draft = NodeDraft.of(stub.id, element.mark, declaration.keys)
+        for port in stub.ports:
+            if port.name in element.attributes:
+                text, mark = element.get(port.name), element.place(port.name)
+                if port.direction == "out" and not is_pointer(text):
+                    if text.strip():
+                        message = f"the output {port.name!r} needs a key in braces, not {text!r}"
+                        self.faults.note(mark, trail, f"{message}; it is left out", code="P918")
+                elif is_pointer(text):
+                    bare = text.strip(" ")
+                    draft.put(port.key, f"{{{port.name}}}" if bare == "{=}" else bare, mark)
+                else:
+                    draft.put(port.key, self.value(element, port.name, port.type, trail), mark)
+            elif port.remapped:
+                draft.put(port.key, port.remapped, element.mark)
+        names = {port.name for port in stub.ports}
+        for key in element.attributes:
+            if key not in names and key not in COMMON and key != "ID" and key.startswith("_"):
+                self.no_port(element, key, stub.source, (), trail)
+        if element.children and not declaration.slots:
+            self.count(element, stub.source, 0, 0, trail)
+        elif declaration.slots:
+            self._children(draft, element, declaration, [], trail)
+        return draft
+
+    def _declared(self, element: Element, declaration: NodeDeclaration, trail: str) -> NodeDraft:
+        draft = NodeDraft.of(declaration.id, element.mark, declaration.keys)
+        slots = [slot for slot in declaration.slots if slot.key != "do"]
+        for key in element.attributes:
+            port = declaration.port(key) or declaration.port(identifier(key))
+            if port is not None and port.takes == "key":
+                draft.put(key, f"{{{element.get(key).strip('{} ')}}}", element.place(key))
+            elif port is not None:
+                self.port(draft, port.key, port.type, element, key, trail)
+            elif key not in (*COMMON, "ID", *(slot.key for slot in slots)):
+                known = (*(p.key for p in declaration.ports), *(slot.key for slot in slots), "name")
+                self.no_port(element, key, declaration.id, known, trail)
+        for port in self._context.source.node_models.get(element.identity, element).all("input_port"):
+            key, default = port.get("name"), port.get("default")
+            if is_pointer(default) and key not in element.attributes and declaration.port(key) is not None:
+                draft.put(key, f"{{{key}}}" if default.strip() == "{=}" else default.strip(" "), element.mark)
+        self._children(draft, element, declaration, slots, trail)
+        return draft
+
+    def _children(
+        self,
+        draft: NodeDraft,
+        element: Element,
+        declaration: NodeDeclaration,
+        slots: list[SlotDeclaration],
+        trail: str,
+    ) -> None:
+        main = declaration.slot("do")
+        if main is None and not slots:
+            self.count(element, declaration.id, 0, 0, trail)
+            return
+        children = list(element.children)
+        rows = {slot.key: self._rows(element, slot, trail) for slot in slots}
+        taken = [row.child for found in rows.values() for row in found]
+        if slots and not self._fits(element, taken, len(children), trail):
+            return
+        free = [child for index, child in enumerate(children) if index not in taken]
+        if main is not None and main.arity == "one":
+            self.count(element, declaration.id, 1 if main.required else 0, 1, trail, len(free))
+            if free:
+                draft.put("do", alone(self.node(free[0], trail).written()))
+        elif main is not None and free:
+            items = [self.node(child, trail).written() for child in free]
+            draft.put("do", MarkedValue(element.mark, items=items))
+        elif free:
+            message = "no slot is given for some of the children"
+            self.fault(free[0].mark, trail, message, f"'{slots[0].key}' names them", code="P915")
+        for slot in slots:
+            if rows[slot.key]:
+                self._slot(draft, slot, rows[slot.key], element, trail)
+
+    def _rows(self, element: Element, slot: SlotDeclaration, trail: str) -> tuple[SlotRow, ...]:
+        """Return the children in the slot, by label and index."""
+        if slot.key not in element.attributes:
+            return ()
+        text = element.get(slot.key)
+        try:
+            if slot.arity == "table":
+                return read_table(text)
+            return tuple(SlotRow("", child) for child in read_indexes(text))
+        except ValueError as error:
+            hint = "as 'grasp.*=1; control.*=2'" if slot.arity == "table" else "children are counted from 0"
+            self.fault(element.place(slot.key), trail, f"{slot.key!r}: {error}", hint, code="P915")
+            return ()
+
+    def _fits(self, element: Element, taken: list[int], children: int, trail: str) -> bool:
+        wrong = [child for child in taken if child >= children or taken.count(child) > 1]
+        if wrong:
+            what = "is named twice" if wrong[0] < children else f"is not there; there are {children}"
+            message = f"the child {wrong[0]} {what}"
+            self.fault(element.mark, trail, message, "children are counted from 0", code="P915")
+        return not wrong
+
+    def _slot(
+        self, draft: NodeDraft, slot: SlotDeclaration, rows: tuple[SlotRow, ...], element: Element, trail: str
+    ) -> None:
+        mark = element.place(slot.key)
+        if slot.arity == "one":
+            draft.put(slot.key, self.slot_value(element.children[rows[0].child], slot.key, trail), mark)
+        elif slot.arity == "many":
+            items = [self.node(element.children[row.child], trail).written() for row in rows]
+            draft.put(slot.key, MarkedValue(mark, items=items), mark)
+        else:
+            table = MarkedValue.mapping(mark)
+            for row in rows:
+                if table.get(row.label) is not None:
+                    self.fault(mark, trail, f"{slot.key!r} names {row.label!r} twice", code="P915")
+                child = element.children[row.child]
+                table.put(row.label, self.slot_value(child, row.label, trail), child.mark)
+            draft.put(slot.key, table, mark)
+
+    def _subtree(self, element: Element, identity: str, trail: str) -> NodeDraft:
+        self.count(element, "SubTree", 0, 0, trail)
+        if identity not in self._trees:
+            hint = suggest_name(identity, self._trees) if self._trees else ""
+            if not hint.startswith("did"):
+                hint = f"{hint}; give its file or folder, too, or take it for a node with --stubs".lstrip(
+                    "; "
+                )
+            self.fault(element.place("ID"), trail, f"there is no tree {identity!r}", hint, code="P913")
+            return NodeDraft.of("AlwaysSuccess", element.mark)
+        ports = {port.key: port for port in self._trees[identity]}
+        left_out = element.get(btcpp_vocabulary.LEFT_OUT).split()
+        draft = NodeDraft.of(self._context.source.called(identity), element.mark)
+        begins: list[MarkedValue] = []
+        remapping = self._autoremap(element, trail)
+        for key, port in ports.items() if not self._context.ours else ():
+            value = self._initial(element, identity, port, trail, shared=remapping)
+            if value is not None:
+                begins.append(self._begin(draft, identity, key, value))
+        for key in element.attributes:
+            if key in ports and draft.body.get(key) is not None:
+                continue
+            if key in ports and ports[key].direction == "out" and not is_pointer(element.get(key)):
+                continue
+            if key in ports and key not in left_out:
+                kind = self.literal_type(identity, key, ports[key].kind)
+                self.port(draft, key, kind, element, key, trail)
+            elif key not in (*COMMON, *ports, "ID", AUTOREMAP, btcpp_vocabulary.LEFT_OUT) and (
+                self._context.ours or self.faults.strict or key.startswith("_")
+            ):
+                self.no_port(element, key, f"the tree {identity!r}", (*ports, "name"), trail)
+        if remapping:
+            draft.put(AUTOREMAP, True, element.place(AUTOREMAP))
+        for key, port in ports.items():
+            if key not in element.attributes and port.remapped and not remapping:
+                draft.put(key, port.remapped, element.mark)
+        return _begun(draft, begins) if begins else draft
+
+    def _initial(
+        self, element: Element, tree: str, port: TreePort, trail: str, *, shared: bool
+    ) -> MarkedValue | None:
+        """Return the value with which a tree's own key begins: the literal at a port that the tree writes."""
+        key = port.key
+        if port.direction == "in" or is_pointer(element.get(key)):
+            return None
+        if key not in element.attributes:
+            return None if shared else port.initial
+        if key in self._context.flow.reads(tree):
+            return self.value(element, key, self.literal_type(tree, key, port.kind), trail)
+        message = f"the tree {tree!r} writes its port {key!r}, and does not read {element.get(key)[:30]!r}"
+        self.faults.note(element.place(key), trail, f"{message}; it is left out", code="P918")
+        return None
+
+    def _begin(self, draft: NodeDraft, tree: str, key: str, value: MarkedValue) -> MarkedValue:
+        """Wire a tree's port to a key of its own at this call; return the node that gives it its value."""
+        flow = self._context.flow
+        self._made.update(flow.reads(self.tree), flow.writes(self.tree))
+        own = identifier(f"{tree}_{key}", self._made)
+        self._made.add(own)
+        draft.put(key, f"{{{own}}}", value.mark)
+        setter = NodeDraft.of("SetBlackboard", value.mark)
+        setter.put("value", value, value.mark)
+        setter.put("output_key", f"{{{own}}}", value.mark)
+        return setter.written()
+
+    def _autoremap(self, element: Element, trail: str) -> bool:
+        text = element.get(AUTOREMAP, "false")
+        if text in TRUE_WORDS:
+            return True
+        if text not in FALSE_WORDS:
+            message = f"{AUTOREMAP!r} is true or false, not {text!r}"
+            self.fault(element.place(AUTOREMAP), trail, message, code="P911")
+        return False
+
+
+def _begun(call: NodeDraft, begins: list[MarkedValue]) -> NodeDraft:
+    """Return a call whose own keys get their values before it runs for the first time, and only then.
+
+    BehaviorTree.CPP sets them when it makes the tree.
+    """
+    once = NodeDraft.of("RunOnce", call.mark)
+    once.put("then_skip", False)
+    once.put("do", begins[0] if len(begins) == 1 else MarkedValue(call.mark, items=begins))
+    both = NodeDraft.of("IfThenElse", call.mark)
+    both.put("do", MarkedValue(call.mark, items=[once.written(), call.written()]))
+    return both

@@ -1,1 +1,0 @@
-"""Statistics of a batch, and comparison of two recipes."""

@@ -1,1 +1,0 @@
-"""Execution of jobs: the batch, executors, worker processes, attempts, and their results."""

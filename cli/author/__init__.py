@@ -1,1 +1,0 @@
-"""Commands for authors of missions, scenes and nodes."""

@@ -1,1 +1,0 @@
-"""Commands that run a mission, and the debugger."""

@@ -1,1 +1,0 @@
-"""Terminal functions shared by commands: output, prompts, progress."""

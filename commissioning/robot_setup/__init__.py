@@ -1,1 +1,0 @@
-"""Robot setup: proposes a robot file from a URDF, and summarises robot files."""

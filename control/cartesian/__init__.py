@@ -1,1 +1,0 @@
-"""Cartesian controllers: impedance and velocity."""

@@ -1,1 +1,0 @@
-"""Guarded moves and the search for holes by touch."""

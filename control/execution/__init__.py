@@ -1,1 +1,0 @@
-"""Control loop, and the arm's and gripper's motions as generators on it."""

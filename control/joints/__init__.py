@@ -1,1 +1,0 @@
-"""Joint controllers, stiff and compliant, and external joint torques."""

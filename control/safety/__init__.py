@@ -1,1 +1,0 @@
-"""Safety monitor with latch and watchdog, wrist plausibility, and the lease of the arm."""

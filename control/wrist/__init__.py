@@ -1,1 +1,0 @@
-"""Wrist wrench, contact detection, payload estimation and slip detection."""

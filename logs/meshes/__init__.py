@@ -1,1 +1,0 @@
-"""Meshes in a log."""

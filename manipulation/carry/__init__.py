@@ -1,1 +1,0 @@
-"""Held objects: grip check, payload, slip."""

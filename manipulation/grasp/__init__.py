@@ -1,1 +1,0 @@
-"""Grasp candidates, grip force, and compliant closing of the fingers."""

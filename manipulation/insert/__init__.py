@@ -1,1 +1,0 @@
-"""Insertion of the held object into a hole."""

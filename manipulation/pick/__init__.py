@@ -1,1 +1,0 @@
-"""Picks and places: ranked candidates, approach, lift, transfer, release, visual servoing of the grasp."""

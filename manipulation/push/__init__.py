@@ -1,1 +1,0 @@
-"""Pushing of an object over a table, and singulation by pushes."""

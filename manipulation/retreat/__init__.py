@@ -1,1 +1,0 @@
-"""Retreat: out of contact, away from obstacles, and home."""

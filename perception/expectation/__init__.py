@@ -1,1 +1,0 @@
-"""Expected image of everything known: background, robot, hand."""

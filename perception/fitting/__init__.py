@@ -1,1 +1,0 @@
-"""Fits of catalogue items and holes to what a picture shows."""

@@ -1,1 +1,0 @@
-"""Geometry of cameras, silhouettes and items at rest."""

@@ -1,1 +1,0 @@
-"""Voxel grid of unknown obstacles."""

@@ -1,1 +1,0 @@
-"""Collision checks of configurations, edges and trajectories."""

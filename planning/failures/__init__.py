@@ -1,1 +1,0 @@
-"""Planning failures: causes, sentences and evidence."""

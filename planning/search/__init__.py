@@ -1,1 +1,0 @@
-"""Path search: RRT-Connect, constrained RRT, goal configurations, escape from penetration."""

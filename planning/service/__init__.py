@@ -1,1 +1,0 @@
-"""Plan service: the interface of the planner for skills."""

@@ -1,1 +1,0 @@
-"""Timing: trajectories from paths, within the joints' limits."""

@@ -1,0 +1,82 @@
+"""Commands of a controller, the protocol that every controller implements, and results of motions under joint
+impedance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Protocol, TypeAlias
+
+from ...world.causes import Failure
+from ...world.values import Array, JointState, Vector3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointCommand:
+    """Set-point of the stiff servo for the end of the period: position (n,) rad and velocity (n,) rad/s."""
+
+    position: Array
+    velocity: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TorqueCommand:
+    """Joint torques (n,) Nm, gravity included."""
+
+    torque: Array
+
+
+Command: TypeAlias = JointCommand | TorqueCommand
+
+
+class Controller(Protocol):
+    """Source of commands for one motion: one command for each control period."""
+
+    name: ClassVar[str]
+    """Name in `/control` records and messages, each controller's own. A renamed class keeps it: logs and the
+    digest contain it."""
+
+    @property
+    def done(self) -> bool:
+        """Whether the motion has ended. The loop may simply hold the last joint command from then on."""
+        ...
+
+    def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
+        """Prepare the first update; called once. `setpoint`: last command of the servo, or after a torque
+        command the encoder reading. A motion that starts there starts without a step."""
+        ...
+
+    def update(self, now: float, state: JointState) -> Command: ...
+
+    def brake(self) -> Controller:
+        """Return the controller that brings this motion to rest: this one, or another that is then
+        started."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ContactThresholds:
+    """Thresholds of a contact, beyond the readings without one."""
+
+    torque: float
+    """External torque of all joints, Euclidean norm, Nm. It shows contacts at any part of the arm."""
+    force: float
+    """Force at the wrist, N."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointImpedanceResult:
+    """Result of a joint-impedance motion, at rest."""
+
+    completed: bool
+    progress: float
+    """Followed part of the trajectory, s."""
+    touched: bool
+    """Whether the arm touched something, gave way to it and stands."""
+    torque: float
+    """Greatest external torque, Nm."""
+    force: float
+    """Greatest force at the wrist, N."""
+    push: Vector3 = (0.0, 0.0, 0.0)
+    """Contact force on the hand, N in the world; zero for a contact at another part."""
+    noticed: Failure | None = None
+    """Failure from `watch` that stopped the motion. None: there was none."""

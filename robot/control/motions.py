@@ -1,0 +1,314 @@
+"""Motions of the arm for skills, as generators: each yield is one tick, the return is the arrival, a halt
+brakes.
+
+Motions under joint impedance, from rest to rest: along a trajectory, or gravity compensation to release
+pressure.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from ...files.errors import PicktreeError
+from ...world.causes import Failure, control
+from ...world.journal import Journal
+from ...world.protocols import Clock
+from ...world.robot_model.model import RobotModel
+from ...world.trajectory import Trajectory
+from ...world.values import Array, Vector3
+from .commands import ContactThresholds, JointImpedanceResult
+from .compliant_motion import FIRM_STIFFNESS, CartesianStiffness, CompliantMotion
+from .contact_motion import CompliantMotionResult, CompliantMotionRunner
+from .control_loop import ControlLoop
+from .external_torque import static_external_torque
+from .guarded_move import GuardedMoveResult
+from .jog_motion import JogMotion, JogResult, Lookout, Twists
+from .joint_controllers import HoldController
+from .motion_lease import ForceGuard
+from .slowed_trajectory import slowed_trajectory
+from .soft_controller import YIELD_TIME, GravityCompensationController, JointImpedanceController
+from .trajectory_motion import Doing, TrajectoryCheck, TrajectoryMotion
+
+if TYPE_CHECKING:
+    from .motion_lease import Lease
+
+
+T = TypeVar("T")
+
+MAX_SOFT_DELAY = 2.0
+"""Longest duration of a soft motion beyond that of its trajectory, s."""
+
+
+class JointImpedanceMotion:
+    """Motions of a loop's arm under joint impedance. The caller holds the lease, and the arm is at rest."""
+
+    def __init__(self, loop: ControlLoop, model: RobotModel, clock: Clock) -> None:
+        self._loop = loop
+        self._model = model
+        self._clock = clock
+
+    def pressed(self, carried: Vector3) -> float:
+        """Return the external torque on the resting arm, Euclidean norm over the joints, Nm.
+
+        It shows contacts at any part of the arm. The weight `carried` (3,), N in the world, on the tool is
+        taken off.
+        """
+        state = self._loop.state
+        hanging = self._model.jacobian(state.position)[:3].T @ np.array(carried)
+        return float(np.linalg.norm(static_external_torque(self._model, state) - hanging))
+
+    def follow(
+        self,
+        lease: Lease,
+        trajectory: Trajectory,
+        carried: Vector3,
+        least: ContactThresholds,
+        check: Callable[[Lease], None],
+        watch: Callable[[float], Failure | None],
+        began: Callable[[JointImpedanceController], None],
+    ) -> Doing[JointImpedanceResult]:
+        """Move the arm along the trajectory until its end, a contact, or a failure from `watch`.
+
+        `watch` receives the progress, s, in each tick.
+        """
+        track = JointImpedanceController(
+            trajectory,
+            self._model,
+            self._loop.period,
+            wrist=self._loop.wrist,
+            carried=np.array(carried),
+            torque=least.torque,
+            force=least.force,
+        )
+        began(track)
+        lease.run(track)
+        limit = self._clock.now + trajectory.duration + YIELD_TIME + MAX_SOFT_DELAY
+        noticed: Failure | None = None
+        while True:
+            yield
+            check(lease)
+            if noticed is None:
+                noticed = watch(track.progress)
+                if noticed is not None:
+                    track.brake()
+            if track.done and self._loop.at_rest:
+                break
+            if self._clock.now > limit:
+                raise Failure(control.TIMEOUT, "a soft motion did not come to its end")
+        done = track.completed and not track.touched
+        return JointImpedanceResult(
+            done, track.progress, track.touched, track.torque, track.force, track.push, noticed
+        )
+
+    def give_way(
+        self, lease: Lease, carried: Vector3, limit: float, check: Callable[[Lease], None]
+    ) -> Doing[float]:
+        """Let the arm drift where something pushes, for at most `limit` s, then hold it.
+
+        Returns the remaining external torque, Nm.
+        """
+        giving = GravityCompensationController(self._model, self._loop.period, np.array(carried))
+        lease.run(giving)
+        until = self._clock.now + limit
+        while not giving.calm and self._clock.now < until:
+            yield
+            check(lease)
+        lease.run(HoldController())
+        while not self._loop.at_rest:
+            if self._clock.now > until + MAX_SOFT_DELAY:
+                raise Failure(control.TIMEOUT, "the arm does not come to rest after it gave way")
+            yield
+            check(lease)
+        return giving.pressed if math.isfinite(giving.pressed) else 0.0
+
+
+JOG_GUARD = 25.0
+"""Contact force that stops a jog by default, N."""
+
+
+class ArmMotion(TrajectoryMotion):
+    """Motions of the arm that skills use. One motion at a time: a motion that starts takes the arm from the
+    one before."""
+
+    def __init__(
+        self,
+        loop: ControlLoop,
+        model: RobotModel,
+        clock: Clock,
+        journal: Journal,
+        gate: TrajectoryCheck | None = None,
+        lookout: Lookout | None = None,
+        tick: float = 0.05,
+    ) -> None:
+        """`gate`: check that trajectories must pass. None: the arm follows any trajectory that begins at its
+        configuration.
+
+        `lookout`: collision query for the path ahead of a jog, in each `tick` s.
+        """
+        super().__init__(loop, model, clock, gate)
+        self._jogging = JogMotion(loop, model, lookout, tick)
+        self._touching = CompliantMotionRunner(loop, model, clock)
+        self._soft = JointImpedanceMotion(loop, model, clock)
+        self._journal = journal
+
+    def guarded(
+        self,
+        direction: Vector3 | Array,
+        distance: float,
+        force: float,
+        speed: float,
+        *,
+        node: str = "",
+        press: float = 0.0,
+        stiffness: CartesianStiffness = FIRM_STIFFNESS,
+    ) -> Doing[GuardedMoveResult]:
+        """Move the arm straight along `direction` (3,) in the world, orientation kept, until more than
+        `force` N act against it.
+
+        It travels at most `distance` m at `speed` m/s. Guarded moves are the one way to make contact.
+
+        The force is relative to the wrist reading at rest just before, so it works with an object in the
+        hand. At the contact the standing tool presses with `press` N. It ends at rest. Raises
+        safety.workspace or safety.joint_limit where the line leaves the workspace or a joint reaches its
+        limit before a contact.
+        """
+        self._refuse_if_stopped()
+        size = float(np.linalg.norm(direction))
+        if not (size > 1e-9 and distance > 0.0 and force > 0.0 and speed > 0.0):
+            raise PicktreeError("a guarded move needs a direction, and a distance, force and speed above 0")
+        along = np.asarray(direction, dtype=np.float64) / size
+        with self._loop.acquire(node) as lease:
+            yield from self._until_rest(lease)
+            self._last = None
+            return (
+                yield from self._touching.guarded(
+                    lease, along, distance, force, speed, press, stiffness, self._check
+                )
+            )
+
+    def comply(
+        self,
+        course: CompliantMotion,
+        limit: float,
+        *,
+        node: str = "",
+        stiffness: CartesianStiffness = FIRM_STIFFNESS,
+        zero: Array | None = None,
+    ) -> Doing[CompliantMotionResult]:
+        """Move the tool along a compliant motion as a damped spring, until that is finished or for `limit` s.
+
+        The arm is then held at rest where it is.
+
+        `zero` (6,): wrist wrench without a contact, from an earlier result. None: it is measured at rest
+        before the motion begins, and the tool must not touch anything yet. Failures: safety.*
+        (safety.joint_limit where a joint stops the motion), control.timeout.
+        """
+        self._refuse_if_stopped()
+        if not limit > 0.0:
+            raise PicktreeError("a compliant course needs a limit above 0 s")
+        with self._loop.acquire(node) as lease:
+            yield from self._until_rest(lease)
+            self._last = None
+            return (yield from self._touching.comply(lease, course, limit, stiffness, zero, self._check))
+
+    def softly(
+        self,
+        trajectory: Trajectory,
+        least: ContactThresholds,
+        *,
+        carried: Vector3 = (0.0, 0.0, 0.0),
+        node: str = "",
+        leaving: bool = False,
+    ) -> Doing[JointImpedanceResult]:
+        """Move the arm along `trajectory` under joint impedance, and give way to the first contact at any
+        part of it.
+
+        `carried` (3,): weight on the tool, N in the world. The result says how it ended, at rest; a contact
+        is no failure.
+
+        `leaving`: the path leads out of a believed collision, and the caller has checked it. Otherwise it
+        passes the gate as in `along`. Failures: those of the gate, control.timeout, safety.*.
+        """
+        self._refuse_if_stopped()
+        with self._loop.acquire(node) as lease:
+            yield from self._until_rest(lease)
+            gate = None if leaving else self._gate
+            if gate is not None:
+                yield from gate.passes(trajectory)
+                self._check(lease)
+            self._check_start(trajectory)
+
+            def watch(progress: float) -> Failure | None:
+                return None if gate is None else gate.blocked(trajectory, progress)
+
+            def began(track: JointImpedanceController) -> None:
+                self._last = track
+
+            return (
+                yield from self._soft.follow(lease, trajectory, carried, least, self._check, watch, began)
+            )
+
+    def pressed(self, carried: Vector3 = (0.0, 0.0, 0.0)) -> float:
+        """Return the external torque on the arm at rest, without the load, Euclidean norm over the joints,
+        Nm.
+
+        It shows contacts at any part of the arm. `carried` (3,): weight on the tool, N in the world.
+        """
+        return self._soft.pressed(carried)
+
+    def give_way(
+        self, carried: Vector3 = (0.0, 0.0, 0.0), limit: float = 1.0, *, node: str = ""
+    ) -> Doing[float]:
+        """Let the arm drift away from whatever presses on it, for at most `limit` s, and return the remaining
+        torque, Nm.
+
+        `carried` (3,): weight on the tool, N in the world. Failures: safety.*, control.timeout.
+        """
+        self._refuse_if_stopped()
+        with self._loop.acquire(node) as lease:
+            yield from self._until_rest(lease)
+            return (yield from self._soft.give_way(lease, carried, limit, self._check))
+
+    def jog(
+        self,
+        twists: Twists,
+        *,
+        node: str = "",
+        guard: float = JOG_GUARD,
+        duration: float = math.inf,
+        distance: float = math.inf,
+    ) -> Doing[JogResult]:
+        """Move the tool by a constant twist, or by a callable that returns the twist of each tick.
+
+        None from the callable ends the jog. A constant twist ends after `duration` s or `distance` m of TCP
+        travel, or where something stops it; the result says what. That is a contact of more than `guard` N, a
+        joint limit, a singularity, the workspace's edge, or a predicted collision. The jog slows down for all
+        of them, and ends at rest. Failures: safety.*, control.timeout when the skill was not ticked for a
+        while.
+        """
+        self._refuse_if_stopped()
+        if not (guard > 0.0 and duration > 0.0 and distance > 0.0):
+            raise PicktreeError("a jog needs a guard, a duration and a distance above 0")
+        with self._loop.acquire(node) as lease:
+            yield from self._until_rest(lease)
+            self._check(lease)
+            self._last = None
+            touch = ForceGuard(guard, self._felt())
+            return (
+                yield from self._jogging.run(
+                    lease, twists, touch, duration, distance, self._check, self._until_rest
+                )
+            )
+
+    def settle(self) -> Doing[None]:
+        """Yield until vibrations have decayed; at most one second."""
+        return self._loop.settle()
+
+    def slowed(self, trajectory: Trajectory, speed: float) -> Trajectory:
+        """Return the trajectory on the same path, slowed down where a part of the arm would exceed `speed`
+        m/s or hit an obstacle hard."""
+        return slowed_trajectory(self._model, trajectory, speed)

@@ -1,0 +1,349 @@
+"""Closed-loop pushing: stroke by stroke, with images in between, to a goal or until the hand fits around an
+object."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...world.belief.facts import PUSH
+from ...world.causes import Failure, perception, push
+from ...world.planar_geometry import PlanarPose, moved, outline, planar
+from ...world.skill_events import PushEvent
+from ...world.values import ObjectId
+from .push_stroke import (
+    FeasibleStroke,
+    PushResult,
+    execute_stroke,
+    go_looking,
+    plan_stroke,
+    pose_refusal,
+    step_back,
+    stroke_refusal,
+)
+from .pushed_object import estimate_after_stroke, estimate_from_camera, observe_closely
+from .singulation import SingulationPush, has_room, most_crowded_object, singulation_pushes
+from .stroke_planning import PushGoal, PushStroke, push_strokes, turning_room_strokes
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ...world.belief.planning_scene import BeliefObject
+    from ..control.trajectory_motion import Doing
+    from ..world import World
+
+IMAGES_BETWEEN_STROKES = 5
+"""Number of images of an object between two strokes."""
+MAX_STROKE_LENGTH = 0.06
+"""Maximum length of one stroke, m; longer only when few strokes are allowed."""
+MIN_BLOCKED_MOTION = 0.004
+"""Least motion of a blocked object that counts as motion, m."""
+MAX_TESTED_PUSHES = 12
+"""Maximum number of singulation pushes that are tested for reachability."""
+MAX_FAILED_STROKES = 2
+"""Number of consecutive strokes without success (object lost or unmoved) after which the skill fails."""
+HEADING_ERROR_WEIGHT = 0.02
+"""Weight of the heading error in the remaining error of an object, m for each radian."""
+
+
+@dataclass(frozen=True, slots=True)
+class PushTask:
+    """Pushes of one object for one node, with the bounds that its author sets."""
+
+    object: ObjectId
+    """Object to push, or to make room around; empty: the one that needs room most."""
+    node: str
+    camera: str
+    strokes: int
+    """Greatest number of strokes."""
+    speed: float
+    """Speed of the tool while it pushes, m/s."""
+    force: float
+    """Force of the object on the tool that stops a stroke, N."""
+
+
+@dataclass(frozen=True, slots=True)
+class PushTolerance:
+    """Greatest remaining errors of a pushed object: distance, m, and heading, rad."""
+
+    distance: float
+    turn: float
+
+
+@dataclass(slots=True)
+class _Progress:
+    """Strokes that were made, and those of them without success."""
+
+    strokes: list[str] = field(default_factory=list[str])
+    stalled: int = 0
+    """Number of consecutive strokes that were blocked at once."""
+    lost: int = 0
+    """Number of consecutive strokes that lost the object."""
+    blocked_sides: set[str] = field(default_factory=set[str])
+
+    def add(self, stroke: PushStroke, pushed: PushResult, travel: float) -> None:
+        """Add a stroke that has moved the object by `travel` m."""
+        self.stalled = self.stalled + 1 if pushed.blocked and travel < MIN_BLOCKED_MOTION else 0
+        self.lost = self.lost + 1 if pushed.lost else 0
+        if self.stalled:
+            self.blocked_sides.add(stroke.side.name)
+
+    def check(self, object_id: ObjectId) -> None:
+        """Raise push.stalled or push.lost_contact after too many strokes without success."""
+        for count, cause, what in (
+            (self.stalled, push.STALLED, "does not move"),
+            (self.lost, push.LOST_CONTACT, "does not stay at the fingers"),
+        ):
+            if count >= MAX_FAILED_STROKES:
+                message = f"{object_id} {what}: {self.strokes[-1]}"
+                raise Failure(cause, message, object=object_id, strokes=self.strokes)
+
+
+def check_hand_is_free(world: World, object_id: ObjectId) -> None:
+    """Raise push.no_stroke when the hand holds an object."""
+    held = world.scene.held
+    if held is not None:
+        raise Failure(
+            push.NO_STROKE, f"the hand is not free: it holds {held.id}", object=object_id, held=held.id
+        )
+
+
+# ---- to a goal
+
+
+def push_goal(
+    belief: BeliefObject, to: Sequence[float], yaw: float | None, direction: Sequence[float], distance: float
+) -> PushGoal:
+    """Return the goal of an object: a place `to` (x, y) m, `distance` m along a direction, or a heading.
+
+    `yaw`: wanted heading, rad. None: any. A round object has no heading; along a line it is kept.
+    """
+    at = planar(belief.shape, belief.pose)
+    round_ = outline(belief.shape, belief.pose).round
+    if to:
+        return PushGoal(to[0], to[1], None if round_ else yaw)
+    if direction:
+        way = np.array(direction) * (distance / max(1e-9, math.hypot(*direction)))
+        return PushGoal(at.x + float(way[0]), at.y + float(way[1]), None if round_ else at.yaw)
+    return PushGoal(at.x, at.y, None if round_ else yaw)
+
+
+def check_goal(world: World, belief: BeliefObject, goal: PushGoal) -> None:
+    """Raise push.no_stroke when the goal is no possible place for the object."""
+    yaw = planar(belief.shape, belief.pose).yaw if goal.yaw is None else goal.yaw
+    why = pose_refusal(world, belief, [PlanarPose(goal.x, goal.y, yaw)])
+    if why is not None:
+        raise Failure(
+            push.NO_STROKE,
+            f"{belief.id} cannot be pushed to ({goal.x:.3f}, {goal.y:.3f}): {why}",
+            object=belief.id,
+            x=goal.x,
+            y=goal.y,
+        )
+
+
+def observe_pushed_object(
+    world: World, task: PushTask, after: PushResult | None = None
+) -> Doing[BeliefObject]:
+    """Return the object as several images show it; the arm moves out of the view if it hides it.
+
+    Raises perception.not_found before the first stroke, and push.lost_contact `after` one.
+    """
+    belief = yield from observe_closely(world, task.camera, task.object, IMAGES_BETWEEN_STROKES)
+    if belief is None:
+        yield from go_looking(world, task.node)
+        belief = yield from observe_closely(world, task.camera, task.object, IMAGES_BETWEEN_STROKES)
+    if belief is not None:
+        return belief
+    if after is None:
+        raise Failure(
+            perception.NOT_FOUND, f"{task.object} is not in the view of {task.camera}", object=task.object
+        )
+    raise Failure(
+        push.LOST_CONTACT,
+        f"{task.object} is not seen where it was pushed ({after.told})",
+        object=task.object,
+        touched=after.touched,
+        reached=after.reached,
+    )
+
+
+def push_to_goal(
+    world: World, task: PushTask, belief: BeliefObject, goal: PushGoal, tolerance: PushTolerance
+) -> Doing[None]:
+    """Push the object until it is at the goal within the tolerance, stroke by stroke.
+
+    Raises push.missed, push.stalled, push.lost_contact, push.no_stroke, and the failures of motions.
+    """
+    progress = _Progress()
+    off = turned = math.inf
+    known = estimate_from_camera(planar(belief.shape, belief.pose))
+    for left in range(task.strokes, -1, -1):
+        off, turned = _remaining_error(belief, goal)
+        if off <= tolerance.distance and turned <= tolerance.turn:
+            _note_goal_reached(world, task, belief, off, turned, progress.strokes)
+            return
+        if not left:
+            break
+        one = _choose_stroke(world, belief, goal, left, progress.blocked_sides)
+        pushed = yield from execute_stroke(world, belief, one, task.speed, task.force, task.node)
+        progress.strokes.append(f"{one.stroke.name}: {pushed.told}")
+        yield from step_back(world, (task.object,), task.node)
+        after = yield from observe_pushed_object(world, task, pushed)
+        travel = known.at.distance(planar(after.shape, after.pose))
+        known = estimate_after_stroke(known, after, one.stroke, pushed)
+        belief = replace(after, pose=moved(after.shape, after.pose, known.at), sigma_position=known.sigma)
+        world.scene.put(belief, "by touch and sight")
+        progress.add(one.stroke, pushed, travel)
+        progress.check(task.object)
+    raise Failure(
+        push.MISSED,
+        f"{task.object} is {_error_words(off, turned)} off after {len(progress.strokes)} strokes",
+        object=task.object,
+        off=off,
+        turned=turned,
+        strokes=progress.strokes,
+    )
+
+
+def _remaining_error(belief: BeliefObject, goal: PushGoal) -> tuple[float, float]:
+    """Return distance, m, and heading error, rad, of an object from its goal."""
+    shape = outline(belief.shape, belief.pose)
+    return goal.off(planar(belief.shape, belief.pose), shape.turn)
+
+
+def _choose_stroke(
+    world: World, belief: BeliefObject, goal: PushGoal, left: int, blocked_sides: set[str]
+) -> FeasibleStroke:
+    """Return the best stroke that is free and feasible. `left`: number of strokes left. Raises
+    push.no_stroke."""
+    at = planar(belief.shape, belief.pose)
+    longest = max(MAX_STROKE_LENGTH, 2.0 * at.distance(PlanarPose(goal.x, goal.y)) / left)
+    why: list[str] = []
+    gripper = world.robot.description.gripper
+    helping = [s for s in push_strokes(belief, goal, gripper, longest) if _helps(s, belief, goal)]
+    if not helping and goal.yaw is not None:
+        helping = list(turning_room_strokes(belief, gripper))
+    for stroke in helping:
+        if stroke.side.name in blocked_sides:
+            continue
+        with world.plan.checking():
+            refusal = stroke_refusal(world, belief, stroke)
+        if refusal is None:
+            answer = plan_stroke(world, belief, stroke)
+            if isinstance(answer, FeasibleStroke):
+                return answer
+            refusal = answer
+        why.append(f"{stroke.name}: {refusal}")
+    told = "; ".join(why[:4]) or "no side can be pushed that way"
+    raise Failure(
+        push.NO_STROKE,
+        f"no stroke brings {belief.id} nearer to where it is to be: {told}",
+        object=belief.id,
+        refused=why,
+    )
+
+
+def _helps(stroke: PushStroke, belief: BeliefObject, goal: PushGoal) -> bool:
+    """Return whether the stroke reduces the remaining error."""
+    shape = outline(belief.shape, belief.pose)
+    off, turned = goal.off(stroke.ends, shape.turn)
+    before_off, before_turned = _remaining_error(belief, goal)
+    before = before_off + HEADING_ERROR_WEIGHT * before_turned
+    return off + HEADING_ERROR_WEIGHT * turned < before - 1e-5
+
+
+def _note_goal_reached(
+    world: World, task: PushTask, belief: BeliefObject, off: float, turned: float, strokes: list[str]
+) -> None:
+    world.journal.note(
+        PushEvent(
+            f"{task.object}: {len(strokes)} strokes, {_error_words(off, turned)} off",
+            task.node,
+            object=task.object,
+            form=belief.form,
+            off=off,
+            turned=turned,
+            strokes=tuple(strokes),
+        )
+    )
+
+
+def _error_words(off: float, turned: float) -> str:
+    """Return the errors in words, as `1.2 mm and 0.5 deg`."""
+    return f"{off * 1000:.1f} mm and {math.degrees(turned):.1f} deg"
+
+
+# ---- until the hand fits around an object
+
+
+def make_room(world: World, task: PushTask) -> Doing[None]:
+    """Push the object, or those around it, until it can be grasped; an unknown one until it is recognised or
+    isolated.
+
+    Raises push.missed, push.no_stroke, world.unknown_object, and the failures of cameras and motions.
+    """
+    yield from _look(world, task)
+    name = task.object or most_crowded_object(world)
+    if not name:
+        return
+    world.scene.get(name)
+    strokes: list[str] = []
+    for left in range(task.strokes, -1, -1):
+        target = world.scene.find(name)
+        if target is None or has_room(world, target):
+            world.attempts.clear(task.node, name)
+            if strokes:
+                _note_room(world, task, name, strokes)
+            return
+        if not left:
+            break
+        one, feasible = _choose_singulation(world, task, target)
+        world.attempts.failed(task.node, name, one.name)
+        pushed = yield from execute_stroke(
+            world, one.pushed, feasible, task.speed, task.force, task.node, one.there
+        )
+        strokes.append(f"{one.name}: {pushed.told}")
+        yield from step_back(world, one.there, task.node)
+        yield from _look(world, task)
+    raise Failure(
+        push.MISSED,
+        f"there is still no room for the hand around {name} after {len(strokes)} strokes",
+        object=name,
+        strokes=strokes,
+    )
+
+
+def _look(world: World, task: PushTask) -> Doing[None]:
+    yield from world.control.settle()
+    yield from world.vision.look(task.camera)
+
+
+def _choose_singulation(
+    world: World, task: PushTask, target: BeliefObject
+) -> tuple[SingulationPush, FeasibleStroke]:
+    """Return the best feasible push; pushes that were made before come last. Raises push.no_stroke."""
+    refused = world.attempts.refusal(PUSH, target, world.scene)
+    if refused is not None:
+        message = f"{refused}; nothing has changed around it since"
+        raise Failure(push.NO_STROKE, message, object=target.id, unchanged=True)
+    offered = world.attempts.remaining(task.node, target.id, singulation_pushes(world, target))
+    why: list[str] = []
+    for one in offered[:MAX_TESTED_PUSHES]:
+        answer = plan_stroke(world, one.pushed, one.stroke, [n for n in one.there if n != one.pushed.id])
+        if isinstance(answer, FeasibleStroke):
+            return one, answer
+        why.append(f"{one.name}: {answer}")
+    told = "; ".join(why[:4]) or "no push that is free would do"
+    message = f"no stroke makes room for the hand around {target.id}: {told}"
+    if not offered:
+        world.attempts.refuse(PUSH, target, world.scene, message)
+    raise Failure(push.NO_STROKE, message, object=target.id, refused=why)
+
+
+def _note_room(world: World, task: PushTask, name: ObjectId, strokes: list[str]) -> None:
+    text = f"{name}: the hand fits around it after {len(strokes)} strokes"
+    world.journal.note(PushEvent(text, task.node, object=name, strokes=tuple(strokes)))

@@ -1,0 +1,239 @@
+"""Replanning: monitors stop a motion whose object moves or whose place is taken, and it is planned again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeVar
+
+from ...world.belief.planning_scene import BeliefObject
+from ...world.causes import Cause, Failure, place, planning
+from ...world.causes import world as world_causes
+from ...world.skill_events import ReplannedEvent
+from ...world.values import Pose
+from ..planning.requests import MotionPlan
+from ..world import PlaceCandidate
+from .clearing import escape_contact
+from .release_poses import bin_target, blocked, free_drop_height
+
+if TYPE_CHECKING:
+    from ..control.trajectory_motion import Doing, Watch
+    from ..world import World
+
+
+MIN_TARGET_DISPLACEMENT, MIN_TARGET_ROTATION = 0.008, math.radians(12.0)
+"""Distance, m, and rotation, rad, from which an object counts as moved. Less is within the camera's errors,
+and the fingers allow for it."""
+DISPLACEMENT_SIGMAS = 4.0
+"""Displacement of an uncertain object that counts as a move, in standard deviations."""
+MIN_CONFIDENCE_SHARE = 0.7
+"""Share of the former confidence below which a look shows no move: the arm half hides the object."""
+MAX_HEAP_GROWTH = 0.01
+"""Growth of the heap that is allowed at the place of the release, m."""
+
+
+class TargetMoved(Failure):
+    """Failure of an approach whose object has moved (world.disturbed) or is gone (world.unknown_object)."""
+
+
+class TargetWatch:
+    """Monitor of an approach, for each tick: whether the object is where it was."""
+
+    def __init__(self, world: World, target: BeliefObject) -> None:
+        self._scene, self._target = world.scene, target
+        self._version = world.scene.version
+
+    def __call__(self) -> Failure | None:
+        """Return the failure that stops the arm. None: the arm goes on."""
+        if self._scene.version == self._version:
+            return None
+        self._version = self._scene.version
+        return self._judged()
+
+    def _judged(self) -> Failure | None:
+        target, now = self._target, self._scene.find(self._target.id)
+        if now is None:
+            return TargetMoved(
+                world_causes.UNKNOWN_OBJECT,
+                f"{target.id} is gone: its place was seen empty while the arm was on the way",
+                object=target.id,
+            )
+        off, turn = displacement(target, now)
+        if now.confidence < MIN_CONFIDENCE_SHARE * target.confidence or (off, turn) == (0.0, 0.0):
+            return None
+        return TargetMoved(
+            world_causes.DISTURBED,
+            f"{target.id} is seen {off * 1000:.0f} mm and {math.degrees(turn):.0f}° from where it was when "
+            "the arm set out",
+            object=target.id,
+            by=target.id,
+            distance=off,
+            turn=turn,
+        )
+
+
+def displacement(before: BeliefObject, now: BeliefObject) -> tuple[float, float]:
+    """Return the displacement of an object, m and rad; zero when it may be an error of perception."""
+    off, turn = before.pose.distance(now.pose), before.pose.angle(now.pose)
+    unsure = math.hypot(before.sigma_position, now.sigma_position)
+    unsure_turn = math.hypot(before.sigma_angle, now.sigma_angle)
+    if off > max(MIN_TARGET_DISPLACEMENT, DISPLACEMENT_SIGMAS * unsure) or turn > max(
+        MIN_TARGET_ROTATION, DISPLACEMENT_SIGMAS * unsure_turn
+    ):
+        return off, turn
+    return 0.0, 0.0
+
+
+class PlaceWatch:
+    """Monitor of a transfer to a bin, for each tick: whether there is still room at the place of the release.
+
+    It reports place.occupied when the heap has grown, and the caller looks for another spot.
+    """
+
+    def __init__(self, world: World, held: BeliefObject, landing: PlaceCandidate) -> None:
+        assert held.object_in_tcp is not None
+        self._world, self._landing = world, landing
+        self._held, self._in_tcp = held.id, held.object_in_tcp
+        self._looks = world.vision.looks
+
+    def __call__(self) -> Failure | None:
+        """Return the failure that stops the arm. None: the arm goes on."""
+        if self._world.vision.looks == self._looks:
+            return None
+        self._looks = self._world.vision.looks
+        return self.judged()
+
+    def judged(self) -> Failure | None:
+        """Return why the object cannot be released there, by the believed contents of the bin. None: it
+        can."""
+        world, landing = self._world, self._landing
+        held = world.scene.find(self._held)
+        if held is None:
+            return None
+        target = bin_target(world, held, landing.into)
+        if any(cell.name == landing.spot for cell in target.cells):
+            drop = free_drop_height(world, target, landing.above, held.shape, self._in_tcp)
+            if drop >= landing.drop - MAX_HEAP_GROWTH:
+                return None
+        height = float(target.heights.max())
+        return Failure(
+            place.OCCUPIED,
+            f"something was put into {landing.into} meanwhile: its heap is {height * 1000:.0f} mm high",
+            object=self._held,
+            by=landing.into,
+            height=height,
+        )
+
+
+class PutDownWatch:
+    """Monitor of a transfer to a point with the TCP at `pose`, for each tick: whether it is still free."""
+
+    def __init__(self, world: World, held: BeliefObject, pose: Pose) -> None:
+        self._world, self._held, self._pose = world, held, pose
+        self._version = world.scene.version
+
+    def __call__(self) -> Failure | None:
+        """Return the failure that stops the arm. None: the arm goes on."""
+        if self._world.scene.version == self._version:
+            return None
+        self._version = self._world.scene.version
+        return self._judged()
+
+    def _judged(self) -> Failure | None:
+        by = blocked(self._world.queries, self._held, self._pose)
+        if by is None:
+            return None
+        return Failure(
+            place.OCCUPIED,
+            f"{by} stands where {self._held.id} should go",
+            object=self._held.id,
+            by=by,
+        )
+
+
+T = TypeVar("T")
+
+MAX_REPLANS = 4
+"""Maximum number of replans of one skill before it fails."""
+
+
+class ReplanBudget:
+    """Number of replans of a skill, and their limit."""
+
+    def __init__(self, world: World, node: str, subject: str = "", most: int = MAX_REPLANS) -> None:
+        """`subject`: object of the skill, for the record."""
+        self._world, self._node, self._subject = world, node, subject
+        self._most = most
+        self.made = 0
+
+    def allows(self, failure: Failure, *more: Cause) -> bool:
+        """Return whether a motion that failed so, with the arm at rest, may be replanned, and record
+        `replanned`.
+
+        It may after planning.blocked or one of the causes `more`.
+        """
+        if failure.cause not in (planning.BLOCKED, *more) or self.made >= self._most:
+            return False
+        self.made += 1
+        self._world.journal.note(
+            ReplannedEvent(
+                f"stopped and planned anew: {failure.message}",
+                self._node,
+                object=self._subject,
+                cause=failure.cause.name,
+                why=failure.message,
+                by=tuple(_obstacle_names(failure)),
+                time=self.made,
+                most=self._most,
+            )
+        )
+        return True
+
+
+def follow_with_replanning(
+    world: World,
+    ask: Callable[[], Doing[MotionPlan]],
+    *,
+    node: str,
+    guard: float | None = None,
+    watch: Watch | None = None,
+    replans: ReplanBudget | None = None,
+) -> Doing[MotionPlan]:
+    """Request a plan and follow it; replan from where the arm stands when the path is no longer believed to
+    be free.
+
+    The arm brakes on its path. An arm too close to the new obstacle moves away from it first. The number of
+    replans is limited; then it fails with planning.blocked.
+
+    `guard` and `watch` as for `ArmMotion.along`, whose failures it raises, too.
+    """
+    tries = replans or ReplanBudget(world, node)
+    while True:
+        plan = yield from plan_after_stop(world, ask, node, after=tries.made)
+        try:
+            yield from world.move.along(plan.trajectory, guard=guard, watch=watch, node=node)
+        except Failure as failure:
+            if not tries.allows(failure):
+                raise
+            continue
+        return plan
+
+
+def plan_after_stop(world: World, ask: Callable[[], Doing[T]], node: str, *, after: int = 1) -> Doing[T]:
+    """Return the plan from where the arm stands. `after`: number of stops before.
+
+    After a stop, an arm that is believed to touch something moves out of contact first.
+    """
+    try:
+        return (yield from ask())
+    except Failure as failure:
+        if not after or failure.cause is not planning.START_IN_COLLISION:
+            raise
+    yield from escape_contact(world, node)
+    return (yield from ask())
+
+
+def _obstacle_names(failure: Failure) -> list[str]:
+    """Return the names of the obstacles: the listed contacts, or the object."""
+    found = failure.evidence.get("contacts") or failure.evidence.get("by")
+    return [str(one) for one in found] if isinstance(found, list) else [str(found)] if found else []

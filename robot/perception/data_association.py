@@ -1,0 +1,283 @@
+"""Data association: detections of a view are matched to believed objects; objects are added, moved, kept as
+hidden or removed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from ...files.library_parts import library_part
+from ...world.belief.facts import ASIDE
+from ...world.belief.planning_scene import FALLEN_SIGMA, BeliefObject, PlanningScene
+from ...world.shapes import inside
+from ...world.values import ObjectId, Pose
+from .obstacle_volumes import update_volumes
+from .space_carving import Keys, cell_centres, cells_in_body, cells_of, points_of, retained_cells
+from .view import Detection, PerceivedView, UnexplainedPatch
+
+if TYPE_CHECKING:
+    from scipy.optimize import linear_sum_assignment
+else:
+    linear_sum_assignment = library_part("scipy.optimize._lsap", "scipy.optimize.linear_sum_assignment")
+
+MATCH_DISTANCE = 0.04
+"""Distance within which a detection is matched to a believed object of its colour, m. Uncertain positions
+widen it."""
+MATCH_DISTANCE_IN_BIN = 0.10
+"""The same distance inside one bin, m: heaps settle."""
+MAX_DISPLACEMENT = 0.50
+"""Distance within which an object whose place is seen empty is matched to another detection of its kind, m.
+"""
+KIND_MISMATCH_COST = 0.02
+"""Cost of a difference in kind, as a distance, m. A half hidden object may have been misjudged before."""
+MIN_CONFIDENCE_SHARE = 0.8
+"""Share of the belief's confidence below which a detection sees the object worse than before."""
+HELD_DISTANCE = 0.06
+"""Distance from the held object within which a detection of its colour is the held object, m."""
+CERTAIN_CONFIDENCE = 0.6
+"""Confidence from which a detection is an object of its own, even next to hidden objects."""
+MIN_SHARE_IN_VOLUME = 0.6
+"""Share of its cells in those of an obstacle from which a detection may be a part of it. What leans on an
+obstacle or stands close to it has fewer."""
+VOLUME_MARGIN = 0.02
+"""Distance beside a detection within which an obstacle's cells may be due to the same item, m: cells reach
+beyond the true surface."""
+MAX_UNEXPLAINED_SHARE = 0.25
+"""Share of an obstacle's cells, beside those of all detections in it, above which it is still there."""
+MAX_SUPPOSED_TIME = 60.0
+"""Simulated s for which an item that was given up is believed where it fell unseen."""
+MIN_SHARE_IN_ITEMS = 0.9
+"""Share of a patch's points at unrecognised items from which the patch belongs to them. The others are noise
+at its outline."""
+
+Cost: TypeAlias = Callable[[BeliefObject, Detection], float]
+
+
+@dataclass(frozen=True, slots=True)
+class ObservationSummary:
+    """Changes of the belief by one view, as ids of objects."""
+
+    seen: tuple[ObjectId, ...]
+    """Items in the view, whether known before or new."""
+    new: tuple[ObjectId, ...]
+    removed: tuple[ObjectId, ...]
+    hidden: tuple[ObjectId, ...]
+    """Believed items that were neither recognised nor seen missing."""
+    unexplained: int
+    """Number of obstacles in the view."""
+
+
+def update_belief(
+    scene: PlanningScene, view: PerceivedView, now: float, held_at: Pose | None = None
+) -> ObservationSummary:
+    """Update the items and obstacles of `scene` with what `view` showed at time `now`, s.
+
+    `held_at` is the held object's pose in the world at that time; None: it has not moved since.
+
+    Ids stay with their objects: matched first by place, then by kind for objects that left their place. An
+    attached object is not touched. An item is removed only when its place is clearly seen to be empty, or
+    when it was given up where it is merely supposed to lie. What is seen where an item was given up is that
+    item in any colour: a camera may mistake it.
+    """
+    held = scene.held
+    if held is not None and held_at is not None:
+        held = replace(held, pose=held_at)
+    detections = [d for d in view.detections if held is None or not _is_held(held, d)]
+    items = [o for o in scene.objects if o.role == "item" and not o.attached]
+    volumes = [o for o in scene.objects if o.role == "obstacle" and not o.attached]
+    detections = _outside_volumes(detections, items, volumes, view)
+    matched = _assignment(items, detections, _nearness)
+    missing = [o for o in items if o.id not in matched and _is_place_empty(view, o)]
+    matched |= _assignment(missing, _unmatched(detections, matched), _displacement)
+
+    removed: list[ObjectId] = []
+    hidden: list[BeliefObject] = []
+    for item in items:
+        if item.id in matched:
+            scene.put(_updated_belief(item, matched[item.id], view, now), "seen")
+        elif item in missing:
+            scene.remove(item.id, "its place was seen empty")
+            removed.append(item.id)
+        elif _is_lost(item, now):
+            scene.remove(item.id, "nobody has seen it since it fell")
+            removed.append(item.id)
+        else:
+            hidden.append(item)
+    new: list[ObjectId] = []
+    for detection in _unmatched(detections, matched):
+        if not _part_of_known(detection, hidden):
+            belief = _belief_from(scene.new_id(f"{detection.colour}_{detection.kind}"), detection, now)
+            scene.put(belief, "seen for the first time")
+            new.append(belief.id)
+    unrecognised = [*hidden, *([held] if held else [])]
+    obstacles = [patch for patch in view.unexplained if not _part_of_items(patch, view, unrecognised)]
+    seen = (*(o.id for o in items if o.id in matched), *new)
+    removed += update_volumes(scene, view, obstacles, [scene.get(name) for name in seen], now)
+    return ObservationSummary(seen, tuple(new), tuple(removed), tuple(o.id for o in hidden), len(obstacles))
+
+
+def _assignment(
+    items: Sequence[BeliefObject], detections: Sequence[Detection], cost: Cost
+) -> dict[ObjectId, Detection]:
+    """Assign detections to items at the least total cost, among the pairs whose cost is finite."""
+    if not items or not detections:
+        return {}
+    costs = np.array([[cost(o, d) for d in detections] for o in items])
+    possible = np.isfinite(costs)
+    rows, columns = linear_sum_assignment(np.where(possible, costs, 1e3))
+    pairs = zip((int(r) for r in rows), (int(c) for c in columns), strict=True)
+    return {items[r].id: detections[c] for r, c in pairs if possible[r, c]}
+
+
+def _unmatched(detections: Sequence[Detection], matched: dict[ObjectId, Detection]) -> list[Detection]:
+    taken = {id(d) for d in matched.values()}
+    return [d for d in detections if id(d) not in taken]
+
+
+def _nearness(item: BeliefObject, detection: Detection) -> float:
+    """Distance on the table or in the same bin, m; inf beyond the gate or for another colour."""
+    if item.colour != detection.colour:
+        return math.inf
+    same_bin = detection.place != "table" and item.place == detection.place
+    gate = _gate(item, MATCH_DISTANCE_IN_BIN if same_bin else MATCH_DISTANCE)
+    distance = item.pose.distance(detection.pose)
+    return (
+        distance + (KIND_MISMATCH_COST if item.kind != detection.kind else 0.0)
+        if distance < gate
+        else math.inf
+    )
+
+
+def _gate(item: BeliefObject, distance: float = MATCH_DISTANCE) -> float:
+    """Return the distance, widened by the uncertainty of the item's position, m."""
+    return distance + 3.0 * min(item.sigma_position, 0.03)
+
+
+def _displacement(item: BeliefObject, detection: Detection) -> float:
+    """Distance to a detection of the same kind and colour, m, or to any where the item was given up.
+
+    It is inf to others, and beyond `MAX_DISPLACEMENT`.
+    """
+    distance = item.pose.distance(detection.pose)
+    alike = (item.colour, item.kind) == (detection.colour, detection.kind) and distance < MAX_DISPLACEMENT
+    return distance if alike or _is_given_up(item, detection) else math.inf
+
+
+def _is_held(held: BeliefObject, detection: Detection) -> bool:
+    return detection.colour == held.colour and held.pose.distance(detection.pose) < HELD_DISTANCE
+
+
+def _outside_volumes(
+    detections: Sequence[Detection],
+    items: Sequence[BeliefObject],
+    volumes: Sequence[BeliefObject],
+    view: PerceivedView,
+) -> list[Detection]:
+    """Leave out the detections that are parts of a believed obstacle, unless a believed item may be there.
+
+    An obstacle whose cells the detections explain, or rays clear, turns out to be items.
+    """
+    parts: set[int] = set()
+    for volume in volumes:
+        cells = cells_of(volume)
+        within = [
+            d
+            for d in detections
+            if _share_within(cells_in_body(d.shape, d.pose), cells) > MIN_SHARE_IN_VOLUME
+            and not any(math.isfinite(_nearness(o, d)) for o in items)
+        ]
+        rest = retained_cells(view, cells) if within else cells
+        for d in within:
+            rest = rest[~inside(d.shape, d.pose, cell_centres(rest), VOLUME_MARGIN)]
+        if len(rest) > MAX_UNEXPLAINED_SHARE * len(cells):
+            parts |= {id(d) for d in within}
+    return [d for d in detections if id(d) not in parts]
+
+
+def _share_within(part: Keys, whole: Keys) -> float:
+    """Return the share of cells that are among others; 0 of a body too flat to hold the middle of a cell."""
+    return float(np.isin(part, whole).mean()) if len(part) else 0.0
+
+
+def _is_place_empty(view: PerceivedView, item: BeliefObject) -> bool:
+    return view.look(item.shape, item.pose, item.colour).seen_empty
+
+
+def _part_of_known(detection: Detection, hidden: Sequence[BeliefObject]) -> bool:
+    """Whether the detection may be a badly seen piece of a hidden object."""
+    in_bin = detection.place != "table"
+    if detection.confidence >= CERTAIN_CONFIDENCE and not in_bin:
+        return False
+    reach = MATCH_DISTANCE_IN_BIN if in_bin else 2 * MATCH_DISTANCE
+    near = any(o.colour == detection.colour and o.pose.distance(detection.pose) < reach for o in hidden)
+    return near or (in_bin and detection.confidence < CERTAIN_CONFIDENCE)
+
+
+def _part_of_items(patch: UnexplainedPatch, view: PerceivedView, items: Sequence[BeliefObject]) -> bool:
+    """Whether the patch may show nothing but believed items of its colour that were not recognised.
+
+    Its points then lie where a detection would be matched to these items.
+    """
+    points = points_of(view, patch.rows, patch.columns)
+    there = np.zeros(len(points), dtype=np.bool_)
+    for o in items:
+        if o.colour == patch.colour:
+            there |= inside(o.shape, o.pose, points, HELD_DISTANCE if o.attached else _gate(o))
+    return float(there.mean()) >= MIN_SHARE_IN_ITEMS
+
+
+def _belief_from(object_id: ObjectId, d: Detection, now: float) -> BeliefObject:
+    return BeliefObject(
+        object_id, "item", d.kind, d.form, d.shape, d.colour, d.pose, d.sigma_position, d.sigma_angle,
+        d.confidence, now, place=d.place,
+    )  # fmt: skip
+
+
+def _updated_belief(
+    item: BeliefObject, detection: Detection, view: PerceivedView, now: float
+) -> BeliefObject:
+    """Return the belief after its object was seen.
+
+    A better earlier estimate is kept while the view bears it out: of a half hidden object only the visible
+    half counts. An item that was given up stays so where it lay. Found elsewhere, it may be handled again.
+    """
+    place = item.place if _is_given_up(item, detection) else detection.place
+    worse = detection.confidence < MIN_CONFIDENCE_SHARE * item.confidence
+    if worse and view.look(item.shape, item.pose, item.colour).borne_out:
+        return replace(item, last_seen=now, place=place)
+    belief = replace(_belief_from(item.id, detection, now), place=place)
+    return replace(belief, pose=_nearest_orientation(detection, item.pose))
+
+
+def _is_given_up(item: BeliefObject, detection: Detection) -> bool:
+    """Whether the detection shows an item that was given up, where it lay."""
+    stayed = item.pose.distance(detection.pose) < _gate(item)
+    return item.place == ASIDE and detection.place == "table" and stayed
+
+
+def _is_lost(item: BeliefObject, now: float) -> bool:
+    """Whether the item was given up where it is merely supposed to lie, and did not show up for a while."""
+    unseen = item.sigma_position == FALLEN_SIGMA and now - item.last_seen > MAX_SUPPOSED_TIME
+    return item.place == ASIDE and unseen
+
+
+def _nearest_orientation(detection: Detection, before: Pose) -> Pose:
+    """Return the detection's pose, or one that looks the same, with the orientation nearest to `before`."""
+    if not detection.turn:
+        return detection.pose
+    position, pose = detection.pose.position, detection.pose
+    turns = (
+        Pose.from_rpy((0, 0, 0), (0, 0, k * detection.turn))
+        for k in range(1, _symmetry_order(detection.turn))
+    )
+    alike = [pose, *(Pose(position, (turn @ pose).orientation) for turn in turns)]
+    return min(alike, key=lambda pose: round(pose.angle(before), 6))
+
+
+def _symmetry_order(turn: float) -> int:
+    """Number of times that an angle goes into a full turn."""
+    return max(1, round(2 * math.pi / turn))

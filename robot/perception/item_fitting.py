@@ -1,0 +1,297 @@
+"""Item fitting: each catalogue entry in each stable pose is fitted to a blob's outline and compared with its
+depth."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...world.shapes import ray_hits
+from ...world.values import Array, Pose
+from .backdrop import SupportSurface
+from .camera_geometry import PosedCamera
+from .resting_poses import StablePose, leaning_poses
+from .segmentation import LABEL_NAMES, Blob
+from .silhouette_fitting import OUTLIER_SIGMAS, StandingPose, fit_outline, likely_turns, silhouette
+from .view import Detection
+
+HEIGHT_GATE = 0.009
+"""Difference between the tops of a stable pose and of the blob from which on the pose is not tried, m."""
+MAX_HOVER_HEIGHT = 0.025
+"""Greatest height above the table of an item that leans or lies on another, m. A higher blob is a part of
+something else."""
+OUTLINE_GATE = 2.5
+"""Error of a start's support function above which the start is not tried, pixels (root mean square)."""
+LARGE_GATE = 0.06
+"""The same gate for large blobs, as a share of their size: starts are 10° apart."""
+MAX_STARTS = 12
+"""Number of starts whose depth is compared; the fit begins with the best of them."""
+RANKING_STRIDE = 3
+"""Step between the depths that rank the starts."""
+FIT_ROUNDS = 5
+"""Greatest number of steps of a fit."""
+MIN_HEIGHT_CORRECTION = 0.002
+"""Median depth error above which the believed height is corrected, m."""
+MODEL_DEPTH_SIGMA = 0.0004
+"""Part of the depth's standard deviation for steep surfaces and rounded edges, m."""
+MIN_STEEP_HEIGHT = 0.1
+"""Height of an item from which its side faces matter in a picture from above, m."""
+STEEP_PIXELS = 0.8
+"""Position error of a pixel's ray along each axis of the picture, pixels."""
+GOOD_MISFIT = 1.5
+"""Misfit below which no other explanation is needed; a perfect one is about 0.8."""
+POOR_MISFIT = 4.0
+"""Misfit above which a hypothesis explains nothing."""
+POOR_MISFIT_IN_BIN = 2.6
+"""The same in a bin, where leaning items are not forced into a shape."""
+LEANING_MISFIT = 2.5
+"""Misfit of all poses on a face above which leaning ones are tried."""
+MAX_LEANING_DROP = 0.03
+"""Greatest distance by which the top of a leaning item, an edge, may be higher than a blob's, m."""
+MIN_SHOWN_SHARE = 0.4
+"""Share of the silhouette below which a blob may be a part of anything."""
+PIXEL_GRID_ERROR = 0.12
+"""Error of a position from the pixel grid, pixels. More outline points do not reduce it: along an edge
+parallel to the grid all err alike."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """One item at one pose, and how badly it explains a blob."""
+
+    stand: StandingPose
+    misfit: float
+    """Mean square of outline and depth residuals in sigmas, each capped at OUTLIER²; ≈ 0.8 is perfect."""
+    weight: float
+    """Number of residuals in the misfit: half of weight × misfit is a negative log-likelihood."""
+    covariance: Array
+    """Covariance of x, y, yaw (3, 3); m², m·rad, rad²."""
+    shown: float
+    """Share of the silhouette that the blob fills."""
+    supported: bool
+    """Whether the item stands on the support; else it floats at the measured height."""
+
+    @property
+    def cost(self) -> float:
+        return 0.5 * self.weight * self.misfit
+
+
+@dataclass(frozen=True, eq=False)
+class ItemFitter:
+    """Fits of stable poses to blobs. `noise` is the depth's standard deviation at 0.7 m, m; `model` is added
+    to it."""
+
+    rests: tuple[StablePose, ...]
+    sight: PosedCamera
+    noise: float
+    model: float = MODEL_DEPTH_SIGMA
+
+    def explain(
+        self, blob: Blob, support: float, content: float = GOOD_MISFIT, hover: float = MAX_HOVER_HEIGHT
+    ) -> list[Hypothesis]:
+        """Return hypotheses for the blob, best first, at most one for each entry and manner of support.
+
+        `support` is the height under the blob in the world, m. When no item on the support has a misfit below
+        `content`, items that lie on others are tried, too, up to `hover` m above it.
+        """
+        found = self._fits(blob, support, True, hover)
+        if all(f.misfit > content for f in found):
+            found += self._fits(blob, support, False, hover)
+        if blob.whole and all(f.misfit > LEANING_MISFIT for f in found):
+            found += replace(self, rests=self.leaning)._fits(blob, support, False, hover, MAX_LEANING_DROP)
+        found.sort(key=_rank)
+        best: dict[tuple[str, bool], Hypothesis] = {}
+        for one in found:
+            best.setdefault((one.stand.rest.entry.kind, one.supported), one)
+        return list(best.values())
+
+    @property
+    def leaning(self) -> tuple[StablePose, ...]:
+        """Poses of the entries that lean on something else."""
+        entries = {rest.entry.kind: rest.entry for rest in self.rests}.values()
+        return tuple(rest for entry in entries for rest in leaning_poses(entry))
+
+    def judged(self, blob: Blob, start: StandingPose, rounds: int) -> Hypothesis:
+        """Fit one body to the blob from a start near its pose. The height changes only where the depth
+        clearly demands it."""
+        known = self._judge(blob, start, True, rounds)
+        _, off = self._off(blob, known.stand)
+        if not len(off) or abs(float(np.median(off))) < MIN_HEIGHT_CORRECTION:
+            return known
+        moved = self._judge(blob, known.stand, False, rounds)
+        return moved if moved.misfit < known.misfit else known
+
+    def refined(self, blob: Blob, start: StandingPose, supported: bool) -> Hypothesis:
+        """Fit one body to the blob from a start near its pose. Its height changes only when it is not
+        `supported`."""
+        return self._judge(blob, start, supported, FIT_ROUNDS)
+
+    def at_most(self, blob: Blob) -> int:
+        """Return the greatest number of items that may make up the blob, by its area and that of the smallest
+        stable pose."""
+        depth = float(blob.depths.mean()) if len(blob.depths) else 1.0
+        if not self.rests:
+            return 0
+        least = min(rest.footprint for rest in self.rests) * (self.sight.intrinsics.fx / depth) ** 2
+        return int(blob.area / (0.6 * least))
+
+    def _fits(
+        self, blob: Blob, support: float, supported: bool, hover: float, sink: float = HEIGHT_GATE
+    ) -> list[Hypothesis]:
+        starts: list[tuple[float, StandingPose]] = []
+        origin, ray = self.sight.origin, self.sight.directions(blob.middle[None])[0]
+        for rest in self.rests:
+            below = support if supported else blob.top - rest.height
+            above = blob.top - support
+            if supported and not rest.least_top - HEIGHT_GATE <= above <= rest.height + HEIGHT_GATE:
+                continue
+            if not supported and not support - sink <= below <= support + hover:
+                continue
+            x, y = (origin + ray * ((below + rest.height / 2 - origin[2]) / ray[2]))[:2].tolist()
+            stand = StandingPose(rest, np.array((x, y, below + rest.below)), 0.0)
+            if self._fits_in_size(blob, stand):
+                starts += self._starts(blob, stand)
+        return self._best(blob, starts, supported)
+
+    def _fits_in_size(self, blob: Blob, stand: StandingPose) -> bool:
+        """Whether the area of the blob can be that of the silhouette at this pose."""
+        rest, away = stand.rest, self.sight.origin - stand.centre
+        depth = abs(float(away @ self.sight.rotation[:, 2]))
+        pixels = (self.sight.intrinsics.fx / (depth - rest.height / 2)) ** 2
+        slant = float(np.hypot(away[0], away[1])) / max(0.05, float(away[2]))
+        most = 1.3 * (rest.footprint + rest.height * slant * 2 * rest.reach) * pixels + 8.0
+        return blob.area <= most and (not blob.whole or blob.area >= 0.7 * rest.footprint * pixels - 8.0)
+
+    def _best(
+        self, blob: Blob, starts: list[tuple[float, StandingPose]], supported: bool
+    ) -> list[Hypothesis]:
+        """Fit the starts, the likeliest first, until the remaining ones cannot be better."""
+        if blob.whole:
+            gate = max(OUTLINE_GATE, LARGE_GATE * math.sqrt(blob.area))
+            starts = [s for s in starts if s[0] < gate**2]
+        starts.sort(key=lambda s: s[0])
+        ranked = [
+            (left + self._off(blob, stand, RANKING_STRIDE)[0], stand) for left, stand in starts[:MAX_STARTS]
+        ]
+        ranked.sort(key=lambda r: r[0])
+        found: list[Hypothesis] = []
+        for score, stand in ranked:
+            if found and min(f.misfit for f in found) < GOOD_MISFIT and score > 1.5 * ranked[0][0] + 0.7:
+                break
+            found.append(self._judge(blob, stand, supported, FIT_ROUNDS))
+        return found
+
+    def _starts(self, blob: Blob, stand: StandingPose) -> list[tuple[float, StandingPose]]:
+        rest = stand.rest
+        starts = likely_turns(self.sight, stand, blob.reach, 4 if rest.turn > np.pi else 2)
+        if blob.whole:
+            return [(s + rest.unlikely, stand) for s, stand in starts]
+        moved: list[tuple[float, StandingPose]] = []
+        for left, start in starts:
+            corners = np.concatenate(silhouette(self.sight, start))
+            beyond = float((corners @ blob.hidden_side).max() - (blob.hull @ blob.hidden_side).max())
+            depth = float((start.centre - self.sight.origin) @ self.sight.rotation[:, 2])
+            shift = (
+                self.sight.rotation[:2, :2]
+                @ blob.hidden_side
+                * (max(0.0, beyond) * depth / self.sight.intrinsics.fx)
+            )
+            centre = start.centre + np.array([shift[0], shift[1], 0.0])
+            moved.append((left + rest.unlikely, replace(start, centre=centre)))
+        return moved
+
+    def _judge(self, blob: Blob, start: StandingPose, supported: bool, rounds: int) -> Hypothesis:
+        fitted = fit_outline(self.sight, blob.outline, start, rounds)
+        depth, off = self._off(blob, fitted.stand)
+        if not supported and len(off):
+            rise = float(np.sort(off)[len(off) // 2])
+            lifted = fitted.stand.centre + np.array([0.0, 0.0, rise])
+            fitted = fit_outline(self.sight, blob.outline, replace(fitted.stand, centre=lifted), 2)
+            depth, _ = self._off(blob, fitted.stand)
+        contour, measured = float(len(blob.outline.points)), float(blob.measured)
+        weight = contour + measured
+        misfit = (fitted.misfit * contour + depth * measured) / weight
+        shown = min(1.0, blob.area / max(1.0, fitted.area))
+        return Hypothesis(fitted.stand, misfit, weight, fitted.covariance, shown, supported)
+
+    def _off(self, blob: Blob, stand: StandingPose, every: int = 1) -> tuple[float, Array]:
+        """Return the mean square of the depth residuals in sigmas, capped, and the residuals (k,), m.
+
+        A residual is positive where the measured surface is nearer than the model. Only rays that meet the
+        model count in the second.
+        """
+        rays, depths = blob.rays[::every], blob.depths[::every]
+        if not len(depths):
+            return 1.0, depths
+        model = ray_hits(stand.rest.entry.shape, stand.turned, stand.centre, self.sight.origin, rays)
+        off = model - depths
+        sigma: float | Array = self.noise * (float(depths[0]) / 0.7) ** 2 + self.model
+        if stand.rest.height > MIN_STEEP_HEIGHT:
+            sigma = np.hypot(sigma, self._steepness(stand, rays, model))
+        square = np.add.reduce(np.minimum((off / sigma) ** 2, OUTLIER_SIGMAS**2)) / len(depths)
+        return float(square), off[np.isfinite(model)]
+
+    def _steepness(self, stand: StandingPose, rays: Array, model: Array) -> Array:
+        """Return the change of the model's depth (k,) within the position error of a pixel, m. The depth of a
+        side face changes by millimetres from pixel to pixel."""
+        aside = (
+            (self.sight.rotation[:, 0] + self.sight.rotation[:, 1]) * STEEP_PIXELS / self.sight.intrinsics.fx
+        )
+        beside = ray_hits(stand.rest.entry.shape, stand.turned, stand.centre, self.sight.origin, rays + aside)
+        change = np.zeros(len(model))
+        both = np.isfinite(model) & np.isfinite(beside)
+        change[both] = np.abs(beside[both] - model[both])
+        return change
+
+
+def _rank(one: Hypothesis) -> float:
+    """Sort key, lower is better: the cost, with a handicap for floating items and unlikely faces."""
+    return one.cost + (0.0 if one.supported else 12.0) + 10.0 * one.stand.rest.unlikely
+
+
+def is_clear(hypothesis: Hypothesis, poor: float = POOR_MISFIT) -> bool:
+    """Whether the hypothesis explains its blob, and the blob shows enough of the item."""
+    return hypothesis.misfit < poor and hypothesis.shown >= MIN_SHOWN_SHARE
+
+
+def detection_from(
+    sight: PosedCamera, blob: Blob, hypotheses: list[Hypothesis], floor: SupportSurface
+) -> Detection:
+    best = hypotheses[0]
+    rest = best.stand.rest
+    entry = rest.entry
+    turn = rest.turn
+    yaw = best.stand.yaw if not turn else (best.stand.yaw + turn / 2) % turn - turn / 2
+    stand = StandingPose(rest, best.stand.centre, yaw if turn else 0.0)
+    loose = math.sqrt(max(1.0, best.misfit)) / max(0.3, best.shown)
+    variance = best.covariance
+    position = math.sqrt(max(float(variance[0, 0]), float(variance[1, 1]))) * loose
+    angle = math.pi if not turn else min(math.pi, math.sqrt(float(variance[2, 2])) * loose)
+    pixel = float((stand.centre - sight.origin) @ sight.rotation[:, 2]) / sight.intrinsics.fx
+    position = math.hypot(position, PIXEL_GRID_ERROR * pixel)
+    return Detection(
+        entry.kind,
+        entry.form,
+        entry.shape,
+        LABEL_NAMES[blob.patch.label],
+        Pose.from_rotation(stand.centre, stand.turned),
+        position + (0.0 if best.supported else 1e-3),
+        max(angle, 2e-3),
+        _confidence(hypotheses),
+        turn,
+        floor.place,
+    )
+
+
+def _confidence(hypotheses: list[Hypothesis]) -> float:
+    """Return a confidence 0 … 1: high for a good fit to a whole blob that no other kind explains nearly as
+    well."""
+    best = hypotheses[0]
+    fit = float(np.clip((POOR_MISFIT - best.misfit) / (POOR_MISFIT - 1.2), 0.05, 1.0))
+    others = [h.cost for h in hypotheses if h.stand.rest.entry.kind != best.stand.rest.entry.kind]
+    lead = min(others, default=math.inf) - best.cost
+    certain = 1.0 / (1.0 + math.exp(-min(lead, 60.0) / 4.0))
+    seen = 0.4 + 0.6 * best.shown
+    return round(fit * certain * seen * (1.0 if best.supported else 0.7), 4)

@@ -1,0 +1,408 @@
+"""Perception pipeline: one RGB-D image is masked, segmented and fitted to the catalogue. What no fit explains
+is reported as unexplained."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...world.belief.planning_scene import BeliefObject
+from ...world.protocols import RgbdImage
+from ...world.scene.description import SceneDescription
+from ...world.scene.destinations import asks_for
+from ...world.scene.heap_regions import heap_regions
+from ...world.shapes import top
+from ...world.values import Array, Pose
+from . import segmentation
+from .backdrop import (
+    MIN_FRONT_DEPTH,
+    BackgroundModel,
+    SupportSurface,
+    SupportSurfaces,
+    level_camera,
+    table_of,
+)
+from .blob_splitting import split_blob
+from .camera_geometry import PosedCamera, register_hand_camera
+from .heap_mapping import map_heaps
+from .held_thing import HeldView, view_held_thing
+from .item_fitting import (
+    GOOD_MISFIT,
+    MAX_HOVER_HEIGHT,
+    POOR_MISFIT,
+    POOR_MISFIT_IN_BIN,
+    Hypothesis,
+    ItemFitter,
+    detection_from,
+    is_clear,
+)
+from .known_object_fitting import KnownSighting, TrackedSighting, known_objects, track_objects
+from .masked_picture import MaskedPicture
+from .resting_poses import HoleMouths, catalogue_poses
+from .robot_mask import ATTACHED_HEIGHT, RobotMask, RobotShape, add_attached_parts, held_part
+from .segmentation import (
+    Blob,
+    PixelPatch,
+    SegmentationInput,
+    connected_patches,
+    cut_off,
+    downsample,
+    outline_patch,
+)
+from .space_carving import MIN_RAISED_DEPTH, bounding_box_of, points_of, unexplained_patches
+from .view import Detection, PerceivedView, UnexplainedPatch, bin_height_map
+
+MIN_PATCH_PIXELS = 10
+"""Least number of pixels of a patch of colour."""
+MIN_ITEM_HEIGHT = 0.002
+"""Height of a patch's top over its support below which the patch is paint, m."""
+MIN_HEIGHT_OVER_PAINT = 0.0035
+"""Height over a painted surface above which its colour belongs to something else, m."""
+HEAP_ABOVE_RIM, BLOB_ABOVE_RIM = 0.03, 0.10
+"""Heights over a bin's rim up to which depth belongs to the heap in the bin, m: grey, and of an item's
+colour. Items may lean over the rim."""
+HEIGHT_ABOVE_TALLEST = 0.015
+"""Height above the tallest item from which a blob cannot be an item, m."""
+RAY_EXTENSION = 0.02
+"""Length by which a ray is taken to go on beyond what never moves, m. It thereby clears volumes that touch
+such a surface."""
+MAX_CAMERA_DISPLACEMENT, DISPLACEMENT_DISTANCE = 0.006, 0.8
+"""Displacement at the distance of the second value above which a corrected camera counts as misplaced, m. Its
+background is then computed again."""
+MIN_RAY_DESCENT = 0.1
+"""Least descent of a ray of a moving camera for each m of depth. Flatter rays go to the horizon, where no
+item lies."""
+MAX_CUT_MISFIT, MIN_CUT_SHOWN = 2.5, 0.75
+"""Greatest misfit and least visible share of a blob that the hand or the picture's border cuts through. Other
+cut blobs are ignored: another picture shows them better."""
+MAX_POSITION_SIGMA = 0.012
+"""Standard deviation of a position from which on a fit is no detection, m."""
+
+
+class Perception:
+    """Perception of one scene: its fixtures, bins, cameras and catalogue, and the robot's shape. Between
+    pictures it keeps nothing but the cameras' views of the empty scene."""
+
+    def __init__(
+        self, description: SceneDescription, robot: RobotShape, table_z: float | None = None
+    ) -> None:
+        table = table_of(description)
+        self._description = description
+        self._robot = RobotMask(robot)
+        self._table = table
+        if table_z is None:
+            table_z = 0.0 if table is None else top(table.shape, table.pose)
+        self._table_z = table_z
+        self.rests = catalogue_poses(description.catalogue)
+        self.tallest = max((rest.height for rest in self.rests), default=0.0)
+        """Height of the tallest item in its tallest stable pose, m."""
+        self.regions = heap_regions(description)
+        self._floors = SupportSurfaces(description.fixtures, description.bins, self.regions)
+        self.mouths = HoleMouths(description.fixtures, description.catalogue)
+        self.noise = {c.name: max(c.depth_noise, 2e-4) for c in description.cameras}
+        """Standard deviation of the depth of each camera at 0.7 m, m."""
+        self.moving = frozenset(c.name for c in description.cameras if c.on == "hand")
+        """Names of the cameras on the hand."""
+        self._backdrops: dict[tuple[object, Pose], BackgroundModel] = {}
+
+    def detect(
+        self,
+        image: RgbdImage,
+        joints: Array,
+        width: float,
+        held: BeliefObject | None,
+        known: Sequence[BeliefObject] = (),
+    ) -> PerceivedView:
+        """Return what the picture shows, taken with the arm at `joints` (n,) rad and the fingers `width` m
+        open.
+
+        A patch that one of the `known` objects fits near its believed pose is that object. All others are
+        recognised.
+        """
+        shot = self._shot(image, joints, width, held)
+        picture, finding = shot.picture, _Finding(self, shot, known)
+        finding.items()
+        finding.things()
+        bins = {b.id: bin_height_map(picture, shot.robot, b, shot.noise) for b in self._description.bins}
+        return PerceivedView(
+            image.camera,
+            image.stamp,
+            tuple(finding.detections),
+            tuple(finding.unexplained),
+            bins,
+            picture.sight,
+            picture.depth,
+            picture.label,
+            picture.blocked,
+            finding.reach(),
+            self._floors.supports,
+            lambda points, distance: self._robot.within(points, joints, width, held_part(held), distance),
+            {} if shot.moving else map_heaps(picture, shot.robot, self._description, image.colour),
+        )
+
+    def follow(
+        self,
+        image: RgbdImage,
+        joints: Array,
+        width: float,
+        held: BeliefObject | None,
+        objects: Sequence[BeliefObject],
+    ) -> tuple[TrackedSighting, ...]:
+        """Locate objects that are believed to be in the picture; see `known_object_fitting`. It is cheaper
+        and surer than `detect`, because nothing has to be recognised."""
+        shot = self._shot(image, joints, width, held)
+        fitter = ItemFitter(self.rests, shot.picture.sight, shot.noise, shot.rough)
+        return track_objects(shot.picture, fitter, objects)
+
+    def held(self, image: RgbdImage, joints: Array, width: float) -> HeldView:
+        """Return what the picture of a fixed camera shows in the hand, with the arm at `joints` (n,) rad."""
+        believed = PosedCamera.at(image.intrinsics, image.camera_in_world)
+        backdrop = self._backdrop(believed, image)
+        depth = np.where(np.isfinite(image.depth), image.depth, 0.0).astype(np.float64)
+        sight = level_camera(believed, depth, backdrop, self._table_z)
+        depth[backdrop.depth - depth <= MIN_RAISED_DEPTH] = 0.0
+        tagged = asks_for(self._description.destinations, "tag")
+        return view_held_thing(sight, depth, image.colour, self._robot, (joints, width), tagged=tagged)
+
+    def _shot(
+        self, image: RgbdImage, joints: Array, width: float, held: BeliefObject | None
+    ) -> MaskedPicture:
+        moving = image.camera in self.moving
+        whole = image
+        if moving:
+            image = downsample(image)
+        depth = np.where(np.isfinite(image.depth), image.depth, 0.0).astype(np.float64)
+        believed = PosedCamera.at(image.intrinsics, image.camera_in_world)
+        backdrop = self._backdrop(believed, image)
+        label = segmentation.labels(image.colour)
+        in_hand = held_part(held)
+        if moving:
+            # From near, items and fingers may fill more of the picture than the table does.
+            clutter = (label > 0) | self._robot.nearby(believed, depth, joints, width, in_hand)
+            sight = level_camera(believed, depth, backdrop, self._table_z, clutter)
+            sight = self._beside_hand(sight, whole, joints, width)
+        else:
+            sight = level_camera(believed, depth, backdrop, self._table_z)
+        if believed.apart(sight, DISPLACEMENT_DISTANCE) > MAX_CAMERA_DISPLACEMENT:
+            # What is seen of walls and table is compared with where they are, seen from the corrected camera.
+            believed = sight
+            backdrop = BackgroundModel.of(self._description, sight, self._table, self._table_z)
+        height = sight.heights(depth)
+        robot = self._robot.paint(believed, joints, width, in_hand)
+        if moving:
+            robot |= self._robot.nearby(believed, depth, joints, width, in_hand)
+        else:
+            # A camera that is mounted elsewhere than believed sees a rim of the robot next to the model.
+            high = np.where(~robot & (height > self._table_z + ATTACHED_HEIGHT), depth, 0.0)
+            if high.any():
+                robot |= self._robot.nearby(believed, high, joints, width, in_hand, math.inf) & (high > 0)
+        robot = add_attached_parts(robot, height, depth > 0, self._table_z + ATTACHED_HEIGHT)
+        walls = np.isfinite(backdrop.guard) & ((depth == 0) | (depth > backdrop.guard - MIN_FRONT_DEPTH))
+        if moving:
+            walls |= sight.all_directions()[:, :, 2] > -MIN_RAY_DESCENT
+        picture = SegmentationInput(
+            sight, depth, height, label, robot | walls, np.zeros(depth.shape, dtype=np.int32), []
+        )
+        return MaskedPicture(picture, backdrop, robot, self.noise.get(image.camera, 0.002), moving)
+
+    def _beside_hand(self, sight: PosedCamera, image: RgbdImage, joints: Array, width: float) -> PosedCamera:
+        """Correct the levelled pose of a hand camera by the fingers that the whole picture shows."""
+        fine = PosedCamera.along(image.intrinsics, sight.origin, sight.rotation)
+        found = register_hand_camera(fine, image.depth.astype(np.float64), self._robot.fingers(joints, width))
+        return PosedCamera.along(sight.intrinsics, found.origin, found.rotation)
+
+    def _backdrop(self, sight: PosedCamera, image: RgbdImage) -> BackgroundModel:
+        if image.camera in self.moving:
+            return BackgroundModel.of(self._description, sight, self._table, self._table_z)
+        key = (image.intrinsics, image.camera_in_world)
+        if key not in self._backdrops:
+            self._backdrops[key] = BackgroundModel.of(self._description, sight, self._table, self._table_z)
+        return self._backdrops[key]
+
+    def in_heap(self, points: Array, over: float = HEAP_ABOVE_RIM) -> NDArray[np.bool_]:
+        """Select the points (n, 3) of a pile, or of a bin up to `over` m above its rim."""
+        return self._floors.in_heap(points, over)
+
+    def floor(self, x: float, y: float, below: float) -> SupportSurface:
+        return self._floors.under(x, y, below)
+
+
+class _Finding:
+    """Recognition of items and unexplained patches in one picture."""
+
+    def __init__(self, perception: Perception, shot: MaskedPicture, known: Sequence[BeliefObject]) -> None:
+        self.perception = perception
+        self.known = known
+        self.picture = shot.picture
+        self.fitter = ItemFitter(perception.rests, shot.picture.sight, shot.noise, shot.rough)
+        self.backdrop = shot.backdrop
+        self.robot = shot.robot
+        self.moving = shot.moving
+        self.detections: list[Detection] = []
+        self.unexplained: list[UnexplainedPatch] = []
+
+    def items(self) -> None:
+        """Fit the coloured patches. Patches that fit nothing become boxes."""
+        picture = self.picture
+        usable = (picture.label > 0) & ~picture.blocked
+        if self.backdrop.label.any():
+            usable &= self._is_more_than_paint()
+        present = np.flatnonzero(np.bincount(picture.label[usable], minlength=len(segmentation.LABEL_NAMES)))
+        patches = [
+            picture.claim(rows, columns, int(label))
+            for label in present
+            for rows, columns in connected_patches(usable & (picture.label == label), MIN_PATCH_PIXELS)
+        ]
+        for patch in patches:
+            if patch.measured >= 4:
+                self._item(patch)
+
+    def _is_more_than_paint(self) -> NDArray[np.bool_]:
+        """Select pixels that are more than paint: of another colour than the background, or raised from it.
+
+        Pixels count as raised with their neighbours only, because depth noise is as large as a plate is
+        thick.
+        """
+        picture, behind = self.picture, self.backdrop
+        known = picture.depth > 0
+        out = np.where(known, behind.depth - picture.depth, 0.0)
+        around = cv2.blur(out, (3, 3)) / np.maximum(cv2.blur(known.astype(np.float64), (3, 3)), 0.1)
+        raised = (around > MIN_HEIGHT_OVER_PAINT) & (~known | (out > 0.5 * around))
+        clean = cv2.medianBlur(raised.astype(np.uint8), 3)
+        return clean.astype(np.bool_) | (picture.label != behind.label)
+
+    def things(self) -> None:
+        """Collect the grey depth that nothing known explains. In bins it belongs to the heap."""
+        picture = self.picture
+        for rows, columns in unexplained_patches(
+            picture, self.backdrop.depth, self.robot, self.perception.in_heap
+        ):
+            self._box(rows, columns)
+
+    def reach(self) -> NDArray[np.float32]:
+        """Compute how far each ray passes through free space, see `PerceivedView.reach`."""
+        picture, behind = self.picture, self.backdrop
+        explained = behind.depth - picture.depth <= MIN_RAISED_DEPTH
+        explained |= np.isfinite(behind.guard) & (picture.depth > behind.guard - MIN_FRONT_DEPTH)
+        explained &= picture.owner == 0
+        known = np.where(explained, np.maximum(picture.depth, behind.depth) + RAY_EXTENSION, picture.depth)
+        known[picture.depth <= 0] = np.inf
+        known[self.robot] = 0.0
+        return known.astype(np.float32)
+
+    def _floor(self, rows: NDArray[np.intp], columns: NDArray[np.intp], height: float) -> SupportSurface:
+        middle = np.array([columns.mean(), rows.mean()])
+        x, y = self.picture.sight.at_height(middle, height)
+        return self.perception.floor(float(x), float(y), height + 0.005)
+
+    def _item(self, patch: PixelPatch) -> None:
+        floor = self._floor(patch.rows, patch.columns, patch.top)
+        if patch.top - floor.height < MIN_ITEM_HEIGHT or floor.heaped:
+            return
+        blob = outline_patch(self.picture, patch)
+        heaped = (0.0, math.inf) if floor.in_bin else (GOOD_MISFIT, MAX_HOVER_HEIGHT)
+        known = known_objects(self.picture, self.fitter, blob, floor, self.known)
+        for one in known.found:
+            self._confirm(one, floor)
+        for left in known.left:
+            if left.measured >= 4:
+                self._item(left)
+        if known.found:
+            return
+        hypotheses = self.fitter.explain(blob, floor.height, *heaped)
+        seated = self._seated(blob)
+        if seated is not None and (
+            not hypotheses or seated.best.misfit < max(GOOD_MISFIT, hypotheses[0].misfit)
+        ):
+            self.detections.append(seated.detection)
+            return
+        misfit = hypotheses[0].misfit if hypotheses else 9.0
+        hidden = cut_off(patch.rows, patch.columns, *self.picture.depth.shape) or self._beside_robot(blob)
+        if self.moving and hidden:
+            if hypotheses and is_clear(hypotheses[0], MAX_CUT_MISFIT) and hypotheses[0].shown > MIN_CUT_SHOWN:
+                self._settle(blob, hypotheses, floor)
+            return
+        # Items that the border or the robot hides in part do not fit, and would be searched in each picture.
+        if misfit > GOOD_MISFIT and not floor.in_bin and not hidden:
+            parts = split_blob(self.picture, self.fitter, blob, floor.height, misfit, known.most)
+            if parts is not None and (
+                misfit >= POOR_MISFIT or all(is_clear(part.hypotheses[0]) for part in parts)
+            ):
+                for part in parts:
+                    self._settle(part.blob, part.hypotheses, floor)
+                return
+        self._settle(blob, hypotheses, floor)
+
+    def _confirm(self, one: KnownSighting, floor: SupportSurface) -> None:
+        """Add a known object with at most its believed confidence: other kinds were not compared."""
+        detection = detection_from(self.picture.sight, one.blob, [one.fit], floor)
+        confidence = min(detection.confidence, one.object.confidence)
+        self.detections.append(replace(detection, confidence=confidence))
+
+    def _seated(self, blob: Blob) -> _Seated | None:
+        """Return the item whose protruding part the blob is. None when no hole is near, or no item fits
+        clearly."""
+        x, y = self.picture.sight.at_height(blob.middle, blob.top)
+        mouth = self.perception.mouths.near(float(x), float(y))
+        if mouth is None or not mouth.stubs:
+            return None
+        found = replace(self.fitter, rests=mouth.rests).explain(blob, mouth.height)
+        stub = mouth.stub(found[0].stand.rest) if found else None
+        if stub is None or not is_clear(found[0]):
+            return None
+        seen = detection_from(self.picture.sight, blob, found, SupportSurface(mouth.id, mouth.height, False))
+        # The board hides a part of the outline. Where that leaves the place uncertain, the hole gives it.
+        at = seen.pose.position if seen.sigma_position < mouth.sigma else (*mouth.at, seen.pose.position[2])
+        pose = Pose(at, seen.pose.orientation).shifted((0.0, 0.0, -stub.sunk))
+        sigma = min(seen.sigma_position, mouth.sigma)
+        return _Seated(found[0], replace(seen, shape=stub.entry.shape, pose=pose, sigma_position=sigma))
+
+    def _settle(self, blob: Blob, hypotheses: list[Hypothesis], floor: SupportSurface) -> None:
+        """Accept the best hypothesis as a detection, or box the blob."""
+        if hypotheses and is_clear(hypotheses[0], POOR_MISFIT_IN_BIN if floor.in_bin else POOR_MISFIT):
+            detection = detection_from(self.picture.sight, blob, hypotheses, floor)
+            if detection.sigma_position < MAX_POSITION_SIGMA:
+                self.detections.append(detection)
+                return
+        if not self._beside_robot(blob) or self._too_large(blob, floor):
+            self._box(blob.patch.rows, blob.patch.columns, floor if floor.in_bin else None)
+
+    def _beside_robot(self, blob: Blob) -> bool:
+        """Whether the robot may hide a part of the blob, which then cannot be expected to fit."""
+        rows, columns = blob.patch.rows, blob.patch.columns
+        y0, y1 = max(int(rows.min()) - 2, 0), int(rows.max()) + 3
+        x0, x1 = max(int(columns.min()) - 2, 0), int(columns.max()) + 3
+        return bool(self.robot[y0:y1, x0:x1].any()) and not blob.whole
+
+    def _too_large(self, blob: Blob, floor: SupportSurface) -> bool:
+        """Whether the blob is too high to be a part of any item, even of one that the robot hides in part."""
+        return blob.top - floor.height > self.perception.tallest + HEIGHT_ABOVE_TALLEST
+
+    def _box(
+        self, rows: NDArray[np.intp], columns: NDArray[np.intp], heap: SupportSurface | None = None
+    ) -> None:
+        """Add the box of a patch to the unexplained. Pixels that belong to a heap are left out; with a `heap`
+        only those far above its rim stay."""
+        known = self.picture.depth[rows, columns] > 0
+        points = points_of(self.picture, rows, columns)
+        known &= ~self.perception.in_heap(points, HEAP_ABOVE_RIM if heap is None else BLOB_ABOVE_RIM)
+        if int(known.sum()) < MIN_PATCH_PIXELS:
+            return
+        x, y, z = (float(c) for c in np.median(points[known], axis=0))
+        below = self.perception.floor(x, y, z + 0.005)
+        box = bounding_box_of(self.picture, rows[known], columns[known], below.height)
+        if box is not None:
+            self.unexplained.append(box)
+
+
+@dataclass(frozen=True, eq=False)
+class _Seated:
+    """Item that stands in a hole."""
+
+    best: Hypothesis
+    detection: Detection

@@ -1,0 +1,197 @@
+"""Plan quality: lengths, duration, clearance, and distance to singularities and joint limits of a plan;
+and the record of a plan in the journal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...world.causes import Failure
+from ...world.journal import PlanEntry
+from ...world.robot_model.model import RobotModel
+from ...world.trajectory import Trajectory
+from ...world.values import Array
+from . import planning_failures
+from .collision_checker import CollisionChecker
+from .cost_meter import MeasuredCost
+from .requests import ContactPair, MotionPlan, Request
+
+QUALITY_STEP = 0.05
+"""Greatest distance in joint space between two measured configurations, rad."""
+MAX_MEASURED_DISTANCE = 0.5
+"""Distance beyond which bodies are not measured, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class NearestBody:
+    """Nearest pair of bodies on a trajectory: names, distance in m, and time, s."""
+
+    contact: ContactPair
+    at: float
+
+
+@dataclass(frozen=True, slots=True)
+class JointMargin:
+    """Joint that comes nearest to one of its limits: its distance (rad, m for a slider), and time, s."""
+
+    joint: str
+    room: float
+    at: float
+
+
+@dataclass(frozen=True, slots=True)
+class PlanQuality:
+    """Quality of a plan, measured along the timed trajectory every STEP rad."""
+
+    length: float
+    """Length in joint space, rad."""
+    way: float
+    """Travel of the TCP, m."""
+    duration: float
+    """Duration, s."""
+    nearest: NearestBody | None
+    """Nearest pair of robot (with the held object) and surroundings that may not touch; None: nothing within
+    FAR."""
+    itself: NearestBody | None
+    """Nearest pair of the robot's own links (with the held object); None: nothing within FAR."""
+    singular: float
+    """Smallest singular value of the TCP's Jacobian (rows in m/rad and rad/rad). 0 where the arm cannot move
+    the tool in some direction."""
+    singular_at: float
+    """Time of that singular value, s."""
+    joint: JointMargin
+
+
+class PlanQualityMeter:
+    """Meter of plan qualities for one robot. It uses a collision checker, whose scene the caller sets."""
+
+    def __init__(self, model: RobotModel, collision: CollisionChecker) -> None:
+        self._model = model
+        self._collision = collision
+
+    def quality(self, trajectory: Trajectory) -> PlanQuality:
+        """Measure a whole trajectory, in the scene of the checker's last update."""
+        picked = list(_sampled_indices(trajectory))
+        least = smallest_singular_values(self._model, trajectory.position[picked])
+        worst = int(np.argmin(least))
+        return PlanQuality(
+            length(trajectory.position),
+            self._way(trajectory),
+            trajectory.duration,
+            self._nearest(trajectory, picked, itself=False),
+            self._nearest(trajectory, picked, itself=True),
+            float(least[worst]),
+            float(trajectory.times[picked[worst]]),
+            self._joint(trajectory),
+        )
+
+    def _nearest(self, trajectory: Trajectory, picked: Sequence[int], *, itself: bool) -> NearestBody | None:
+        nearest: NearestBody | None = None
+        for k in picked:
+            within = MAX_MEASURED_DISTANCE if nearest is None else nearest.contact.distance
+            contact = self._collision.nearest(trajectory.position[k], within, itself=itself)
+            if contact is not None:
+                nearest = NearestBody(contact, float(trajectory.times[k]))
+        return nearest
+
+    def _way(self, trajectory: Trajectory) -> float:
+        return length(self._model.tcp_positions(trajectory.position))
+
+    def _joint(self, trajectory: Trajectory) -> JointMargin:
+        q = trajectory.position
+        room = np.minimum(q - self._model.lower, self._model.upper - q)
+        moment, joint = (int(k) for k in np.unravel_index(int(np.argmin(room)), room.shape))
+        name = self._model.description.joints[joint]
+        return JointMargin(name, float(room[moment, joint]), float(trajectory.times[moment]))
+
+
+def smallest_singular_values(model: RobotModel, path: Array) -> Array:
+    """Return the smallest singular value of the TCP's Jacobian at each configuration of a path (m, n)."""
+    jacobians = np.array([model.jacobian(q) for q in path])
+    return np.asarray(np.linalg.svd(jacobians, compute_uv=False), np.float64)[:, -1]
+
+
+def combine_qualities(parts: Sequence[PlanQuality]) -> PlanQuality:
+    """Combine the qualities of several motions in a row; times from the beginning of the first."""
+    whole = parts[0]
+    for part in parts[1:]:
+        since = whole.duration
+        worse = part.singular < whole.singular
+        joint = part.joint if part.joint.room < whole.joint.room else whole.joint
+        if joint is part.joint:
+            joint = replace(joint, at=since + joint.at)
+        whole = PlanQuality(
+            whole.length + part.length,
+            whole.way + part.way,
+            since + part.duration,
+            _nearer(whole.nearest, part.nearest, since),
+            _nearer(whole.itself, part.itself, since),
+            min(whole.singular, part.singular),
+            since + part.singular_at if worse else whole.singular_at,
+            joint,
+        )
+    return whole
+
+
+def _nearer(a: NearestBody | None, b: NearestBody | None, since: float) -> NearestBody | None:
+    if b is None or (a is not None and a.contact.distance <= b.contact.distance):
+        return a
+    return replace(b, at=since + b.at)
+
+
+def length(path: Array) -> float:
+    """Return the length of a polyline (m, n), in the units of its points."""
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+
+
+def _sampled_indices(trajectory: Trajectory) -> Iterator[int]:
+    """Yield samples at most about STEP apart; the first and the last among them."""
+    q = trajectory.position
+    since = np.inf
+    for k in range(len(q)):
+        since += 0.0 if k == 0 else float(np.linalg.norm(q[k] - q[k - 1]))
+        if since >= QUALITY_STEP or k == len(q) - 1:
+            since = 0.0
+            yield k
+
+
+def plan_entry(
+    model: RobotModel,
+    legs: Sequence[Request],
+    start: Array,
+    spent: MeasuredCost,
+    answer: MotionPlan | Failure,
+    version: int,
+) -> PlanEntry:
+    """Return the record of a plan, or of its failure, of these motions from `start` (n,) rad.
+
+    `version` is that of the belief.
+    """
+    noted = PlanEntry(
+        ", then ".join(planning_failures.describe_request(leg) for leg in legs),
+        "",
+        spent.checks,
+        spent.seconds,
+        "found",
+        "",
+        0.0,
+        start=tuple(start.tolist()),
+        version=version,
+    )
+    if isinstance(answer, Failure):
+        return replace(noted, outcome=answer.cause.name, message=answer.message)
+    q = answer.trajectory.position
+    picked = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), 25)).astype(int))]
+    tool_path = tuple((x, y, z) for x, y, z in model.tcp_positions(picked).tolist())
+    return replace(
+        noted,
+        planner=answer.planner,
+        duration=answer.trajectory.duration,
+        path=tuple(tuple(one) for one in answer.path.tolist()),
+        tool_path=tool_path,
+        length=length(q),
+        way=length(np.array(tool_path)),
+        singular=float(smallest_singular_values(model, picked).min()),
+    )

@@ -1,0 +1,325 @@
+"""Request solver: one plan or one typed failure for one request; charges and records are elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...world.belief.planning_scene import PlanningScene
+from ...world.causes import Failure, planning
+from ...world.planner_names import AUTO
+from ...world.robot_model.model import RobotModel
+from ...world.trajectory import Trajectory
+from ...world.values import Array, Bounds, Pose
+from . import planning_failures, start_failures
+from .cartesian_lines import LineResult, plan_line
+from .collision_bodies import CollisionMargins
+from .collision_checker import CollisionChecker
+from .constrained_rrt import ConstrainedPlanner
+from .goal_configurations import HOME_CONFIGURATION, GoalConfiguration, GoalSet
+from .inverse_kinematics import InverseKinematics
+from .joint_planner import PLANNER_NAME, CheckBudget, FoundPath, JointPlanner, load_planner
+from .obstructions import GoalInspection, ObstructionSearch
+from .path_constraints import PathConstraints
+from .path_search import PathPlanner
+from .planning_failures import explain_line_stop
+from .requests import (
+    CARRYING_ACCELERATION,
+    WIDTH_TOLERANCE,
+    ContactPair,
+    Goal,
+    LineGoal,
+    MotionPlan,
+    OffsetGoal,
+    PlannedPath,
+    Request,
+    check_request,
+)
+from .return_path import ReturnSearch
+from .time_parameterization import time_smooth
+from .trajectory_check import StartTolerance, is_trajectory_free
+
+RETURN_ATTEMPTS = 4
+"""Number of return paths that are tried: a straight one, then others."""
+
+
+class RequestSolver:
+    """Request solver for one robot in one believed scene.
+
+    The answer depends on the request, the belief, the state of arm and fingers, and the seed.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        scene: PlanningScene,
+        *,
+        configuration: Callable[[], Array],
+        width: Callable[[], float],
+        workspace: Bounds | None = None,
+        margins: CollisionMargins | None = None,
+        planner: str = AUTO,
+    ) -> None:
+        """Use `configuration` and `width` for arm (n,) rad and fingers (m), and the planner of that name,
+        where a request gives none."""
+        self.model = model
+        self.collision = CollisionChecker(model, margins, workspace=workspace)
+        self.ik = InverseKinematics(model)
+        self.improving = 0
+        """Number of collision checks that may be spent on a shorter path where a search found one."""
+        self.finds_nothing = False
+        """Whether each request is answered as if no path was found: for injected faults."""
+        self._scene = scene
+        self._configuration = configuration
+        self._width = width
+        self._workspace = workspace
+        self._usual = planner
+
+    def solve(self, request: Request, seed: int) -> MotionPlan:
+        """Plan a request. Fails with planning.*, see `PlanService.solve`."""
+        found = self._solved(request, seed, timed=True)
+        assert isinstance(found, MotionPlan)
+        return found
+
+    def path(self, request: Request, seed: int) -> PlannedPath:
+        """Plan the path of a request, free at the steps of its search, and fail as `solve`.
+
+        Without constraints it has no time, and the steps are coarser than those of a trajectory's check.
+        """
+        return self._solved(request, seed, timed=bool(request.constraints))
+
+    def _solved(self, request: Request, seed: int, *, timed: bool) -> PlannedPath:
+        check_request(self.model, request)
+        if self.scene(request).held is not None:
+            scaling = request.scaling
+            gently = replace(scaling, tool=min(scaling.tool, CARRYING_ACCELERATION))
+            request = replace(request, scaling=gently)
+        self.look(request)
+        begun = self._begun(request)
+        if isinstance(request.target, LineGoal | OffsetGoal):
+            found = self._line(begun, request.target, timed=timed)
+        else:
+            found = self._plan(begun, request.target, seed, timed=timed)
+        return replace(found, request=replace(request, start=begun.start), version=self._scene.version)
+
+    def start(self, request: Request) -> Array:
+        """Return the start of a request (n,), rad; a copy."""
+        q = self._configuration() if request.start is None else request.start
+        return np.array(q, dtype=np.float64)
+
+    def scene(self, request: Request) -> PlanningScene:
+        """Return the belief with the request's suppositions."""
+        held = request.holding
+        if held is not None:
+            return self._scene.supposing(held.object, held.object_in_tcp, allowed=request.allowed)
+        return self._scene.supposing(allowed=request.allowed) if request.allowed else self._scene
+
+    def widths(self, request: Request) -> tuple[float, ...]:
+        """Return the opening of the fingers on the motion, m, or the widest and narrowest where they move."""
+        width, narrowest = self._width() if request.width is None else request.width, request.narrowest
+        return (width,) if narrowest is None or width - narrowest < WIDTH_TOLERANCE else (width, narrowest)
+
+    def look(self, request: Request | None = None) -> None:
+        """Update the collision checker with the belief, and with a request's suppositions."""
+        if request is None:
+            self.collision.update(self._scene, self._width())
+        else:
+            self.collision.update(self.scene(request), *self.widths(request), clearance=request.clearance)
+
+    def _begun(self, request: Request) -> _Begun:
+        start = self.start(request)
+        way = StartTolerance(self.collision, start)
+        believed = request.start is None
+        if way.excess is not None and (way.stuck or way.excess.more_than_a_turn):
+            raise start_failures.start_outside(start, way.excess, way.stuck, believed=believed)
+        if way.stuck:
+            raise start_failures.start_in_collision(start, way.stuck, believed=believed)
+        constraints = PathConstraints(self.model, request.constraints)
+        if broken := constraints.broken(start):
+            raise planning_failures.constraint_violated("where the motion starts", broken)
+        return _Begun(request, start, way, constraints, self.collision.checks)
+
+    def _plan(self, begun: _Begun, goal: Goal, seed: int, *, timed: bool) -> PlannedPath:
+        """Plan to a goal; from a start beyond limits or workspace by a return path first."""
+        excess, way = begun.way.excess, begun.way
+        if excess is None:
+            return self._plan_inside(begun, goal, seed, timed=timed)
+        search = ReturnSearch(self.model, self.collision, self.ik, way, begun.start, begun.constraints.hold)
+        home = self.model.named(HOME_CONFIGURATION)
+        why = ""
+        for attempt in range(RETURN_ATTEMPTS):
+            back = search.around(seed + attempt, begun.request.budget) if attempt else search.straight([home])
+            if back is None:
+                continue
+            inside = replace(begun, start=back[-1], way=StartTolerance(self.collision, back[-1]))
+            try:
+                found = self._plan_inside(inside, goal, seed, timed=timed)
+            except Failure as failure:
+                if failure.cause not in (planning.NO_PATH, planning.BUDGET) or _goal_enclosed(failure):
+                    raise
+                why = f"a motion leads back in, but not on from there: {failure.message}"
+                continue
+            path = np.concatenate([back[:-1], found.path])
+            trajectory = self._planner(begun, None, timed=True).timed(path) if timed else None
+            if trajectory is not None or not timed:
+                checks = self.collision.checks - begun.checks
+                return _planned(trajectory, PlannedPath(path, found.planner, checks, found.goal_index))
+            why = "each motion that leads back in comes too close to something when it is timed"
+        inner = np.clip(begun.start, way.lower, way.upper)
+        between = ObstructionSearch(self.model, self.collision, way, begun.constraints).between(
+            begun.start, [inner, home]
+        )
+        why = why or start_failures.no_way_back(between)
+        raise start_failures.start_outside(begun.start, excess, why=why, believed=begun.request.start is None)
+
+    def _plan_inside(self, begun: _Begun, goal: Goal, seed: int, *, timed: bool) -> PlannedPath:
+        """Plan from a start within limits and workspace."""
+        constraints = begun.constraints
+        chosen = self._chosen(begun.request)
+        planner = self._planner(begun, chosen, timed=timed)
+        inspection = GoalInspection(self.model, self.collision, constraints, self._workspace)
+        goals = GoalSet(self.model, self.ik, inspection, begun.way, begun.start, constraints, goal)
+        try:
+            found, reached = self._found(planner, goals, seed, direct=chosen is None)
+            if found is None or self.finds_nothing:
+                raise self._not_found(begun, [target.q for target in reached])
+        finally:
+            self.ik.solves += constraints.projections
+        if self.improving and found.planner == PLANNER_NAME and isinstance(planner, JointPlanner):
+            found = planner.within(CheckBudget(self.collision, self.improving)).improved(found, seed)
+        checks, index = self.collision.checks - begun.checks, reached[found.goal].index
+        return _planned(found.trajectory, PlannedPath(found.path, found.planner, checks, index))
+
+    def _chosen(self, request: Request) -> PathPlanner | None:
+        """Return the planner of a request; None: `auto`. Raises PicktreeError for an unknown name."""
+        name = request.planner or self._usual
+        return None if name == AUTO else load_planner(name)
+
+    def _planner(
+        self, begun: _Begun, chosen: PathPlanner | None, *, timed: bool
+    ) -> JointPlanner | ConstrainedPlanner:
+        way, start, request = begun.way, begun.start, begun.request
+        if request.constraints:
+            return ConstrainedPlanner(
+                self.model,
+                way,
+                start,
+                request.scaling,
+                self.collision,
+                request.budget,
+                begun.constraints,
+                chosen,
+            )
+        budget = CheckBudget(self.collision, request.budget)
+        return JointPlanner(self.model, way, start, request.scaling if timed else None, budget, chosen)
+
+    def _found(
+        self, planner: JointPlanner | ConstrainedPlanner, goals: GoalSet, seed: int, *, direct: bool
+    ) -> tuple[FoundPath | None, list[GoalConfiguration]]:
+        """Return the planner's path, and the goal configurations that it planned for.
+
+        With `direct` straight edges are tried first.
+        """
+        for near in goals.near() if direct else ():
+            found = planner.direct([target.q for target in near])
+            if found is not None:
+                return found, near
+        targets = goals.all(seed)
+        ends = [target.q for target in targets]
+        return (planner.direct(ends) if direct else None) or planner.around(ends, seed), targets
+
+    def _not_found(self, begun: _Begun, ends: Sequence[Array]) -> Failure:
+        """Build the failure with its obstructions. Their search is charged, but not to the budget."""
+        spent = self.collision.checks - begun.checks + begun.constraints.projections
+        way = begun.way
+        looked = ObstructionSearch(self.model, self.collision, way, begun.constraints)
+        enclosed = None
+        for end in ends:
+            enclosed = looked.enclosure("goal", end)
+            if enclosed is None:  # one that is not enclosed is enough
+                break
+        if enclosed is None:
+            enclosed = looked.enclosure("start", begun.start)
+        between = looked.between(begun.start, ends)
+        return planning_failures.not_found(spent, begun.request.budget, ends, way.excused, between, enclosed)
+
+    def _line(self, begun: _Begun, line: LineGoal | OffsetGoal, *, timed: bool) -> PlannedPath:
+        start, way = begun.start, begun.way
+        target = line.tcp_in_world if isinstance(line, LineGoal) else self.model.tcp(start).shifted(line.by)
+        found = plan_line(self.model, self.ik, way, start, target)
+        if self.finds_nothing:
+            found = LineResult(found.path[:1], 0.0, "reach", ended_at=target)
+        if found.fraction < line.least_fraction:
+            ended = self._line_ended(found, line.least_fraction, target)
+            if way.excess is None:
+                raise ended
+            raise start_failures.start_outside(
+                start,
+                way.excess,
+                why=f"no straight motion leads back in, a free one may: {ended.message}",
+                believed=begun.request.start is None,
+            )
+        trajectory = self._timed_line(begun, found) if timed else None
+        checks = self.collision.checks - begun.checks
+        return _planned(trajectory, PlannedPath(found.path, "line", checks, fraction=found.fraction))
+
+    def _timed_line(self, begun: _Begun, found: LineResult) -> Trajectory:
+        way = begun.way
+        trajectory = time_smooth(self.model, found.path, begun.request.scaling)
+        if trajectory is None or not is_trajectory_free(way, trajectory):
+            graze = () if trajectory is None else self._first_contacts(way, trajectory)
+            raise planning_failures.line_grazes(found.fraction, graze)
+        for k, q in enumerate(trajectory.position):
+            if broken := begun.constraints.broken(q):
+                raise planning_failures.line_breaks(broken, k / (len(trajectory.position) - 1))
+        return trajectory
+
+    def _line_ended(self, found: LineResult, least: float, target: Pose) -> Failure:
+        begin, last = self.model.tcp(found.path[0]), self.model.tcp(found.path[-1])
+        length = begin.distance(target)
+        if found.blocked is None:
+            why = explain_line_stop(self.model, self.ik, found, target)
+            stop = planning_failures.LineStopPoint(last.position, (), why.joint, why.singular)
+            return planning_failures.line_ended(found, least, length, why.why, stop)
+        inspection = GoalInspection(
+            self.model, self.collision, PathConstraints(self.model, ()), self._workspace
+        )
+        rejected = inspection.rejection(found.blocked)
+        stop = planning_failures.LineStopPoint(last.position, rejected.contacts)
+        return planning_failures.line_ended(
+            found, least, length, planning_failures.how_rejected(rejected, "would be"), stop
+        )
+
+    def _first_contacts(self, way: StartTolerance, trajectory: Trajectory) -> tuple[ContactPair, ...]:
+        """Return the contacts of a trajectory's first sample that is too close to a body."""
+        for q in trajectory.position:
+            if not way.nearly_free(q):
+                return self.collision.contacts(q)
+        return ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Begun:
+    """Request with its start; `checks`: the checker's count at the start."""
+
+    request: Request
+    start: Array
+    way: StartTolerance
+    constraints: PathConstraints
+    checks: int
+
+
+def _goal_enclosed(failure: Failure) -> bool:
+    """Whether a search failed for its goal's sake, whatever its start."""
+    return failure.evidence.get("enclosed") == "goal"
+
+
+def _planned(trajectory: Trajectory | None, path: PlannedPath) -> PlannedPath:
+    """Return a path with its trajectory; the path alone where it has none."""
+    if trajectory is None:
+        return path
+    return MotionPlan(
+        path.path, path.planner, path.checks, path.goal_index, path.fraction, trajectory=trajectory
+    )

@@ -1,0 +1,243 @@
+"""Observation: capture an image, run perception on it and update the belief."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from ..world.belief.facts import ASIDE
+from ..world.belief.height_map import Heap
+from ..world.belief.planning_scene import BeliefObject, PlanningScene
+from ..world.causes import Failure, perception
+from ..world.computing_time import ComputeTimeAccount, Stopwatch
+from ..world.journal import ImageEntry, Journal
+from ..world.protocols import Camera, Clock, NoImage, RgbdImage
+from ..world.skill_events import FramesMissedEvent
+from ..world.values import Array
+from .perception.camera_geometry import depth_noise, noise_factor
+from .perception.data_association import ObservationSummary, update_belief
+from .perception.heap_mapping import update_heap
+from .perception.held_thing import HeldView
+from .perception.known_object_fitting import TrackedSighting
+from .perception.pipeline import Perception
+from .perception.view import BinView
+
+T = TypeVar("T")
+
+FRAMES = 4
+"""Number of frames that an observation waits for before it fails: cameras drop a frame now and then."""
+FRAME = 0.1
+"""Time from one frame to the next, s."""
+OLDEST = 0.2
+"""Maximum age of an image, s. A camera that hangs returns its last image again, and a hand at 0.25 m/s has
+moved by 5 cm in this time."""
+LEAST_NOISE = 5e-5
+"""Noise of a depth image from which no two images are the same, m. A camera without noise may repeat one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CapturedImage:
+    """Image with the robot's state at the time of capture: joint angles (n,) rad, gripper opening m."""
+
+    image: RgbdImage
+    joints: Array
+    width: float
+    stamp: float
+    """Simulated time of capture, s."""
+    held: BeliefObject | None
+    """Held object as it was believed at the time of capture; None: the hand was empty."""
+
+
+class Vision:
+    """Cameras of the cell, and the latest view of each bin.
+
+    `joints` and `width` give the arm's configuration (n,) rad and the opening m: the robot masks itself.
+    """
+
+    def __init__(
+        self,
+        cameras: Mapping[str, Camera],
+        perceive: Perception,
+        scene: PlanningScene,
+        clock: Clock,
+        journal: Journal,
+        thinking: ComputeTimeAccount,
+        cost: float,
+        joints: Callable[[], Array],
+        width: Callable[[], float],
+        stopwatch: Stopwatch | None = None,
+    ) -> None:
+        self._cameras = cameras
+        self._perceive = perceive
+        self._scene = scene
+        self._clock = clock
+        self._journal = journal
+        self._thinking = thinking
+        self.cost = cost
+        """Simulated time charged for the processing of one image, s."""
+        self._joints = joints
+        self._width = width
+        self._stopwatch = stopwatch or Stopwatch()
+        self._still = frozenset(cameras) - perceive.moving
+        self._last: dict[str, RgbdImage] = {}
+        """Last image of each camera; of one that repeats itself, the first of these. No part of the state."""
+        self.bins: dict[str, BinView] = {}
+        """Latest view of each bin; part of the state."""
+        self.heaps: dict[str, Heap] = {}
+        """Heap of each tote or fixture that was seen; part of the state."""
+        self.looks = 0
+        """Number of observations merged into the belief; part of the state."""
+        self.newest = 0.0
+        """Time of the newest image in the belief, s. It is compared only with images still in processing,
+        which no checkpoint contains."""
+
+    @property
+    def hand(self) -> str | None:
+        """Name of the camera on the hand; None: there is none."""
+        return next((name for name in self._cameras if name not in self._still), None)
+
+    def shoot(self, camera: str) -> Generator[None, None, CapturedImage]:
+        """Capture one image with `camera`, at the cost of an observation. Perception does not run and the
+        belief does not change."""
+        shot = yield from self._patiently(lambda: self.glance(camera))
+        yield from self._charge()
+        self._journal.note(ImageEntry(shot.image, ()))
+        return shot
+
+    def follow(
+        self, camera: str, objects: Sequence[BeliefObject]
+    ) -> Generator[None, None, tuple[TrackedSighting, ...]]:
+        """Capture an image with `camera` and locate objects that are believed to be in it. The cost is
+        that of an observation; the belief does not change."""
+        shot = yield from self._patiently(lambda: self.glance(camera))
+        with self._stopwatch.measure("perception"):
+            found = self._perceive.follow(shot.image, shot.joints, shot.width, shot.held, objects)
+        yield from self._charge()
+        seen = sorted({str(s.object) for s in found if math.isfinite(s.misfit)})
+        self._journal.note(ImageEntry(shot.image, tuple(seen)))
+        return found
+
+    def examine(self, camera: str) -> Generator[None, None, HeldView]:
+        """Capture an image with a fixed `camera`, and return what it shows in the hand. The cost is that of
+        an observation; the belief does not change. Raises as `look`."""
+        shot = yield from self._patiently(lambda: self.glance(camera))
+        with self._stopwatch.measure("perception"):
+            seen = self._perceive.held(shot.image, shot.joints, shot.width)
+        yield from self._charge()
+        held = () if shot.held is None or not len(seen.points) else (str(shot.held.id),)
+        self._journal.note(ImageEntry(shot.image, held))
+        return seen
+
+    def look(self, camera: str) -> Generator[None, None, ObservationSummary]:
+        """Observe with `camera`; the belief changes after the charged time. All that is not set aside is
+        recognised anew.
+
+        Raises Failure: perception.not_found when there is no such camera, perception.no_image when none comes
+        within a few frames, or only old ones or the same one.
+        """
+        shot = yield from self._patiently(lambda: self.glance(camera))
+        yield from self._charge()
+        return self.take_in(shot, [o for o in self._scene.objects if o.place == ASIDE])
+
+    def glance(self, camera: str) -> CapturedImage:
+        """Capture an image with `camera`. Nothing is charged, and the belief does not change before
+        `take_in`; the caller defers that until the charged time has passed.
+
+        Raises Failure: perception.not_found when there is no such camera, perception.no_image when this frame
+        does not come, is old, is the one before again, or scatters far more than this camera's do.
+        """
+        if camera not in self._cameras:
+            raise Failure(
+                perception.NOT_FOUND, f"there is no camera {camera!r}", known=[str(c) for c in self._cameras]
+            )
+        try:
+            with self._stopwatch.measure("rendering"):
+                image = self._cameras[camera].capture()
+        except NoImage:
+            raise Failure(perception.NO_IMAGE, f"{camera} gives no image", camera=camera) from None
+        now = self._clock.now
+        age = now - image.stamp
+        if age > OLDEST:
+            message = f"{camera} gives no new image: the last one is {age:.2f} s old"
+            raise Failure(perception.NO_IMAGE, message, camera=camera, age=round(age, 3))
+        if self._is_repeated(image):
+            frozen = now - self._last[camera].stamp
+            message = f"{camera} stands still: it has given the same image for {frozen:.2f} s"
+            raise Failure(perception.NO_IMAGE, message, camera=camera, frozen=round(frozen, 3))
+        if factor := noise_factor(image.depth, self._perceive.noise[camera]):
+            self._journal.note(ImageEntry(image, ()))
+            message = (
+                f"the depth of {camera} is {factor:.0f} times as noisy as it should be: no image can be used"
+            )
+            raise Failure(perception.NO_IMAGE, message, camera=camera, noise=round(factor, 1))
+        return CapturedImage(image, self._joints(), self._width(), now, self._scene.held)
+
+    def _is_repeated(self, image: RgbdImage) -> bool:
+        """Return whether an image with noise equals the camera's last one; keep it as the last if not."""
+        last = self._last.setdefault(image.camera, image)
+        if (
+            image.stamp > last.stamp
+            and np.array_equal(image.depth[::16, ::16], last.depth[::16, ::16])
+            and np.array_equal(image.depth, last.depth)
+            and np.array_equal(image.colour, last.colour)
+            and depth_noise(image.depth)[0] > LEAST_NOISE
+        ):
+            return True
+        self._last[image.camera] = image
+        return False
+
+    def take_in(self, shot: CapturedImage, known: Sequence[BeliefObject] = ()) -> ObservationSummary:
+        """Run perception on an image and merge the result into the belief, for the time of its capture.
+
+        Objects that are `known` are looked for where they are believed, and recognised only where they do
+        not fit.
+        """
+        image = shot.image
+        with self._stopwatch.measure("perception"):
+            view = self._perceive.detect(image, shot.joints, shot.width, shot.held, known)
+            held = None if shot.held is None else shot.held.pose
+            summary = update_belief(self._scene, view, shot.stamp, held)
+        for name, seen in view.bins.items():
+            still = image.camera in self._still
+            self.bins[str(name)] = seen if still else seen.over(self.bins.get(str(name)))
+        for name, heap in view.heaps.items():
+            region, former = self._scene.regions[name], self.heaps.get(str(name))
+            self.heaps[str(name)] = update_heap(self._scene, region, heap, former, shot.stamp)
+        self.looks += 1
+        self.newest = max(self.newest, shot.stamp)
+        findings = tuple(f"{d.colour} {d.kind}" for d in view.detections)
+        self._journal.note(ImageEntry(image, findings))
+        return summary
+
+    def _patiently(self, take: Callable[[], T]) -> Generator[None, None, T]:
+        """Run `take`, which captures an image, and return its result; repeat it for the next frames when
+        no image comes."""
+        begun, missed = self._clock.now, 0
+        while True:
+            try:
+                taken = take()
+            except Failure as failure:
+                if failure.cause is not perception.NO_IMAGE:
+                    raise
+                missed += 1
+                if missed == FRAMES:
+                    waited = self._clock.now - begun
+                    message = f"{failure.message} ({FRAMES} frames in {waited:.2f} s)"
+                    evidence = {**failure.evidence, "frames": FRAMES, "waited": round(waited, 3)}
+                    raise Failure(perception.NO_IMAGE, message, **evidence) from None
+                until = self._clock.now + FRAME
+                while self._clock.now < until - 1e-9:
+                    yield
+                continue
+            if missed:
+                words = f"{missed} of {missed + 1} frames did not come"
+                self._journal.note(FramesMissedEvent(words, missed=missed))
+            return taken
+
+    def _charge(self) -> Generator[None, None, None]:
+        self._thinking.spend(self.cost)
+        yield from self._thinking.charge()

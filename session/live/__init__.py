@@ -1,1 +1,0 @@
-"""Viewers of a run that goes on: the socket in its folder, and the live view."""

@@ -1,0 +1,242 @@
+"""Recorded recipe: a run that can be repeated from its log alone.
+
+Older checkpoints are completed: counters and recording state are computed from the log itself.
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+from ..files.errors import PicktreeError
+from ..logs.mcap.reader import RawMessage
+from ..logs.recording.recorder import RecordingState
+from ..logs.run_log import RunLog
+from ..logs.run_record import RunRecord
+from ..logs.schema import topics
+from ..logs.schema.records import ResumedFrom
+from ..logs.schema.topics import Digest
+from ..logs.visits import with_transitions
+from ..simulation.backends import Backend
+from ..trees.mission import Mission
+from ..world.journal import JournalEvent
+from ..world.run_events import BlackboardSetEvent, MissionEditedEvent, OperatorAnswerEvent
+from .checkpoints import RunState
+from .observer import Interrupter, ReloadMessage
+from .operator_actions import EntryChange, RecordedOperator
+from .recipe import DEFAULT_TIME_LIMIT, Recipe, StartCheckpoint
+from .recipe_archive import Unpacking
+from .run_tally import RunCounters
+from .session_recording import START_ATTACHMENT
+
+_CHECKPOINT: Final = re.compile(r"checkpoint-\d+\.json")
+_TIME_TOLERANCE: Final = 1e-6
+"""Tolerance of time comparisons, simulated s."""
+
+
+class RecordedRun:
+    """Recipe, checkpoints, edits and actions of the operator in one log.
+
+    Its files are unpacked into a folder that exists until `close`.
+
+    Raises PicktreeError where the log lacks something, FileError for a file that is no longer accepted.
+    """
+
+    def __init__(self, run: RunRecord) -> None:
+        self.run = run
+        self.folder = tempfile.TemporaryDirectory(prefix="picktree-")
+        """Folder of the unpacked files."""
+        self._unpacking = Unpacking(run.log, Path(self.folder.name))
+        self._edits = list(_edits(run))
+
+    def close(self) -> None:
+        self.folder.cleanup()
+
+    def __enter__(self) -> RecordedRun:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def recipe(self) -> Recipe:
+        """Return the recipe with which the run started, at time 0 or at the checkpoint of another run."""
+        info, log = self.run.info, self.run.log
+        if info.seed is None:
+            raise PicktreeError(
+                f"{log.path}: the log lacks its metadata, and with them the seed, so it cannot be run again; "
+                "keep the metadata when a log is filtered"
+            )
+        if info.backend not in ("physics", "kinematic"):
+            raise PicktreeError(f"{log.path}: the log is of the unknown backend {info.backend!r}")
+        backend: Backend = info.backend
+        start = None
+        if info.continues is not None:
+            start = StartCheckpoint(RunState.from_json(log.attachment(START_ATTACHMENT)), info.continues)
+        return Recipe(
+            self._unpacking.mission(),
+            self._unpacking.scene(),
+            self._unpacking.robot(),
+            info.seed,
+            self._unpacking.faults(),
+            dict(info.parameters),
+            backend,
+            info.verify,
+            self._limit(),
+            info.own_scene,
+            start,
+            {name: words.partition(" ")[2] for name, words in info.files.items()},
+        )
+
+    def edits(self, since: float = -1.0) -> RecordedEdits:
+        """Return the edits that were taken over during the run later than `since`, simulated s."""
+        later = [(time, files) for time, files in self._edits if time > since + _TIME_TOLERANCE]
+        return RecordedEdits(self.run.path, Path(self.folder.name), later)
+
+    def operator(self, since: float = -1.0) -> RecordedOperator:
+        """Return an operator with the answers and the changes of the blackboard later than `since`, simulated
+        s."""
+        answers: list[tuple[str, str]] = []
+        changes: list[tuple[float, EntryChange]] = []
+        for at in self.run.log.events(since + _TIME_TOLERANCE if since >= 0.0 else None):
+            event = at.record
+            if isinstance(event, OperatorAnswerEvent):
+                answers.append((event.node, event.answer))
+            elif isinstance(event, BlackboardSetEvent):
+                changes.append((at.time, EntryChange(event.key, event.value, event.passes, event.node)))
+        return RecordedOperator(answers, changes)
+
+    def checkpoints(self) -> tuple[str, ...]:
+        """Return the names of the log's checkpoints in order of time."""
+        return tuple(sorted(name for name in self.run.log.attachments if _CHECKPOINT.fullmatch(name)))
+
+    def state(self, checkpoint: str) -> RunState:
+        return complete_state(RunState.from_json(self.run.log.attachment(checkpoint)), self.run)
+
+    def last_checkpoint(self, time: float) -> tuple[str, RunState] | None:
+        """Return name and state of the last checkpoint at `time` (simulated s) or before; None when there is
+        none."""
+        before: tuple[str, RunState] | None = None
+        for name in self.checkpoints():
+            state = RunState.from_json(self.run.log.attachment(name))
+            if state.time <= time + _TIME_TOLERANCE:
+                before = (name, state)
+        return None if before is None else (before[0], complete_state(before[1], self.run))
+
+    def from_checkpoint(self, name: str, state: RunState) -> Recipe:
+        """Return a recipe that starts from this checkpoint, with the version of the mission at its time."""
+        recipe = self.recipe()
+        edits = [files for time, files in self._edits if time <= state.time + _TIME_TOLERANCE]
+        if edits:
+            recipe = replace(recipe, mission=self._unpacking.mission(edits[-1]))
+        assert state.recording is not None
+        log = str(self.run.path.absolute())
+        continues = ResumedFrom(log, name, state.time, state.items_done, state.recording.digest)
+        return replace(recipe, start=StartCheckpoint(state, continues))
+
+    def _limit(self) -> float:
+        """Return the limit of the run, simulated s.
+
+        For an older log without one: the end of a run that reached its limit, else the default.
+        """
+        if self.run.info.limit is not None:
+            return self.run.info.limit
+        result = self.run.result
+        return result.sim_seconds if result is not None and result.status == "timeout" else DEFAULT_TIME_LIMIT
+
+
+def _edits(run: RunRecord) -> Iterator[tuple[float, str]]:
+    """Yield time (simulated s) and folder in the log of each version of the mission that took over.
+
+    Each has its tree in the log. What was before the first is not read: a log of hours, once read, keeps
+    gigabytes for as long as it is open.
+    """
+    for tree in run.trees[1:2]:
+        for at in run.log.events(tree.time):
+            if isinstance(at.record, MissionEditedEvent):
+                yield at.time, at.record.files
+
+
+class RecordedEdits(Interrupter):
+    """Versions of a mission that were taken over during a run, each at its time.
+
+    They are unpacked into `folder`, from a log that need not stay open until then.
+    """
+
+    def __init__(self, log: Path, folder: Path, edits: list[tuple[float, str]]) -> None:
+        self._log = log
+        self._folder = folder
+        self._edits = edits
+
+    def look(self, current: Mission, now: float) -> tuple[ReloadMessage, ...]:
+        # One version at a time, at its time: loading a plug-in of a later version replaces the one that runs.
+        if self._edits and now >= self._edits[0][0] - _TIME_TOLERANCE:
+            with RunLog(self._log) as log:
+                self.pending = Unpacking(log, self._folder).mission(self._edits.pop(0)[1])
+        return ()
+
+
+def simulated_messages(
+    log: RunLog, start: float | None = None, end: float | None = None
+) -> Iterator[RawMessage]:
+    """Yield the simulated messages later than `start` and up to `end` (simulated s), in order.
+
+    For a run that resumes from a checkpoint, the messages that only describe the state there are left out.
+    """
+    wanted = [name for name in log.topics if topics.is_simulated(name)]
+    continues = log.run.continues
+    after = [time for time in (start, continues.time if continues else None) if time is not None]
+    begin = max(after) + _TIME_TOLERANCE if after else None
+    return log.messages(wanted, begin, None if end is None else end + _TIME_TOLERANCE)
+
+
+def complete_state(state: RunState, run: RunRecord) -> RunState:
+    """Return the state with counters and recording state.
+
+    The path that the arm followed last stays unknown, so a retreat along it is impossible.
+    """
+    if state.tally is None:
+        state = replace(state, tally=tally_of(run, state.time).state())
+    if state.recording is None:
+        state = replace(state, recording=_recording(run, state.time))
+    return state
+
+
+def tally_of(run: RunRecord, time: float) -> RunCounters:
+    """Return the counters of the run up to `time`, simulated s."""
+    tally = RunCounters()
+    coming = list(run.trees)
+    events: dict[float, list[JournalEvent]] = {}
+    for at in run.events:
+        events.setdefault(at.time, []).append(at.record)
+    ticks = run.log.ticks(end=time)
+    for at in ticks if run.log.format >= 2 else with_transitions(ticks):
+        while coming and coming[0].time <= at.time:
+            tally.follow(coming.pop(0).record.nodes)
+        now = events.get(at.time, ())
+        leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
+        tally.take(at.time, now, at.record.nodes, leaves, at.record.transitions)
+    return tally
+
+
+def _recording(run: RunRecord, time: float) -> RecordingState:
+    believed, true = run.log.belief_at(time), run.log.truth_at(time)
+    tick, frames = run.log.tick_at(time), run.log.transforms_at(time)
+    nodes = tick.record.nodes if tick else ()
+    failing = sorted(n.path for n in nodes if n.status == "FAILURE" and n.cause and n.ticked)
+    digest = Digest()
+    for message in simulated_messages(run.log, end=time):
+        digest.add(message.topic, message.time, message.data)
+    return RecordingState(
+        believed.time if believed else -1.0,
+        true.time if true else -1.0,
+        tuple(failing),
+        tuple((t.child, t.pose) for t in (frames.record if frames else ()) if t.child.startswith("camera/")),
+        digest.hex,
+    )

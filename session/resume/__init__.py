@@ -1,1 +1,0 @@
-"""Resumption of a run that was killed, interrupted, paused or ended at its limit."""

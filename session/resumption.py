@@ -1,0 +1,317 @@
+"""Resumption of an unfinished run: from its last checkpoint, or from the last recorded state of the
+simulation."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final
+
+from pydantic import TypeAdapter, ValidationError
+
+from ..files.errors import PicktreeError
+from ..logs.recording.recorder import RecordingState
+from ..logs.recording.rotated_log import NO_ROTATION, Rotation
+from ..logs.recording.true_state import WHOLE_STATE_PERIOD, fold_states, read_state
+from ..logs.run_record import RunRecord
+from ..logs.schema import topics
+from ..logs.schema.json_records import arithmetic_difference
+from ..logs.schema.records import ResumedFrom
+from ..logs.schema.topics import Digest
+from ..robot.planning.planning_worker import has_second_core
+from ..simulation.checkpoints import snapshot_at_rest
+from ..simulation.faults.injector import FaultState
+from ..world.journal import JournalEvent
+from .arithmetic_probe import arithmetic
+from .checkpoints import NOTHING_RECORDED, RunState
+from .execution import Execution
+from .observer import Observer, PresetAnswers
+from .recipe import Recipe, Recording, StartCheckpoint
+from .recorded_recipe import RecordedRun, simulated_messages
+from .run_tally import RunCounters, RunCountersState
+from .session import Session
+from .session_recording import START_ATTACHMENT
+
+_FAULTS = TypeAdapter(tuple[FaultState, ...])
+_NEVER_WRITTEN = -1.0
+
+
+def recipe_from_truth(recorded: RecordedRun) -> tuple[Recipe, str, float]:
+    """Return the recipe that resumes from the last recorded state, a sentence about it, and the end of its
+    knowledge.
+
+    The end of its knowledge is the simulated time up to which the robot remembers events, s; -1 for nothing.
+    Raises PicktreeError for a log that lacks the state of the simulation.
+    """
+    run = recorded.run
+    if not len(run.ticks.times):
+        return _from_start(recorded, "has no tick")
+    last = _last_state(run)
+    time = last.time
+    found = recorded.last_checkpoint(time)
+    if found is not None:
+        name, known = found
+        recipe, knows = recorded.from_checkpoint(name, known), known.time
+        told = f"what it knows is of {name.removesuffix('.json')}, {known.time:.2f} s"
+    else:
+        recipe = recorded.recipe()
+        if recipe.start is not None:
+            name, known = START_ATTACHMENT, recipe.start.state
+            knows, told = known.time, f"what it knows is of the run's own start, {known.time:.2f} s"
+        else:
+            name, known, knows, told = (
+                "",
+                _beginning(recipe),
+                _NEVER_WRITTEN,
+                "there is no checkpoint: it knows nothing",
+            )
+    stood = snapshot_at_rest(recipe.backend, last.simulation, len(recipe.robot.joints))
+    state = replace(
+        known,
+        time=time,
+        simulation=stood.plain,
+        faults=last.faults,
+        control=_control(known.control, stood.position, last.bias),
+        thinking_owed=0.0,
+        way=None,
+        grip=None,
+        tally=_tally(run, known, knows, time),
+        recording=_recording(run, known, knows, time),
+    )
+    assert state.recording is not None
+    continues = ResumedFrom(
+        str(run.path.absolute()), name, time, known.items_done, state.recording.digest, as_it_stands=True
+    )
+    told = f"going on with {run.path} as things stood at {time:.2f} s, at rest; {told}: it looks first"
+    return replace(recipe, start=StartCheckpoint(state, continues)), told, knows
+
+
+@dataclass(frozen=True, slots=True)
+class _Last:
+    """Last recorded state of the simulation."""
+
+    time: float
+    """Time of the state, simulated s."""
+    simulation: dict[str, Any]
+    faults: tuple[FaultState, ...]
+    """Progress of the faults."""
+    bias: tuple[float, ...]
+    """Bias of the wrist sensor, (6,), N and Nm; empty when it was not learnt yet."""
+
+
+def _last_state(run: RunRecord) -> _Last:
+    topic, end = topics.STATE.name, run.end
+    for start in (end - 2 * WHOLE_STATE_PERIOD, None):
+        messages = list(run.log.messages([topic], start))
+        if not messages:
+            continue
+        try:
+            told = [read_state(message.data) for message in messages]
+            whole = max((n for n, state in enumerate(told) if state.whole), default=None)
+            if whole is None:
+                continue
+            state = fold_states(told[whole:])
+            assert state is not None
+            faults = _FAULTS.validate_python(state.pop("faults", ()))
+            bias = tuple(float(value) for value in state.pop("wrist_bias", ()))
+        except (ValueError, KeyError, ValidationError) as error:
+            raise PicktreeError(f"{run.path}: {topic}: unreadable state: {error}") from None
+        return _Last(messages[-1].time / 1e9, state, faults, bias)
+    raise PicktreeError(
+        f"{run.path}: the log does not tell how things stood in the end, as those of older versions do not; "
+        "without --as-it-stands the run goes on from its last checkpoint"
+    )
+
+
+def _control(
+    known: Mapping[str, Any], position: tuple[float, ...], bias: tuple[float, ...]
+) -> dict[str, Any]:
+    """Return a control loop state that holds the arm at `position`; the learnt bias is kept."""
+    now = {"hold": list(position), "readings": [], "stamps": [], "standing": 0}
+    return {**known, **now, **({"bias": list(bias)} if bias else {})}
+
+
+def _beginning(recipe: Recipe) -> RunState:
+    """Return the state of a robot that has not seen or done anything yet."""
+    return Execution(recipe).checkpoint(NOTHING_RECORDED)
+
+
+def _tally(run: RunRecord, known: RunState, since: float, until: float) -> RunCountersState:
+    """Return the counters of the run up to `until`, simulated s: events between the checkpoint and then
+    count.
+
+    The number of items done and the open episodes are those of the checkpoint, since the robot must find out
+    about them itself.
+    """
+    before = known.tally if known.tally is not None else RunCounters().state()
+    tally = RunCounters.resumed(before)
+    tally.follow(run.tree_at(since).nodes)
+    events: dict[float, list[JournalEvent]] = {}
+    begin = since + 1e-6 if since >= 0.0 else None
+    for at in run.log.events(begin, until + 1e-9):
+        events.setdefault(at.time, []).append(at.record)
+    for at in run.log.ticks(begin, until):
+        leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
+        tick = at.record
+        tally.take(at.time, events.get(at.time, ()), tick.nodes, leaves, tick.transitions)
+    return replace(tally.state(), done=before.done, episodes=before.episodes)
+
+
+def _recording(run: RunRecord, known: RunState, since: float, until: float) -> RecordingState:
+    before = known.recording
+    digest = Digest(bytes.fromhex(before.digest)) if before is not None else Digest()
+    for message in simulated_messages(run.log, since if since >= 0.0 else None, until):
+        digest.add(message.topic, message.time, message.data)
+    return RecordingState(
+        _NEVER_WRITTEN, _NEVER_WRITTEN, (), before.cameras if before is not None else (), digest.hex
+    )
+
+
+_FINISHED_TEXTS: Final = {
+    "success": "the goal is reached",
+    "incomplete": "its tree ended in SUCCESS",
+    "failure": "its tree ended in FAILURE",
+}
+
+
+@dataclass(frozen=True)
+class ResumeRequest:
+    """Request to resume a run: which run, and where its further log goes. The log determines everything
+    else."""
+
+    log: str | Path
+    """Log file, a run's folder, or `last`."""
+    out: Path | None = None
+    """Folder in which the new run's folder is made; None: `runs`."""
+    limit: float | None = None
+    """Limit in simulated s, counted from the beginning of the first run; None: as it was."""
+    rotation: Rotation = NO_ROTATION
+    as_it_stands: bool = False
+    """Whether to resume from the last recorded state of the simulation instead of the checkpoint's.
+
+    The robot's knowledge is still that of the checkpoint, and it looks first.
+    """
+    answers: tuple[str, ...] = ()
+    """Answers for the run's requests for help, one for each question."""
+
+
+class Resumption:
+    """Run of a log that is ready to resume. A context manager: unpacked files are deleted at its exit.
+
+    Raises PicktreeError for a run that is finished, and where the log lacks necessary data.
+    """
+
+    def __init__(self, request: ResumeRequest) -> None:
+        self.request = request
+        with ExitStack() as stack:
+            self.recipe, self.told, self._recorded = self._read(stack)
+            self._open = stack.pop_all()
+        gc.collect()  # Readers of logs refer to themselves, and a session never frees what exists before it.
+
+    def __enter__(self) -> Resumption:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._open.close()
+
+    def session(self, observers: Sequence[Observer] = ()) -> Session:
+        """Return the session that resumes the run. To be called once.
+
+        The interrupters among the observers answer the questions that have no recorded answer.
+        """
+        return Session(
+            self.recipe,
+            record=Recording(self.request.out, self.request.rotation),
+            observers=(*self._recorded, PresetAnswers(self.request.answers), *observers),
+            planning_worker=has_second_core(),
+        )
+
+    @property
+    def since(self) -> float:
+        """Time at which the run resumes, simulated s; -1 when it starts from the beginning."""
+        return _since(self.recipe)
+
+    def _read(self, stack: ExitStack) -> tuple[Recipe, str, tuple[Observer, ...]]:
+        """Return the recipe, a sentence about its start, and the observers that repeat later interventions.
+
+        The log is closed then: that of hours takes much memory. `stack` keeps the unpacked files.
+        """
+        as_it_stands, limit = self.request.as_it_stands, self.request.limit
+        with RunRecord(self.request.log) as run:
+            _refuse_finished(run, limit)
+            recorded = RecordedRun(run)
+            stack.enter_context(recorded.folder)
+            recipe, told, knows = (recipe_from_truth if as_it_stands else _from_checkpoint)(recorded)
+            if limit is not None:
+                recipe = replace(recipe, limit=limit)
+            return recipe, told, (recorded.edits(knows), recorded.operator(_since(recipe)))
+
+
+def _from_checkpoint(recorded: RecordedRun) -> tuple[Recipe, str, float]:
+    """Return the recipe from the last checkpoint, else from the beginning, as `recipe_from_truth` does."""
+    run = recorded.run
+    found = recorded.last_checkpoint(run.end)
+    if found is None:
+        recipe, told, _ = _from_start(recorded, "has no checkpoint")
+    else:
+        name, state = found
+        recipe = recorded.from_checkpoint(name, state)
+        told = (
+            f"going on with {run.path} from {name.removesuffix('.json')}: {state.time:.2f} s, "
+            f"{_done(state.items_done)}"
+        )
+    departed = arithmetic_difference(run.info.arithmetic, arithmetic())
+    if departed:
+        told = f"{told}\n{departed}"
+    return recipe, told, _since(recipe)
+
+
+def _since(recipe: Recipe) -> float:
+    return recipe.start.state.time if recipe.start else -1.0
+
+
+def _from_start(recorded: RecordedRun, why: str) -> tuple[Recipe, str, float]:
+    """Return the recipe with which a run began, as `recipe_from_truth` does. `why`: reason, in words."""
+    run = recorded.run
+    run.log.require_beginning()
+    recipe = recorded.recipe()
+    before = recipe.start
+    if before is None:
+        return recipe, f"{run.path} {why}: the run begins anew", _NEVER_WRITTEN
+    told = (
+        f"{run.path} {why} of its own: it goes on where that run did, at {before.state.time:.2f} s, "
+        f"{_done(before.state.items_done)}"
+    )
+    return recipe, told, before.state.time
+
+
+def _done(items: int) -> str:
+    return f"{items} item done" if items == 1 else f"{items} items done"
+
+
+def _refuse_finished(run: RunRecord, limit: float | None) -> None:
+    """Raise PicktreeError for a run that has come to its end, and for a limit that it has already reached."""
+    status = run.log.result.get("status", "")
+    if status in _FINISHED_TEXTS:
+        raise PicktreeError(
+            f"{run.path}: the run is finished: {_FINISHED_TEXTS[status]}; `picktree whatif` lets it go on "
+            "from a "
+            "checkpoint with something changed"
+        )
+    if limit is not None and limit <= run.end:
+        raise PicktreeError(f"--limit {limit:g} s: the run has come to {run.end:.2f} s already")
+    if status == "timeout" and limit is None:
+        raise PicktreeError(
+            f"{run.path}: the run was ended at its limit, {run.end:.2f} s; give a later one, as in "
+            f"--limit '{_suggested_limit(run.end)} s'"
+        )
+
+
+def _suggested_limit(end: float) -> int:
+    return max(60, round(2 * end / 60) * 60)

@@ -1,1 +1,0 @@
-"""Robot of the physics backend: body, motors and devices."""

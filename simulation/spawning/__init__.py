@@ -1,1 +1,0 @@
-"""Spawning of items, and the inventory of all that ever came."""

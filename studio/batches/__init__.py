@@ -1,1 +1,0 @@
-"""Batches in the studio: plans, progress, results."""

@@ -1,1 +1,0 @@
-"""Run: missions that are started, watched and steered from the page."""

@@ -1,1 +1,0 @@
-"""Write: missions as text and picture, their faults, rehearsals and scenes."""

@@ -1,1 +1,0 @@
-"""Runs of the folder: index, opening, explanation, what-if and comparison."""

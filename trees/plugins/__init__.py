@@ -1,1 +1,0 @@
-"""Plug-ins: nodes from outside picktree."""

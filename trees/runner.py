@@ -1,0 +1,388 @@
+"""Behaviour tree in execution, and reports of its ticks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping
+from dataclasses import dataclass, replace
+from operator import is_
+from typing import Any, cast
+
+from py_trees.behaviour import Behaviour
+
+from ..files.errors import PicktreeError
+from ..world.causes import Evidence, FailureReport
+from ..world.journal import Plain
+from .blackboard import Blackboard, BlackboardWrite, Namespace
+from .controls.loops import ForEach
+from .mission import Mission, NodeSpec, TreeSpec
+from .node import Node
+from .ports import PortDeclaration, child
+from .references import Binding, Constant, PortExpression, Reference
+from .run_settings import Overrides, read_settings
+from .runtime import NodeTransition, Runtime, TreeWorld, Wiring, evaluate
+from .skill import Skill
+from .status import NodeStatus
+from .tree_adoption import StateTransfer, transfer_state
+from .tree_definition import TreeDefinition
+
+
+@dataclass(frozen=True, slots=True)
+class NodeReport:
+    """State of one node at the end of a tick. `cause` and `evidence` are set for a FAILURE with a report."""
+
+    path: str
+    id: str
+    status: NodeStatus
+    ticked: bool
+    message: str
+    cause: str | None
+    evidence: Evidence | None
+
+
+@dataclass(frozen=True, slots=True)
+class TickReport:
+    """Report of one tick: all nodes, parents first; blackboard writes and node transitions in order."""
+
+    nodes: tuple[NodeReport, ...]
+    writes: tuple[BlackboardWrite, ...]
+    transitions: tuple[NodeTransition, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class NodeInfo:
+    """Constant properties of a node, recorded once."""
+
+    path: str
+    id: str
+    name: str
+    kind: str
+    parent: str | None
+    children: tuple[str, ...]
+    ports: Mapping[str, Plain]
+    """Port values as in the mission file."""
+
+
+class BehaviourTree:
+    """Nodes of a mission with their blackboard. One call of `tick` is one tick."""
+
+    def __init__(self, root: Node, runtime: Runtime) -> None:
+        self._root = root
+        self._runtime = runtime
+        self._nodes = tuple(_parents_first(root))
+        self._by_path = {node.path: node for node in self._nodes}
+        self._leaves = frozenset(node.path for node in self._nodes if not node.children)
+        self._reported = tuple(map(_report, self._nodes))
+        """Reports of the last tick. The same tuple is reported again while nothing in it changes."""
+
+    @property
+    def root(self) -> Node:
+        """Root node, for py_trees' own tools (display, visitors)."""
+        return self._root
+
+    @property
+    def nodes(self) -> tuple[Node, ...]:
+        """All nodes, parents first."""
+        return self._nodes
+
+    @property
+    def blackboard(self) -> Blackboard:
+        return self._runtime.blackboard
+
+    @property
+    def on_start(self) -> list[Callable[[str], None]]:
+        """Hooks that get the path of each node that starts, before it reads its inputs."""
+        return self._runtime.start_hooks
+
+    @property
+    def on_end(self) -> list[Callable[[str], None]]:
+        """Hooks that get the path of each node that has ended or was halted, after its status is set."""
+        return self._runtime.end_hooks
+
+    @property
+    def status(self) -> NodeStatus:
+        return self._root.state
+
+    @property
+    def failure(self) -> FailureReport | None:
+        """Failure of the mission; None when it has none."""
+        return self._root.failure
+
+    @property
+    def leaves(self) -> frozenset[str]:
+        """Paths of the nodes without children."""
+        return self._leaves
+
+    @property
+    def quiescent(self) -> bool:
+        """Whether every RUNNING leaf can be saved."""
+        return not any(node.state is NodeStatus.RUNNING and not node.saveable for node in self._nodes)
+
+    def tick(self) -> TickReport:
+        """Tick the root once and report. A tick after the root has ended restarts the mission."""
+        self.step()
+        return self._report()
+
+    def step(self) -> None:
+        """Tick the root once without a report; the writes remain with the blackboard."""
+        for node in self._nodes:
+            node.ticked = False
+            node.seconds = 0.0
+        self._root.step()
+
+    def halt(self) -> TickReport:
+        """Halt all running nodes and report; every node is IDLE afterwards."""
+        for node in self._nodes:
+            node.ticked = False
+        self._root.halt()
+        return self._report()
+
+    def find(self, path: str) -> Node:
+        """Return the node at a path. Raises PicktreeError for an unknown path."""
+        if path not in self._by_path:
+            raise PicktreeError(f"the tree has no node {path!r}")
+        return self._by_path[path]
+
+    def seconds(self) -> dict[str, float]:
+        """Return the wall times of the nodes ticked last, children included, s; not part of the digest."""
+        return {node.path: node.seconds for node in self._nodes if node.ticked}
+
+    def structure(self) -> tuple[NodeInfo, ...]:
+        """Return the structure of the tree, parents first."""
+        return tuple(
+            NodeInfo(
+                node.path,
+                node.wiring.id,
+                node.name,
+                node.kind,
+                cast("Node", node.parent).path if node.parent is not None else None,
+                tuple(below.path for below in node.below),
+                {
+                    key: bound.text if isinstance(bound, Constant) else str(bound)
+                    for key, bound in node.wiring.ports.items()
+                },
+            )
+            for node in self._nodes
+        )
+
+    def save(self) -> dict[str, Plain]:
+        """Return the state of nodes and blackboard as plain values. Raises PicktreeError while a leaf
+        runs."""
+        if not self.quiescent:
+            raise PicktreeError("a tree cannot be saved while a skill is running")
+        nodes: dict[str, Plain] = {node.path: cast("Plain", node.save_state()) for node in self._nodes}
+        return {"nodes": nodes, "blackboard": cast("Plain", self.blackboard.save())}
+
+    def restore(self, saved: Mapping[str, Plain]) -> None:
+        """Restore a saved state. Raises PicktreeError when it belongs to another mission."""
+        nodes = cast("dict[str, dict[str, Plain]]", saved["nodes"])
+        if set(nodes) != set(self._by_path):
+            strange = sorted(set(nodes) ^ set(self._by_path))
+            raise PicktreeError(f"the saved state belongs to another mission: {strange[0]!r} is not in both")
+        self._root.halt()
+        for path, state in nodes.items():
+            self._by_path[path].restore_state(state)
+            self._by_path[path].ticked = False
+        self.blackboard.restore(cast("dict[str, Plain]", saved["blackboard"]))
+        self._runtime.transitions.take()
+
+    def adopt(self, saved: Mapping[str, Plain]) -> StateTransfer:
+        """Continue from the saved state of another version of the mission. This tree must not have been
+        ticked.
+
+        The blackboard is taken over whole. Nodes with the same path and type continue; the others restart.
+        """
+        self.blackboard.restore(cast("dict[str, Plain]", saved["blackboard"]))
+        return transfer_state(self._nodes, cast("dict[str, dict[str, Plain]]", saved["nodes"]))
+
+    def read_again(self, full_keys: Collection[str]) -> None:
+        """Reread these blackboard keys in running nodes that read them at their start.
+
+        Raises Failure for a value that a node does not accept.
+        """
+        for node in self._nodes:
+            if node.state is NodeStatus.RUNNING:
+                node.read_inputs(full_keys)
+
+    def pass_over(self, elements: Collection[str]) -> None:
+        """Make running loops skip these elements of their lists, as far as their turn is still to come."""
+        for node in self._nodes:
+            if isinstance(node, ForEach) and node.state is NodeStatus.RUNNING:
+                node.pass_over(elements)
+
+    def acting(self, path: str = "") -> str | None:
+        """Return the path of the first running skill at or below `path`; empty when there is none.
+
+        None: the node itself does not run.
+        """
+        if path and (path not in self._by_path or self._by_path[path].state is not NodeStatus.RUNNING):
+            return None
+        within = (node for node in self._nodes if not path or f"{node.path}/".startswith(f"{path}/"))
+        running = (node for node in within if node.state is NodeStatus.RUNNING and isinstance(node, Skill))
+        return next((node.path for node in running), "")
+
+    def stand_in(self, path: str, body: Callable[[], Generator[None, None, None]]) -> bool:
+        """Replace a skill's body from its next tick on, as if the skill was halted before.
+
+        Return False when the node is no skill.
+        """
+        if not isinstance(self._by_path.get(path), Skill):
+            return False
+        self._runtime.stand_ins[path] = body
+        return True
+
+    def look(self) -> TickReport:
+        """Report the nodes as they are, with writes and transitions since the last tick."""
+        return self._report()
+
+    def _report(self) -> TickReport:
+        # A node without a failure that has not changed keeps its report.
+        nodes = tuple(
+            [
+                before
+                if before.ticked is node.ticked
+                and before.status is node.state
+                and before.message == node.feedback_message
+                and before.cause is None
+                and node.failure is None
+                else _report(node)
+                for node, before in zip(self._nodes, self._reported, strict=True)
+            ]
+        )
+        if not all(map(is_, nodes, self._reported)):
+            self._reported = nodes
+        return TickReport(self._reported, self.blackboard.take_writes(), self._runtime.transitions.take())
+
+
+def _report(node: Node) -> NodeReport:
+    failure = node.failure
+    return NodeReport(
+        node.path,
+        node.wiring.id,
+        node.state,
+        node.ticked,
+        failure.message if failure else node.feedback_message,
+        failure.cause.name if failure else None,
+        failure.evidence if failure else None,
+    )
+
+
+def _parents_first(node: Node) -> Iterator[Node]:
+    yield node
+    for below in node.below:
+        yield from _parents_first(below)
+
+
+class SubTree(Node):
+    """Node that ticks its one child in a separate namespace.
+
+    A port wired to a key of the caller is an alias of that key. Literals, defaults and the values of
+    expressions are written when the sub-tree starts. A literal counts as an update for nodes that watch the
+    key only the first time, as in BehaviorTree.CPP, which writes it once.
+    """
+
+    node_id = "SubTree"
+    kind = "subtree"
+    body = child("the root of the sub-tree")
+
+    inside: Namespace
+    """Namespace of the sub-tree's nodes."""
+    interface: tuple[PortDeclaration, ...]
+    """Ports that the tree declares."""
+
+    def __init__(self, tree: TreeDefinition, **ports: Any) -> None:
+        """Describe a call of a tree that was defined in Python."""
+        Behaviour.__init__(self, name=tree.name)
+        self.description = tree.describe_call(SubTree, ports)
+
+    def on_start(self) -> None:
+        self._write_inputs(frozenset(self.wiring.ports), starts=True)
+
+    def on_rewired(self, ports: frozenset[str]) -> None:
+        self._write_inputs(ports, starts=False)
+
+    def _write_inputs(self, ports: frozenset[str], *, starts: bool) -> None:
+        for key, wired in self.wiring.ports.items():
+            if key in ports and isinstance(wired, Constant):
+                again = starts and self.inside.has(key)
+                self.inside.write(key, wired.value, self.path, update=not again)
+            elif key in ports and isinstance(wired, PortExpression):
+                where = f"input {key!r} of {self.wiring.id}: "
+                value = evaluate(wired.value, self.wiring.namespace, self.world, where)
+                self.inside.write(key, value, self.path)
+
+    def on_tick(self) -> NodeStatus:
+        state = self.body.step()
+        if state is NodeStatus.FAILURE:
+            return self.fail_with(self.body.failure)
+        return state
+
+
+def build(mission: Mission, world: TreeWorld, parameters: Mapping[str, Plain] | None = None) -> BehaviourTree:
+    """Build the mission's tree. `parameters`: settings for this run, as `read_settings` takes them.
+
+    Raises PicktreeError for a setting that is unknown, missing or of the wrong type.
+    """
+    runtime = Runtime(world)
+    main = mission.main
+    settings = read_settings(mission, parameters or {})
+    caller = Namespace(runtime.blackboard, "")
+    start = NodeSpec(main.name, main.name, main.mark, None, settings.parameters)
+    root = _Builder(mission, runtime, settings.overrides).tree(main, start, main.name, caller)
+    return BehaviourTree(root, runtime)
+
+
+class _Builder:
+    def __init__(self, mission: Mission, runtime: Runtime, overrides: Overrides) -> None:
+        self._mission = mission
+        self._runtime = runtime
+        self._overrides = overrides
+
+    def tree(self, tree: TreeSpec, call: NodeSpec, path: str, outer: Namespace) -> SubTree:
+        """Build an instance of a tree. Its ports are wired to the caller's namespace or hold constants."""
+        inside = Namespace(self._runtime.blackboard, path)
+        bindings: dict[str, Binding] = {}
+        for port in tree.ports:
+            bound = call.ports.get(port.key)
+            if isinstance(bound, Reference):
+                inside.wire(port.key, outer, bound)
+                bindings[port.key] = bound
+            elif bound is not None:
+                bindings[port.key] = bound
+            elif port.direction == "in" and not port.remapped:
+                bindings[port.key] = Constant(port.default, _plain(port.default))
+        node = SubTree.bound(_wiring(call, path, outer, bindings), self._runtime)
+        node.inside, node.interface = inside, tree.ports
+        node.fill({"do": (("", self.node(tree.root, path, inside)),)})
+        return node
+
+    def node(self, spec: NodeSpec, above: str, namespace: Namespace) -> Node:
+        path = f"{above}/{spec.name}"
+        if path in self._overrides:
+            spec = replace(spec, ports={**spec.ports, **self._overrides[path]})
+        if spec.node is None:
+            return self.tree(self._mission.trees[spec.id], spec, path, namespace)
+        node = spec.node.bound(_wiring(spec, path, namespace, spec.ports), self._runtime)
+        node.fill(
+            {
+                key: tuple((label, self.node(child, path, namespace)) for label, child in filled)
+                for key, filled in spec.slots.items()
+            }
+        )
+        return node
+
+
+def _wiring(spec: NodeSpec, path: str, namespace: Namespace, ports: Mapping[str, Binding]) -> Wiring:
+    return Wiring(
+        spec.id,
+        spec.name,
+        path,
+        namespace,
+        ports,
+        spec.preconditions,
+        spec.postconditions,
+        spec.breakpoint,
+    )
+
+
+def _plain(value: object) -> Plain:
+    return value if isinstance(value, str | int | float | bool) else str(value)

@@ -1,1 +1,0 @@
-"""Execution of trees: build, tick, debug, adopt edits."""

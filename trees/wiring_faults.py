@@ -1,0 +1,179 @@
+"""Faults of a mission's wiring and of its expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+from ..files.expressions.expression import ExpressionError
+from ..files.expressions.type_inference import UnknownName, check_types
+from ..files.marks import Diagnostic, Mark
+from ..files.value_wording import suggest_name
+from .circuit import ArrivingValue, ValueFlow
+from .key_writers import KeyUse, NodeExpression, PlacedNode, TreeKeys, expressions_of
+from .port_types import show
+from .ports import SlotDeclaration
+from .references import ATTRIBUTE_TYPES, ExpressionLocator, Reference
+from .value_sources import ValueSource, type_mismatch
+
+
+def expression_faults(
+    circuit: ValueFlow, pointer: ExpressionLocator, unfinished: Collection[str] = ()
+) -> Iterator[Diagnostic]:
+    """A fault for each expression that can have no value.
+
+    `unfinished`: trees of which not all could be read, so that a name may be written where nobody sees it.
+    """
+    for name, keys in circuit.keys.items():
+        for placed in keys.places.values():
+            for asked in expressions_of(placed.spec):
+                try:
+                    check_types(asked.expression, keys, ATTRIBUTE_TYPES)
+                except UnknownName as error:
+                    if name not in unfinished:
+                        yield expression_fault(placed, asked, error, pointer, "P227")
+                except ExpressionError as error:
+                    yield expression_fault(placed, asked, error, pointer, "P226")
+
+
+def expression_fault(
+    placed: PlacedNode, asked: NodeExpression, error: ExpressionError, pointer: ExpressionLocator, code: str
+) -> Diagnostic:
+    """Return the fault of an expression."""
+    start = placed.spec.mark_at(asked.key)
+    mark, message = pointer.told(start, asked.expression.text, error, asked.before)
+    return Diagnostic(mark, placed.path, f"{asked.what}: {message}", "", code)
+
+
+def wiring_faults(circuit: ValueFlow) -> Iterator[Diagnostic]:
+    """At each input the first thing that does not fit; attributes, cases and writes that cannot be."""
+    for keys in circuit.keys.values():
+        for placed in keys.places.values():
+            yield from _attributes(keys, placed)
+            yield from _cases(keys, placed)
+        yield from _writes(keys, frozenset(circuit.facts))
+    for arrivals in circuit.arrivals:
+        wrong = next((arrival for arrival in arrivals if arrival.problem is not None), None)
+        if wrong is not None:
+            yield _misfit(wrong)
+
+
+def _misfit(arrival: ArrivingValue) -> Diagnostic:
+    at, message = arrival.at, f"port {arrival.at.port.key!r}: {arrival.problem}"
+    return Diagnostic(at.mark, at.trail, message, "; ".join(arrival.hints()), "P237")
+
+
+def _attributes(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
+    """References to attributes of what is no object."""
+    for key, bound in placed.spec.ports.items():
+        if isinstance(bound, Reference) and bound.attributes:
+            mark = placed.spec.mark_at(key)
+            for message, hint in _no_object(bound, keys.sources(bound.key), mark.file):
+                yield Diagnostic(mark, placed.path, f"port {key!r}: {bound}: {message}", hint, "P238")
+
+
+def _no_object(
+    reference: Reference, sources: tuple[ValueSource, ...], file: str
+) -> Iterator[tuple[str, str]]:
+    wrong = [(reference.key, s.type, s.told(file)) for s in sources if s.type.kind not in _MAY_BE_OBJECTS]
+    attributes = ((name, ATTRIBUTE_TYPES[name]) for name in reference.attributes[:-1])
+    wrong += [(name, kind, "") for name, kind in attributes if kind.kind != "object"]
+    for name, kind, hint in wrong[:1]:
+        yield f"only an object has attributes, and {name!r} is {kind.words()}", hint
+
+
+_MAY_BE_OBJECTS = ("any", "word", "object")
+
+
+def _cases(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
+    """Cases that the value which decides can never be."""
+    if placed.spec.node is None:
+        return
+    for slot in placed.spec.node.declaration.slots:
+        bound = placed.spec.ports.get(slot.matches or "")
+        sources = keys.reference(bound) if isinstance(bound, Reference) else ()
+        for label, _ in placed.spec.slots.get(slot.key, ()) if sources else ():
+            if not any(_may_be(source, label) for source in sources):
+                yield _never(placed, slot, label, str(bound), sources)
+
+
+def _never(
+    placed: PlacedNode, slot: SlotDeclaration, label: str, text: str, sources: tuple[ValueSource, ...]
+) -> Diagnostic:
+    mark = placed.spec.mark_at(f"{slot.key}/{label}")
+    values = [_as_label(value) for source in sources for value in source.values or ()]
+    hint = suggest_name(label, values) if values else sources[0].told(mark.file)
+    message = f"{text} is never {label!r}" + ("" if values else f": it is {sources[0].type.words()}")
+    return Diagnostic(mark, placed.path, message, hint, "P258")
+
+
+def _may_be(source: ValueSource, label: str) -> bool:
+    """Whether the case of that name may ever be chosen by a value from there.
+
+    A literal that decides is a setting of the mission: cases for other settings may stand beside it.
+    """
+    if source.certain:
+        return True
+    if source.values is not None:
+        numbers = [v for v in source.values if isinstance(v, int | float) and not isinstance(v, bool)]
+        return label in map(_as_label, source.values) or _number(label) in numbers
+    match source.type.kind:
+        case "bool":
+            return label in ("true", "false")
+        case "int" | "float" | "number":
+            number = _number(label)
+            return number is not None and (source.type.kind != "int" or number.is_integer())
+        case "null":
+            return label == "null"
+        case "list" | "mapping":
+            return False
+        case _:
+            return True
+
+
+def _number(label: str) -> float | None:
+    try:
+        return float(label)
+    except ValueError:
+        return None
+
+
+def _as_label(value: object) -> str:
+    return value if isinstance(value, str) else show(value)
+
+
+def _writes(keys: TreeKeys, facts: frozenset[str]) -> Iterator[Diagnostic]:
+    """Writes to inputs of the tree or of another type than its output has; keys that hide a fact."""
+    for port in keys.tree.ports:
+        if port.key in facts:
+            yield Diagnostic(_declared(keys, port.key), keys.tree.name, *_hidden(port.key), "P259")
+    for key, writes in keys.writes.items():
+        for write in writes:
+            yield from _write(keys, key, write, facts)
+
+
+def _write(keys: TreeKeys, key: str, write: KeyUse, facts: frozenset[str]) -> Iterator[Diagnostic]:
+    mark, path = write.mark, keys.places[id(write.spec)].path
+    what = write.at if write.at.startswith("_") else f"port {write.at!r}"
+    output = keys.outputs.get(key)
+    if key in keys.inputs:
+        message = f"{what}: {key!r} is an input of the tree {keys.tree.name!r}; it cannot be written"
+        hint = "declare the port with 'direction: out', or write another key"
+        yield Diagnostic(mark, path, message, hint, "P239")
+    elif output is not None:
+        for source in keys.written(write):
+            problem = type_mismatch(source, output, "what it writes", strict=False)
+            if problem is not None:
+                hint = f"the tree's output {key!r}, {_declared(keys, key).told(mark.file)}"
+                yield Diagnostic(mark, path, f"{what}: {problem}", hint, "P237")
+                return
+    elif key in facts:
+        message, hint = _hidden(key)
+        yield Diagnostic(mark, path, f"{what}: {message}", hint, "P259")
+
+
+def _declared(keys: TreeKeys, port: str) -> Mark:
+    return keys.tree.places.get(port, keys.tree.mark)
+
+
+def _hidden(key: str) -> tuple[str, str]:
+    return f"the key {key!r} hides the fact of that name in expressions", "give it another name"
