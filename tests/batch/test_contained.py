@@ -38,11 +38,11 @@ FOUND = {
     3: ("crashed", "its process ended with exit code 7", 2),
     4: ("crashed", "it called sys.exit(3)", 2),
     5: ("crashed", "it was interrupted, by itself or from outside", 2),
-    6: ("failure", "ValueError while Trouble was ticked: no such luck", 1),
+    6: ("failure", "ValueError while Trouble was ticked: no such luck (trouble.py, line 39)", 1),
     7: ("crashed", f"its process was ended by SIGKILL, {OUTSIDE}", 2),
     8: ("crashed", "it took more than 700 MB of memory, at trouble.py:45 in trouble_8", 2),
     9: ("crashed", "it wrote more than 50 MB to the disk, at trouble.py:48 in trouble_9", 2),
-    10: ("failure", "OSError while Trouble was ticked: [Errno 27] File too large", 1),
+    10: ("failure", "OSError while Trouble was ticked: [Errno 27] File too large (trouble.py, line 52)", 1),
     11: ("timeout", "", 1),
     12: ("success", "", 1),
 }
