@@ -79,7 +79,7 @@ check: $(DEV)
 	@export NODE_OPTIONS="--max-semi-space-size=64 $$NODE_OPTIONS"; failed=; run() { echo "== $$*"; "$(BIN)/$$@" || failed="$$failed $$1"; }; \
 	run ruff check; \
 	run ruff format --check; \
-	run pyright --pythonpath "$(BIN)/python"; \
+	run pyright --stats --pythonpath "$(BIN)/python"; \
 	run lint-imports --no-logo --no-cache; \
 	[ -z "$$failed" ] || { echo "failed:$$failed" >&2; exit 1; }
 

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 from os.path import realpath
 
-# An editable install finds the package through the link .links/picktree. Its files keep their own paths, in
+# An editable install finds the package through the link links/picktree. Its files keep their own paths, in
 # which editors set breakpoints.
 __path__[:] = map(realpath, __path__)
 __file__ = realpath(__file__)

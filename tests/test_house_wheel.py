@@ -37,7 +37,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
         target = source / file.relative_to(ROOT)
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(file, target)
-    shutil.copytree(ROOT / ".links", source / ".links", symlinks=True)
+    shutil.copytree(ROOT / "links", source / "links", symlinks=True)
     return source
 
 

@@ -167,7 +167,7 @@ def test_type_checker_sees_wrong_ports(tmp_path: Path) -> None:
     file = tmp_path / "program.py"
     file.write_text(PROGRAM, encoding="utf-8")
     (tmp_path / "pyrightconfig.json").write_text(
-        json.dumps({"venvPath": str(ROOT), "venv": ".venv", "extraPaths": [str(ROOT / ".links")]})
+        json.dumps({"venvPath": str(ROOT), "venv": ".venv", "extraPaths": [str(ROOT / "links")]})
     )
     pyright = Path(sys.executable).with_name("pyright")
     ran = subprocess.run(

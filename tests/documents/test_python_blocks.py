@@ -110,7 +110,7 @@ def test_a_type_checker_knows_all_names_of_the_blocks(tmp_path: Path) -> None:
                 (tmp_path / name).write_text(text, encoding="utf-8")
     settings = {
         "typeCheckingMode": "basic",
-        "extraPaths": [str(ROOT / ".links")],
+        "extraPaths": [str(ROOT / "links")],
         "stubPath": str(ROOT / "tests" / "typings"),
         "reportMissingImports": False,
         "reportMissingModuleSource": False,
