@@ -68,7 +68,7 @@ _PLACES = {
     "PicktreeError": ("files.errors", "PicktreeError"),
     "PoseGoal": ("robot.planning.requests", "PoseGoal"),
     "Run": ("apps.api.runs", "MissionRun"),
-    "Tree": ("trees.tree_definition", "TreeDefinition"),
+    "Tree": ("trees.description", "TreeDefinition"),
     "batch": ("apps.api.batches", "batch"),
     "load": ("apps.api.mission", "load"),
     "run": ("apps.api.runs", "run"),

@@ -18,7 +18,7 @@ from .apps.api.runs import MissionRun as Run
 from .apps.api.runs import run as run
 from .files.errors import PicktreeError as PicktreeError
 from .robot.planning.requests import PoseGoal as PoseGoal
-from .trees.tree_definition import TreeDefinition as Tree
+from .trees.description import TreeDefinition as Tree
 
 __all__ = [
     "Batch",

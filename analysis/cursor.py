@@ -10,18 +10,9 @@ from typing import Literal, TypeAlias, TypeVar
 
 from ..files.errors import PicktreeError
 from ..files.node_patterns import find_nodes
+from ..logs.event_records import BeliefEvent
+from ..logs.records import Control, Joints, Plan, Scene, TransitionRecord, Tree, WrenchReading, WriteRecord
 from ..logs.run_log import Stamped
-from ..logs.schema.event_records import BeliefEvent
-from ..logs.schema.records import (
-    Control,
-    Joints,
-    Plan,
-    Scene,
-    TransitionRecord,
-    Tree,
-    WrenchReading,
-    WriteRecord,
-)
 from ..logs.series import TickAt
 from ..logs.visits import Visit, ticks_with_trees
 from ..world.journal import JournalEvent

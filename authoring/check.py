@@ -6,22 +6,19 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
-from ..files.errors import PicktreeError
-from ..files.expressions.expression import ExpressionError
-from ..files.expressions.type_inference import ValueType, check_types
-from ..files.marks import Diagnostic, FileError
+from ..files.errors import Diagnostic, FileError, PicktreeError
+from ..files.expression_syntax import ExpressionError
+from ..files.expressions import ValueType, check_types
 from ..files.value_wording import suggest_name
 from ..files.yaml.document import Document
-from ..trees.circuit import ArrivingValue
-from ..trees.key_writers import NodeExpression, PlacedNode, TreeKeys, expressions_of
+from ..trees.data_flow import DEFAULT, ArrivingValue, NodeExpression, PlacedNode, TreeKeys, expressions_of
 from ..trees.loading.loader import MissionReadResult, SceneNames, examine, load_surroundings
 from ..trees.loading.registry import NodeRegistry
 from ..trees.mission import Mission, MissionFiles, reachable
 from ..trees.references import ATTRIBUTE_TYPES, ExpressionLocator, Reference
-from ..trees.value_sources import DEFAULT
 from ..trees.wiring_faults import expression_fault
-from ..world.belief.facts import ASIDE
 from ..world.planner_names import is_planner, suggest_planner, unknown_planner
+from ..world.world_facts import ASIDE
 from .lint import lint
 
 _CODE = "P240"

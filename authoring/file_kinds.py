@@ -7,22 +7,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from ..files.disk_cache import cached_arrays
-from ..files.errors import PicktreeError
-from ..files.marks import Diagnostic, FileError, Location
-from ..files.shipped_files import find_file
+from ..files.errors import Diagnostic, FileError, Location, PicktreeError
+from ..files.file_system import find_file
 from ..files.yaml.document import Document, read_document
 from ..world.causes import OUR_PREFIXES, Cause, all_causes
 from ..world.robot_model.description import RobotDescription
-from ..world.robot_model.loading import SHIPPED as ROBOTS
-from ..world.robot_model.loading import check_robot, robot_names
-from ..world.robot_model.urdf_geometry import mesh_paths
+from ..world.robot_model.robot_file import SHIPPED as ROBOTS
+from ..world.robot_model.robot_file import check_robot, robot_names
+from ..world.robot_model.urdf import mesh_paths
 from ..world.scene.description import MAX_HIDDEN_SHARE, SceneDescription
 from ..world.scene.scene_loading import SHIPPED as SCENES
 from ..world.scene.scene_loading import check_scene, load_scene, scene_names
 from .schema.schema_parts import Schema, belonging, by_value, schema, schemas
 
 if TYPE_CHECKING:
-    from ..files.diagnostics.file_checks import Check
+    from ..files.file_checks import Check
     from ..trees.mission import MissionFiles
     from ..world.values import Array
 
@@ -130,7 +129,7 @@ _VIEW_SOURCES = (
 
 
 def _check_faults(document: Document) -> Iterable[Diagnostic]:
-    from ..simulation.faults.fault_loading import check_faults
+    from ..simulation.fault_loading import check_faults
 
     return check_faults(document).faults
 
@@ -162,7 +161,7 @@ SchemaKind: TypeAlias = Literal["scene", "robot", "faults", "cases"]
 
 def file_schema(kind: SchemaKind) -> Schema:
     """Return the JSON Schema of a kind of file."""
-    from ..world.robot_model.robot_schema import RobotFile
+    from ..world.robot_model.robot_file import RobotFile
     from .schema.pydantic_schema import model_schema
 
     match kind:
@@ -177,7 +176,7 @@ def file_schema(kind: SchemaKind) -> Schema:
 
 
 def _faults() -> Schema:
-    from ..simulation.faults.fault_schema import ALLOWED_KEYS, REQUIRED_KEYS, FaultsFile
+    from ..simulation.fault_entries import ALLOWED_KEYS, REQUIRED_KEYS, FaultsFile
     from .schema.pydantic_schema import model_schema
 
     found = model_schema("faults", FaultsFile)
@@ -204,7 +203,7 @@ def _propose(found: Schema, key: str, names: tuple[str, ...]) -> None:
 
 
 def _cases() -> Schema:
-    from .rehearsal.cases_schema import CasesFile
+    from .rehearsal.cases import CasesFile
     from .schema.pydantic_schema import model_schema
 
     found = model_schema("cases", CasesFile)
@@ -228,7 +227,7 @@ def _our_causes() -> list[Cause]:
 def _scene() -> Schema:
     """Return the schema of scenes; a scene with a base contains only its differences."""
     from ..world.scene.scene_schema import SceneFile
-    from .schema.mission_context import patch, patched
+    from .schema.mission import patch, patched
     from .schema.pydantic_schema import model_schema
 
     full = model_schema("scene", SceneFile)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from _fault_measures import Measure
 from _fault_table import sortable
-from picktree.simulation.faults.fault_entries import FaultExpectation
+from picktree.simulation.fault_entries import FaultExpectation
 
 if TYPE_CHECKING:
     from picktree.analysis.explain.explanation import FailureStory

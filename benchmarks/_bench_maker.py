@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from picktree.robot.planning.collision_bodies import CollisionMargins
 from picktree.robot.planning.collision_checker import CollisionChecker
-from picktree.world.belief.planning_scene import PlanningScene
+from picktree.robot.planning.collision_model import CollisionMargins
+from picktree.world.planning_scene import PlanningScene
 from picktree.world.robot_model.model import RobotModel
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box, Cylinder, Shape, Sphere

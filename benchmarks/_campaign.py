@@ -336,8 +336,8 @@ def explaining() -> str:
 
 def blind(folder: Path) -> Run:
     """Open a run whose log holds no word of a fault."""
-    from picktree.analysis import Run
-    from picktree.world.run_events import FaultEvent
+    from picktree.analysis.run import Run
+    from picktree.world.events import FaultEvent
 
     run = Run(folder)
     run.__dict__["events"] = tuple(at for at in run.events if not isinstance(at.record, FaultEvent))

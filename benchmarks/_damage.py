@@ -14,7 +14,7 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from pathlib import Path
 
-from picktree.analysis import Run
+from picktree.analysis.run import Run
 from picktree.apps.cli.app import answer
 from picktree.files.errors import PicktreeError
 from picktree.logs.run_log import RunLog

@@ -19,7 +19,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
-from picktree.files.shipped_files import rooms
+from picktree.files.file_system import rooms
 from picktree.session.environment import sources
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -9,8 +9,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
-from picktree.world.run_events import FaultEvent
-from picktree.world.skill_events import SafetyStopEvent
+from picktree.world.events import FaultEvent, SafetyStopEvent
 
 import numpy as np
 
@@ -161,8 +160,8 @@ class Cell:
 
     @classmethod
     def of(cls, scene: str) -> Cell:
-        from picktree.world.robot_model.loading import load_robot
         from picktree.world.robot_model.model import RobotModel
+        from picktree.world.robot_model.robot_file import load_robot
         from picktree.world.scene.scene_loading import load_scene
 
         described = load_scene(scene, Path.cwd())

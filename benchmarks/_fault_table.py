@@ -10,7 +10,7 @@ from typing import Any
 
 from _fault_measures import Measure
 from picktree.apps.batch.rates import Rate, rate
-from picktree.simulation.faults.fault_entries import FaultExpectation
+from picktree.simulation.fault_entries import FaultExpectation
 from picktree.world.causes import matches
 
 COLUMNS: Mapping[str, str] = {

@@ -104,9 +104,9 @@ class _Cell:
     """Hardware, world, and a mission in it."""
 
     def __init__(self, setting: Setting, seed: int) -> None:
-        from picktree.session.assembly import assemble_world
+        from picktree.session.execution import assemble_world
         from picktree.simulation.physics.backend import PhysicsHardware
-        from picktree.world.robot_model.loading import load_robot
+        from picktree.world.robot_model.robot_file import load_robot
         from picktree.world.scene.scene_loading import parse_scene
 
         self.scene = parse_scene(setting.scene(), Path(f"{setting.name}.yaml"))
@@ -136,7 +136,7 @@ class _Cell:
     def _lower(self) -> Generator[None, None, None]:
         from picktree.robot.manipulation.insertion import fit, poses_over
         from picktree.robot.planning.requests import OffsetGoal, PoseGoal
-        from picktree.world.belief.hole_matching import find_hole, fitting_hole
+        from picktree.world.holes import find_hole, fitting_hole
 
         world = self.world
         held = world.scene.held
@@ -166,16 +166,16 @@ class _Cell:
             self._wait()
 
     def _wait(self) -> None:
-        from picktree.session.assembly import TICK_LENGTH
+        from picktree.session.execution import TICK_LENGTH
 
         self.world.control.step_tick(TICK_LENGTH)
         self.world.scene.carry(self.world.control.tcp)
 
     def _mission(self, text: str) -> None:
+        from picktree.trees.flow import NodeStatus
         from picktree.trees.loading.loader import parse_mission
         from picktree.trees.loading.registry import NodeRegistry
         from picktree.trees.runner import build
-        from picktree.trees.status import NodeStatus
 
         self.tree = tree = build(parse_mission(text, Path("insertion.yaml"), NodeRegistry()), self.world)
         while self.world.clock.now < LIMIT:
@@ -187,8 +187,7 @@ class _Cell:
         self.told["failures"].append("hung")
 
     def _note(self) -> None:
-        from picktree.world.run_events import RecoveryEvent
-        from picktree.world.skill_events import ItemDoneEvent, PickEvent
+        from picktree.world.events import ItemDoneEvent, PickEvent, RecoveryEvent
 
         for event in self.world.journal.take():
             match event:

@@ -12,13 +12,13 @@ import picktree.world
 from _motion_tables import Column, Part, Table, Value, median, p95, share
 from _ompl_reference import OmplReference
 from picktree.apps.commissioning.plan_trial import build
-from picktree.robot.manipulation.grasp_candidates import grasp_candidates
+from picktree.robot.manipulation.grasps import grasp_candidates
 from picktree.robot.manipulation.release_poses import free_cells, heap_heights, release_poses
 from picktree.robot.planning.requests import HeldObject, LineGoal, MotionPlan, OffsetGoal, PoseGoal, Request
-from picktree.robot.planning.trajectory_judge import TrajectoryVerifier
+from picktree.robot.planning.trajectory_verifier import TrajectoryVerifier
 from picktree.robot.world import World
-from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import Failure
+from picktree.world.planning_scene import BeliefObject
 from picktree.world.scene.description import SceneDescription
 from picktree.world.values import Array
 

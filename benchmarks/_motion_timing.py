@@ -17,13 +17,16 @@ from picktree.robot.planning.motion_chain import MotionChain
 from picktree.robot.planning.path_curves import JointCurve, rounded_polyline, spline_through
 from picktree.robot.planning.requests import MotionPlan, OffsetGoal, PoseGoal, Request, Scaling
 from picktree.robot.planning.solver import RequestSolver
-from picktree.robot.planning.time_parameterization import time_curve
-from picktree.robot.planning.toppra_profile import TORQUE_LIMIT_SHARE, PathLimits, ScaledStretch
-from picktree.world.belief.planning_scene import PlanningScene
+from picktree.robot.planning.time_parameterization import (
+    TORQUE_LIMIT_SHARE,
+    PathLimits,
+    ScaledStretch,
+    time_curve,
+)
 from picktree.world.causes import Failure
+from picktree.world.planning_scene import PlanningScene
 from picktree.world.robot_model.model import RobotModel
-from picktree.world.trajectory import Trajectory
-from picktree.world.values import Array, Pose
+from picktree.world.values import Array, Pose, Trajectory
 
 import numpy as np
 from toppra.algorithm import TOPPRA

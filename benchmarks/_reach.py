@@ -46,9 +46,9 @@ class Within:
 def within_reach(scene: SceneDescription, items: list[TrueBody]) -> dict[str, Within]:
     """For each item by id."""
     from picktree.robot.planning.requests import PoseGoal, Request
-    from picktree.session.assembly import assemble_world
+    from picktree.session.execution import assemble_world
     from picktree.simulation.backends import build_hardware
-    from picktree.world.robot_model.loading import load_robot
+    from picktree.world.robot_model.robot_file import load_robot
 
     robot = load_robot(scene.robot)
     empty = replace(scene, spawn=())

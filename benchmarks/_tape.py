@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Literal
 
 from picktree.files.errors import PicktreeError
-from picktree.logs.mcap import sealed_file
-from picktree.logs.mcap.record_file import DAMAGE_ERRORS
-from picktree.logs.mcap.sealed_file import RawFile
-from picktree.logs.mcap.writer import McapFile
+from picktree.logs.mcap import writer
+from picktree.logs.mcap.salvage import DAMAGE_ERRORS
+from picktree.logs.mcap.writer import McapFile, RawFile
 from picktree.logs.run_log import RunLog
 
 from mcap.reader import make_reader
@@ -127,7 +126,7 @@ class _Taped:
 def taped() -> Generator[Tape]:
     """The steps of the one log that is recorded in here, in one file."""
     tape = Tape()
-    opened, handed, published = sealed_file.open_raw, McapFile.message, sealed_file.TrailerFile.publish
+    opened, handed, published = writer.open_raw, McapFile.message, writer.TrailerFile.publish
     link = b""
 
     def open_taped(path: Path) -> RawFile:
@@ -140,15 +139,15 @@ def taped() -> Generator[Tape]:
         tape.handed.append(Handed(tape.length, log_time, link))
         handed(self, channel, log_time, data)
 
-    def publish(self: sealed_file.TrailerFile) -> None:
+    def publish(self: writer.TrailerFile) -> None:
         tape.published = tape.published or tape.length
         published(self)
 
-    sealed_file.open_raw, McapFile.message, sealed_file.TrailerFile.publish = open_taped, hand, publish
+    writer.open_raw, McapFile.message, writer.TrailerFile.publish = open_taped, hand, publish
     try:
         yield tape
     finally:
-        sealed_file.open_raw, McapFile.message, sealed_file.TrailerFile.publish = opened, handed, published
+        writer.open_raw, McapFile.message, writer.TrailerFile.publish = opened, handed, published
 
 
 def hash_link(link: bytes, time: int, data: bytes) -> bytes:

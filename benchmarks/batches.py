@@ -147,7 +147,8 @@ def apart(settings: Settings, seed: int) -> Alone:
 
 def run_alone(settings: Settings, seed: int, out: Path) -> Alone:
     from picktree.apps.batch import local_executor
-    from picktree.session.session import RunRequest, Session
+    from picktree.session.recipe import RunRequest
+    from picktree.session.session import Session
 
     local_executor.load()
     cpu, wall = time.process_time(), time.perf_counter()

@@ -49,7 +49,7 @@ def one(job: Job, folder: Path) -> Row:
 
 
 def _run(job: Job, folder: Path, setting: str) -> Row:
-    from picktree.apps.commissioning.calibration_job import CalibrationRequest, calibrate
+    from picktree.apps.commissioning.calibration import CalibrationRequest, calibrate
     from picktree.world.scene.scene_loading import load_scene
 
     base, cameras = SETTINGS[setting]

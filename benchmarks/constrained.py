@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from picktree.apps.batch.rates import rate
 from picktree.robot.planning.requests import PoseGoal, Request, UprightConstraint
 from picktree.robot.planning.solver import RequestSolver
-from picktree.robot.planning.trajectory_judge import TrajectoryVerifier
+from picktree.robot.planning.trajectory_verifier import TrajectoryVerifier
 from picktree.world.causes import Failure
 from picktree.world.values import Array, Pose, Vector3
 

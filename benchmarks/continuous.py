@@ -58,7 +58,8 @@ def resident() -> float:
 
 def one(job: Job, folder: Path) -> Row:
     """Run one seed; the JSON of its result with memory and log."""
-    from picktree.session.session import RunRequest, Session
+    from picktree.session.recipe import RunRequest
+    from picktree.session.session import Session
 
     memory = Memory()
     request = RunRequest(

@@ -22,7 +22,7 @@ from pathlib import Path
 from _campaign import ROOT, Row, campaign, finished, options
 from _file_mutants import mutant, told, told_all
 from picktree.authoring.xml.conversion import convert_text
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError
 from picktree.trees.loading.registry import NodeRegistry
 
 CHUNK = 250

@@ -30,7 +30,8 @@ from pathlib import Path
 from _tape import Opened, open_moment, opens_in_stock_reader, taped
 from picktree.logs.run_log import RunLog
 from picktree.session.observer import Observer
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 from picktree.trees.runner import TickReport
 
 MISSION = Path(__file__).resolve().parent.parent / "examples" / "sort_by_colour.yaml"

@@ -120,7 +120,8 @@ def recorded(case: Case, job: Job, place: Path) -> Path:
 
 
 def _run(case: Case, job: Job, place: Path) -> Path:
-    from picktree.session.session import RunRequest, Session
+    from picktree.session.recipe import RunRequest
+    from picktree.session.session import Session
 
     faults = place / "faults.yaml"
     request = RunRequest(
@@ -147,7 +148,7 @@ def _run_folder(place: Path) -> Path:
 
 def _await(case: Case, job: Job, place: Path, process: subprocess.Popen[bytes]) -> Path:
     """Return the run's folder as soon as its log reaches the job's time."""
-    from picktree.analysis import Run
+    from picktree.analysis.run import Run
     from picktree.files.errors import PicktreeError
 
     at = case.at + KILL_SPREAD * (job.seed % 10)
@@ -183,9 +184,9 @@ def explained(folder: Path) -> Row:
 
     `quoted` counts the root causes that quote a fault when the log holds it.
     """
-    from picktree.analysis import Run
-    from picktree.analysis.explain.explain import explain
     from picktree.analysis.explain.explanation_text import to_json_text
+    from picktree.analysis.explain.run_explanation import explain
+    from picktree.analysis.run import Run
 
     with blind(folder) as run:
         told = json.loads(to_json_text(run, explain(run, faults=False)))
@@ -208,8 +209,8 @@ def explained(folder: Path) -> Row:
 
 def _struck(run: object) -> list[dict[str, str]]:
     """Return the true items that faults struck: id, kind, colour."""
-    from picktree.analysis import Run
-    from picktree.world.run_events import FaultEvent
+    from picktree.analysis.run import Run
+    from picktree.world.events import FaultEvent
 
     assert isinstance(run, Run)
     ids = {at.record.item for at in run.events if isinstance(at.record, FaultEvent) and at.record.item}

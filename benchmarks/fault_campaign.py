@@ -35,15 +35,14 @@ from _fault_page import targets, to_page
 from _fault_table import Line, line, to_text, total
 from picktree.analysis.run import Run
 from picktree.apps.batch.batch import Batch
-from picktree.apps.batch.plan import BatchPlan
-from picktree.apps.batch.plan_loading import load_plan
+from picktree.apps.batch.plan import BatchPlan, load_plan
 from picktree.apps.batch.store import RESULTS_FILE, Store
 from picktree.apps.cli.batch_progress import progress
 from picktree.files.errors import PicktreeError
 from picktree.logs.run_result import RunResult
 from picktree.session.environment import revision
-from picktree.simulation.faults.fault_entries import FaultExpectation
-from picktree.simulation.faults.fault_loading import load_faults
+from picktree.simulation.fault_entries import FaultExpectation
+from picktree.simulation.fault_loading import load_faults
 
 PLAN = ROOT / "benchmarks" / "campaign" / "plan.yaml"
 COST_A_RUN = 7.0

@@ -28,16 +28,15 @@ from _file_mutants import mutant, told, told_all
 from picktree.apps.cli.file_schemas import CHECKS
 from picktree.authoring.rehearsal.case_checks import load_cases
 from picktree.authoring.rehearsal.mission_staging import scene_of, stub_mission
-from picktree.authoring.rehearsal.rehearsal_result import CoverageRecord
-from picktree.authoring.rehearsal.rehearse import rehearse_case
+from picktree.authoring.rehearsal.rehearsal import CoverageRecord, rehearse_case
 from picktree.authoring.rehearsal.trace import is_stubbed
-from picktree.files.diagnostics.file_checks import check_files
 from picktree.files.errors import PicktreeError
+from picktree.files.file_checks import check_files
 from picktree.files.yaml.document import read_document
-from picktree.simulation.faults.fault_loading import load_faults
+from picktree.simulation.fault_loading import load_faults
 from picktree.trees.loading.loader import examine, load_mission
 from picktree.trees.mission import Mission
-from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.scene_loading import load_scene
 
 CHUNK = 250

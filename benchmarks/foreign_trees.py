@@ -33,8 +33,7 @@ from picktree.apps.batch.rates import rate
 from picktree.authoring.xml.conversion import convert, convert_all
 from picktree.authoring.xml.mission_import import ImportOptions
 from picktree.authoring.xml.source import XmlText
-from picktree.files.errors import PicktreeError
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError, PicktreeError
 from picktree.files.yaml.file_text import read_text
 from picktree.tests.authoring.btcpp_library import LIBRARY
 from picktree.tests.authoring.foreign_library import Library, called_by, comparable, trees_of

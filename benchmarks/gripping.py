@@ -15,7 +15,7 @@ from pathlib import Path
 from statistics import median
 
 from _campaign import MissionJob, Row, campaign, finished, mission_jobs, mission_options, rate
-from picktree.world.skill_events import PickEvent
+from picktree.world.events import PickEvent
 
 COST_A_RUN = 7.0
 """CPU seconds."""
@@ -24,7 +24,8 @@ COST_A_RUN = 7.0
 def one(job: MissionJob, folder: Path) -> Row:
     """Run one seed; what the fingers did to each item, and what became of it."""
     from picktree.analysis.run import Run
-    from picktree.session.session import RunRequest, Session
+    from picktree.session.recipe import RunRequest
+    from picktree.session.session import Session
 
     request = RunRequest(
         mission=Path(job.mission),

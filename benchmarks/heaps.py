@@ -31,14 +31,14 @@ from typing import TYPE_CHECKING, Any
 from unittest.mock import patch
 
 from _campaign import ROOT, MissionJob, Row, campaign, finished, mission_options, rate, seeds
-from picktree.world.skill_events import ItemDoneEvent, PickEvent
+from picktree.world.events import ItemDoneEvent, PickEvent
 
 import numpy as np
 import yaml
 
 if TYPE_CHECKING:
     from picktree.analysis.run import Run
-    from picktree.session.session import RunRequest
+    from picktree.session.recipe import RunRequest
 
 DOUBLE = "grasp.double"
 """Cause of a failure for more than one thing in the hand."""
@@ -152,7 +152,7 @@ def _stage(candidate: str) -> str:
 
 def _request(job: Job, folder: Path) -> RunRequest:
     """Return the request of one run; a heap on a table is a round."""
-    from picktree.session.session import RunRequest
+    from picktree.session.recipe import RunRequest
     from picktree.world.scene.scene_loading import load_scene
 
     scene = load_scene(job.scene)

@@ -37,8 +37,8 @@ class Share:
 
 
 def share(first: int, last: int, runs: int) -> Share:
-    from tests.authoring.watched import Watched
-    from tests.authoring.wild_missions import wild_mission
+    from ..tests.authoring.watched import Watched
+    from ..tests.authoring.wild_missions import wild_mission
 
     found = Share()
     for seed in range(first, last):

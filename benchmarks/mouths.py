@@ -17,11 +17,11 @@ from dataclasses import dataclass, replace
 
 from _campaign import rate
 from picktree.robot.perception.hole_mouths import detect_hole
-from picktree.simulation.engine import Client
-from picktree.simulation.feed.spawn import displace_fixtures
 from picktree.simulation.physics.bodies import add_scenery
+from picktree.simulation.physics.engine import Client
 from picktree.simulation.physics.rgbd_camera import CameraRenderer
 from picktree.simulation.sensor_noise import noisy_colour, noisy_depth
+from picktree.simulation.spawn import displace_fixtures
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import CameraDescription, Hole, SceneDescription
 from picktree.world.scene.scene_entries import look_at_frame

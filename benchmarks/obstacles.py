@@ -23,13 +23,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from _campaign import MissionJob, Row, campaign, mission_jobs, mission_options, rate
-from picktree.world.skill_events import ItemDoneEvent
+from picktree.world.events import ItemDoneEvent
 
 import numpy as np
 
 if TYPE_CHECKING:
     from picktree.session.session import Session
-    from picktree.simulation.feed.spawn import SpawnedItem
+    from picktree.simulation.spawn import SpawnedItem
     from picktree.world.scene.description import Fixture, SceneDescription
 
 COST_A_RUN = 28.0
@@ -44,7 +44,7 @@ COLOURS = ("grey", "dark_grey", "white", "red", "green", "blue", "yellow")
 def one(job: MissionJob, folder: Path) -> Row:
     """Run one seed with the thing in the way, without volumes, told of it, and where it comes later without
     it."""
-    from picktree.simulation.feed.spawn import spawn_items
+    from picktree.simulation.spawn import spawn_items
     from picktree.world.scene.scene_loading import load_scene
 
     scene = load_scene(job.scene)
@@ -99,7 +99,8 @@ def _run(
     job: MissionJob, folder: Path, touches: Callable[[Session], dict[str, Any]], **options: Any
 ) -> dict[str, Any]:
     from picktree.analysis.run import Run
-    from picktree.session.session import RunRequest, Session
+    from picktree.session.recipe import RunRequest
+    from picktree.session.session import Session
 
     request = RunRequest(mission=Path(job.mission), seed=job.seed, out=folder, **options)
     session = Session(request)
@@ -175,11 +176,11 @@ def _drawn(
     rng: np.random.Generator, scene: SceneDescription, items: list[SpawnedItem], item: SpawnedItem, seed: int
 ) -> dict[str, Any]:
     """Something in the way from the item to its bin, as an entry of a scene file."""
-    from picktree.simulation.faults.planted_obstacles import FreeSpaceCheck
     from picktree.simulation.footprints import distance, footprint
+    from picktree.simulation.planted_obstacles import FreeSpaceCheck
     from picktree.simulation.truth import TrueBody
-    from picktree.world.robot_model.loading import load_robot
     from picktree.world.robot_model.model import RobotModel
+    from picktree.world.robot_model.robot_file import load_robot
     from picktree.world.scene.destinations import destination_rule
 
     body = TrueBody.of(item.id, item.entry, item.colour, item.pose)
@@ -204,8 +205,8 @@ def _drawn(
 
 
 def _thing(rng: np.random.Generator, x: float, y: float, across: float) -> tuple[dict[str, Any], Fixture]:
-    from picktree.world.scene.body_schema import UnknownFile
     from picktree.world.scene.scene_entries import hidden_body
+    from picktree.world.scene.scene_schema import UnknownFile
 
     def drawn(low: float, high: float) -> float:
         return round(float(rng.uniform(low, high)), 4)

@@ -17,8 +17,8 @@ from picktree.robot.perception.pipeline import Perception
 from picktree.robot.perception.view import Detection, PerceivedView
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.truth import TrueBody
-from picktree.world.robot_model.loading import load_robot
 from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.scene_loading import load_scene
 from picktree.world.shapes import Box, Cylinder, Sphere
 from picktree.world.values import Array, Pose

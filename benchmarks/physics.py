@@ -23,8 +23,8 @@ from statistics import median
 from _campaign import Row, campaign, finished, options, seeds
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.robot_model.description import RobotDescription
-from picktree.world.robot_model.loading import load_robot
 from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.description import (
     CatalogueEntry,
     Fixture,

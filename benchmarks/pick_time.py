@@ -25,7 +25,8 @@ from picktree.robot.control.joint_controllers import TrajectoryController
 from picktree.robot.planning.path_curves import distinct, rounded_polyline, spline_through
 from picktree.robot.planning.requests import LineGoal, OffsetGoal, Request
 from picktree.session.observer import Observer
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 from picktree.trees.skill import Skill
 
 import numpy as np
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from picktree.session.execution import Execution
     from picktree.trees.runner import TickReport
     from picktree.world.robot_model.model import RobotModel
-    from picktree.world.trajectory import Trajectory
+    from picktree.world.values import Trajectory
 
 COST_A_RUN = 8.0
 """CPU seconds that a run of twelve items takes, for the forecast."""

@@ -58,14 +58,14 @@ def one(job: Job, folder: Path) -> Row:
 
 
 def _push(job: Job, kind: str, extra: str) -> dict[str, Any]:
-    from picktree.session.assembly import TICK_LENGTH, assemble_world
+    from picktree.session.execution import TICK_LENGTH, assemble_world
     from picktree.simulation.backends import build_hardware
+    from picktree.trees.flow import NodeStatus
     from picktree.trees.loading.loader import parse_mission
     from picktree.trees.loading.registry import NodeRegistry
     from picktree.trees.runner import build
-    from picktree.trees.status import NodeStatus
     from picktree.world.planar_geometry import outline, planar, wrap_angle
-    from picktree.world.robot_model.loading import load_robot
+    from picktree.world.robot_model.robot_file import load_robot
 
     scene = _scene(kind, job.noise)
     robot = load_robot(scene.robot)

@@ -15,10 +15,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from picktree.logs.binary_gltf import link_meshes
+from picktree.logs.log_files import Rotation
 from picktree.logs.recording.recorder import Recorder
-from picktree.logs.recording.rotated_log import Rotation
-from picktree.logs.run_log import RunLog
-from picktree.logs.schema.records import (
+from picktree.logs.records import (
     Control,
     NodeStatusRecord,
     NodeTime,
@@ -28,12 +27,14 @@ from picktree.logs.schema.records import (
     TransitionRecord,
     WriteRecord,
 )
-from picktree.session.session import RunRequest, Session
-from picktree.world.belief.planning_scene import BeliefObject
+from picktree.logs.run_log import RunLog
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
+from picktree.world.planning_scene import BeliefObject
 from picktree.world.protocols import Intrinsics, RgbdImage
 from picktree.world.robot_model.description import RobotDescription
-from picktree.world.robot_model.loading import load_robot
 from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.scene_loading import load_scene
 from picktree.world.shapes import Box
 from picktree.world.values import GripperState, JointState, ObjectId, Pose, Wrench

@@ -20,9 +20,14 @@ from pathlib import Path
 
 from _campaign import ROOT, rate
 from picktree.apps.batch.batch import Batch
-from picktree.apps.batch.comparison import RecipeComparison, compare_recipes
-from picktree.apps.batch.comparison_text import text_of
-from picktree.apps.batch.differences import JobOutcome, RecipeOutcomes, read_recipe
+from picktree.apps.batch.comparison import (
+    JobOutcome,
+    RecipeComparison,
+    RecipeOutcomes,
+    compare_recipes,
+    read_recipe,
+    text_of,
+)
 from picktree.apps.batch.local_executor import LocalExecutor
 from picktree.apps.batch.plan import BatchPlan
 from picktree.apps.batch.store import RESULTS_FILE

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from languages import text_of
 from picktree.authoring.rehearsal.case_checks import examine_cases
-from picktree.authoring.rehearsal.rehearse import rehearse
+from picktree.authoring.rehearsal.rehearsal import rehearse
 from picktree.files.yaml.document import read_document
 from picktree.trees.loading.loader import parse_mission
 

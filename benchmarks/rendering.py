@@ -13,13 +13,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from picktree.analysis.render.captions import write
-from picktree.analysis.render.film import FilmRequest, film
+from picktree.analysis.render.films import FilmRequest, film
 from picktree.analysis.render.frames import moments
 from picktree.analysis.render.scene_view import SceneRenderer
-from picktree.analysis.render.snapshot import draw
+from picktree.analysis.render.snapshots import draw
 from picktree.analysis.render.viewpoint import PictureView
 from picktree.logs.run_log import RunLog
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 
 MISSION = Path(__file__).parents[1] / "examples" / "sort_by_colour.yaml"
 SIZE = (960, 600)

@@ -97,7 +97,8 @@ def long_run(folder: Path, *, deep: bool) -> Path:
     """Return the folder of the long run; make it where it is missing."""
     kept = folder / ("deep" if deep else "log")
     if not kept.exists():
-        from picktree.session.session import RunRequest, Session
+        from picktree.session.recipe import RunRequest
+        from picktree.session.session import Session
 
         print(f"a run of {SECONDS:g} simulated s: about {SECONDS / 4:.0f} CPU s", flush=True)
         mission = SOAK / "sort_on.yaml" if deep else ROOT / "examples" / "continuous_sort.yaml"

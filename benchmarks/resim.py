@@ -16,11 +16,12 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from picktree.analysis.resim.resim import resimulate
-from picktree.analysis.resim.whatif import what_if
+from picktree.analysis.resim import resimulate
 from picktree.analysis.run import Run
+from picktree.analysis.whatif import what_if
+from picktree.session.recipe import RunRequest
 from picktree.session.recorded_recipe import RecordedRun
-from picktree.session.session import RunRequest, Session
+from picktree.session.session import Session
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 COST = 30.0

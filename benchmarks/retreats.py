@@ -326,7 +326,7 @@ class Lab:
 
     def _believed(self, rng: np.random.Generator) -> str:
         """Something is believed about a link of the arm, or an item's place is believed to be there."""
-        from picktree.world.belief.planning_scene import BeliefObject
+        from picktree.world.planning_scene import BeliefObject
         from picktree.world.shapes import Box
         from picktree.world.values import ObjectId, Pose
 

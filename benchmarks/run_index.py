@@ -16,7 +16,7 @@ from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 
-from picktree.apps.studio.run_table import Query, RunTable
+from picktree.apps.studio.run_slice import Query, RunTable
 from picktree.apps.studio.workspace import Workspace
 from picktree.files.disk_cache import VARIABLE
 from picktree.logs.run_index import RunFilter, RunIndex, RunRow

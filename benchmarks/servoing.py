@@ -89,7 +89,8 @@ def one(job: Job, folder: Path) -> Row:
 
 
 def _run(job: Job, folder: Path, setting: str) -> Row:
-    from picktree.session.session import RunRequest, Session
+    from picktree.session.recipe import RunRequest
+    from picktree.session.session import Session
 
     on_hand, off = SETTINGS[setting]
     wrong = errors(job.seed, job.shift, job.turn)

@@ -32,7 +32,8 @@ class Job:
 
 def one(job: Job, folder: Path) -> Row:
     """One seed in this process, with pushes and without."""
-    from picktree.session.session import RunRequest, Session
+    from picktree.session.recipe import RunRequest
+    from picktree.session.session import Session
 
     row: Row = {}
     for name in WAYS:

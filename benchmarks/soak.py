@@ -77,9 +77,10 @@ def main() -> int:
 
 
 def soak(given: argparse.Namespace, diary: Path, each_quarter: Callable[[], object]) -> None:
-    from picktree.logs.recording.rotated_log import FEED_ROTATION
+    from picktree.logs.log_files import FEED_ROTATION
+    from picktree.session.recipe import RunRequest
     from picktree.session.resumption import ResumeRequest, Resumption
-    from picktree.session.session import RunRequest, Session
+    from picktree.session.session import Session
 
     cost = given.runs * COST_AN_HOUR * reference() / REFERENCE_COST
     print(

@@ -16,7 +16,7 @@ from statistics import median
 from typing import TYPE_CHECKING, cast
 
 from _campaign import Row, campaign, mission_options, rate, seeds, split
-from picktree.world.skill_events import SafetyStopEvent
+from picktree.world.events import SafetyStopEvent
 
 import numpy as np
 
@@ -41,7 +41,8 @@ class Job:
 def one(job: Job, folder: Path) -> Row:
     """Run one seed; the JSON of its result, and its largest force."""
     from picktree.logs.run_record import RunRecord
-    from picktree.session.session import RunRequest, Session
+    from picktree.session.recipe import RunRequest
+    from picktree.session.session import Session
 
     request = RunRequest(
         mission=Path(job.mission),

@@ -117,7 +117,7 @@ ALONE = """
 import statistics, sys, time
 from pathlib import Path
 from picktree.apps.batch.local_executor import load
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest; from picktree.session.session import Session
 load()
 took = []
 for seed in range(12):

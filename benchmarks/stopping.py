@@ -15,16 +15,15 @@ import math
 from collections.abc import Generator
 from typing import TypeVar
 
-from picktree.robot.control.contact_reflex import ContactReflex
-from picktree.robot.control.jog_motion import MAX_TWIST_SPEED
+from picktree.robot.control.commands import MAX_TWIST_SPEED, Twist
+from picktree.robot.control.impedance import ContactReflex
 from picktree.robot.control.joint_controllers import BrakeController
-from picktree.robot.control.twist import Twist
 from picktree.robot.planning.requests import JointGoal
 from picktree.robot.world import World
-from picktree.session.assembly import assemble_world
+from picktree.session.execution import assemble_world
 from picktree.simulation.backends import build_hardware
 from picktree.world.causes import Failure
-from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.scene_loading import load_scene
 from picktree.world.values import Array
 

@@ -17,8 +17,7 @@ from dataclasses import dataclass, replace
 from statistics import median
 
 from picktree.robot.perception.data_association import update_belief
-from picktree.robot.perception.pipeline import Perception
-from picktree.robot.perception.space_carving import (
+from picktree.robot.perception.obstacle_volumes import (
     CELL_SIZE,
     cell_centres,
     cell_indices,
@@ -26,12 +25,13 @@ from picktree.robot.perception.space_carving import (
     cells_of,
     obstacle_from_cells,
 )
-from picktree.robot.planning.collision_bodies import CollisionBody, bodies_of
+from picktree.robot.perception.pipeline import Perception
 from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning.collision_model import CollisionBody, bodies_of
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
-from picktree.world.robot_model.loading import load_robot
+from picktree.world.planning_scene import BeliefObject, PlanningScene
 from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.description import Fixture, SceneDescription
 from picktree.world.scene.scene_loading import load_scene
 from picktree.world.shapes import Box, Cylinder, Sphere

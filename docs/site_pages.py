@@ -9,7 +9,7 @@ from typing import Any
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).parents[1]
-CODES = "files/diagnostics/pages/"
+CODES = "files/pages/"
 LOOKED_UP = ("Reference", "Figures")
 """Groups of pages in which one looks something up: the search finds the guides before them."""
 LOOKED_UP_BOOST = 0.2

@@ -17,14 +17,14 @@ from ..files.disk_cache import cached_arrays
 from ..world import mesh_reader, shapes, values
 from ..world.mesh_reader import MeshError, hull_corners, material_library
 from ..world.robot_model import link_shapes as link_shapes_module
-from ..world.robot_model import urdf_tree
+from ..world.robot_model import urdf
 from ..world.robot_model.link_shapes import LinkShape, link_shapes, refuse_mesh, refuse_size
-from ..world.robot_model.urdf_geometry import UrdfMesh as MeshFile
-from ..world.robot_model.urdf_geometry import UrdfPrimitive, link_geometry
+from ..world.robot_model.urdf import UrdfMesh as MeshFile
+from ..world.robot_model.urdf import UrdfPrimitive, link_geometry
 from ..world.shapes import Box, ConvexMesh, Shape
 from ..world.values import Pose
 from . import triangle_meshes
-from .schema.records import BodyRecord, LinkMesh
+from .records import BodyRecord, LinkMesh
 from .triangle_meshes import Indices, Mesh, join_meshes, load_mesh, shape_mesh
 
 _HEADER = struct.Struct("<4sII")
@@ -245,7 +245,7 @@ def link_meshes(urdf: str) -> tuple[LinkMesh, ...]:
 
 
 _MAKERS = (
-    *(urdf_tree, link_shapes_module, mesh_reader, shapes, values, triangle_meshes, Path(__file__)),
+    *(urdf, link_shapes_module, mesh_reader, shapes, values, triangle_meshes, Path(__file__)),
     *("fast-simplification", "numpy", "pycollada", "scipy", "trimesh"),
 )
 """Code that `link_meshes` depends on."""

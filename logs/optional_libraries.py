@@ -1,14 +1,20 @@
-"""Libraries that only some installations have."""
+"""Libraries that only some installations have, and tables for one of them, pandas."""
 
 from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Generator
+from abc import ABC, abstractmethod
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from ..files.errors import PicktreeError
+
+if TYPE_CHECKING:
+    import pandas
+    from numpy.typing import NDArray
 
 
 @contextmanager
@@ -45,3 +51,25 @@ def _shown(path: Path) -> str:
     """Return the path relative to the working directory if it is inside."""
     here = Path.cwd()
     return str(path.relative_to(here) if path.is_relative_to(here) else path)
+
+
+class PandasTable(ABC):
+    """Table that becomes a data frame: by `to_pandas()`, or as `pandas.DataFrame(table)`."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def columns_by_name(self) -> Mapping[str, Sequence[object] | NDArray[Any]]:
+        """Return the columns, each with one value a row."""
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the table as a data frame. Raises PicktreeError when pandas is missing."""
+        with optional_import("pandas", "pandas", "A data frame"):
+            import pandas
+
+        return pandas.DataFrame(dict(self.columns_by_name()))
+
+    def __iter__(self) -> Iterator[Mapping[str, object]]:
+        """Return the rows, as `pandas.DataFrame` reads them."""
+        columns = self.columns_by_name()
+        return (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))

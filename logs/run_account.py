@@ -6,11 +6,10 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from ..world.events import RecoveryEvent
 from ..world.journal import JournalEvent
-from ..world.run_events import RecoveryEvent
-from .episode import AGAIN, CureNames, DecidedFailure, Episode, Fate, Planted
+from .episode import AGAIN, CureNames, DecidedFailure, Episode, EpisodeTracker, Fate, Planted
 from .episode_counts import CauseCount, CureCount, by_cause, counted
-from .episode_tracker import EpisodeTracker
 from .run_log import RunLog, Stamped
 from .visits import HALTED, Visit, VisitBuilder, VisitTree, ticks_with_trees, under_way
 

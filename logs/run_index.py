@@ -20,13 +20,12 @@ from pydantic import TypeAdapter, ValidationError
 
 from ..files import disk_cache
 from ..files.errors import PicktreeError
-from ..files.expressions.expression import Expression, ExpressionError
-from ..files.expressions.type_inference import FLOAT, INT, TEXT, ValueType, check_types, list_of
-from ..files.file_names import is_utf8, shown
+from ..files.expression_syntax import ExpressionError
+from ..files.expressions import FLOAT, INT, TEXT, Expression, ValueType, check_types, list_of
+from ..files.file_system import is_utf8, shown
 from .episode_counts import by_cause
-from .log_paths import LOG_NAME
-from .mcap.sealed_file import is_written
-from .recording.rotated_log import part_paths
+from .log_files import LOG_NAME, part_paths
+from .mcap.writer import is_written
 from .run_log import RunLog
 from .run_result import RunResult
 

@@ -12,11 +12,11 @@ from typing import Any, Self
 
 from ..files.errors import PicktreeError
 from ..world.journal import JournalEvent
+from . import topics
+from .records import Candidates, LogLine, Plan, RunInfo, Scene, Tree, TreeNode
 from .run_account import RunAccount, account_of
 from .run_log import RunLog, Stamped
 from .run_result import RunResult
-from .schema import topics
-from .schema.records import Candidates, LogLine, Plan, RunInfo, Scene, Tree, TreeNode
 from .series import (
     ControlSeries,
     GripperSeries,

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from ..files.errors import PicktreeError
 from ..world.values import Array
-from .data_frames import PandasTable
+from . import topics
+from .optional_libraries import PandasTable
+from .records import Tick
 from .run_log import CameraImage, RunLog, Stamped
-from .schema import topics
-from .schema.records import Tick
 
 _TIME_TOLERANCE = 1e-9
 

@@ -142,7 +142,7 @@ def part_mesh(
     """Return the surface of a part that never moves, in its own frame; a box may have holes."""
     if not holes or not isinstance(shape, Box):
         return shape_mesh(shape, colour)
-    from ..world.scene.hole_geometry import surface
+    from ..world.holes import surface
 
     seen = surface(shape, holes)
     faces = np.arange(len(seen.corners), dtype=np.int64).reshape(-1, 3)

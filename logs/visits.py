@@ -8,10 +8,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
+from ..world.events import PickEvent
 from ..world.journal import JournalEvent
-from ..world.skill_events import PickEvent
+from .records import NodeStatusRecord, Tick, TransitionRecord, Tree, Values, WriteRecord
 from .run_log import RunLog, Stamped
-from .schema.records import NodeStatusRecord, Tick, TransitionRecord, Tree, Values, WriteRecord
 
 
 @dataclass(frozen=True, slots=True)

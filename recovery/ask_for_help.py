@@ -8,19 +8,16 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final, cast
 
 from ..robot.operator_desk import GIVE_UP, GO_ON, SET_ASIDE, OperatorQuestion
-from ..trees.flow import LeafFlow
+from ..trees.flow import LeafFlow, NodeStatus
 from ..trees.node import Node
-from ..trees.port_types import PortProblem, PortValues
-from ..trees.ports import In, Out, port
+from ..trees.ports import In, Out, PortProblem, PortValues, port
 from ..trees.references import Reference
 from ..trees.runtime import Runtime, Wiring
 from ..trees.skill import ARM
-from ..trees.status import NodeStatus
-from ..world.belief.facts import ASIDE
 from ..world.causes import Failure, control, place, tree
-from ..world.run_events import HelpWantedEvent
-from ..world.skill_events import SetAsideEvent
+from ..world.events import HelpWantedEvent, SetAsideEvent
 from ..world.values import ObjectId
+from ..world.world_facts import ASIDE
 
 if TYPE_CHECKING:
     from ..robot.world import World

@@ -11,17 +11,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from ..robot.manipulation.hold_check import GripCheck
-from ..robot.manipulation.straight_lines import DOWNWARDS
+from ..robot.manipulation.held_object import GripCheck
+from ..robot.manipulation.pick_place_motions import DOWNWARDS
+from ..trees.flow import NodeStatus
 from ..trees.loading.loader import parse_mission
 from ..trees.loading.registry import NodeRegistry
 from ..trees.runner import build
-from ..trees.status import NodeStatus
-from ..world.belief.planning_scene import BeliefObject
 from ..world.causes import Failure
+from ..world.events import TookStockEvent
+from ..world.planning_scene import BeliefObject
 from ..world.scene.destinations import is_at
 from ..world.shapes import Box
-from ..world.skill_events import TookStockEvent
 from ..world.values import ObjectId, Pose
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from ..world.values import ObjectId
 
 if TYPE_CHECKING:
     from ..robot.world import World
-    from ..world.belief.planning_scene import BeliefObject
+    from ..world.planning_scene import BeliefObject
     from ..world.scene.description import Fixture
 
 GRID_SPACING = 0.03

@@ -6,11 +6,9 @@ from typing import TYPE_CHECKING, ClassVar, cast
 
 from ..files.errors import PicktreeError
 from ..files.value_wording import suggest_name
-from ..trees.flow import LeafFlow
+from ..trees.flow import LeafFlow, NodeStatus
 from ..trees.node import Node
-from ..trees.port_types import PortProblem, PortValues
-from ..trees.ports import In, port
-from ..trees.status import NodeStatus
+from ..trees.ports import In, PortProblem, PortValues, port
 from ..world.causes import all_causes, cause_named, matches
 
 if TYPE_CHECKING:

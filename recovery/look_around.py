@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..robot.manipulation.dropped_objects import open_gripper
-from ..robot.manipulation.travel_order import travel_order
+from ..robot.manipulation.held_object import open_gripper
+from ..robot.manipulation.travel_time import travel_order
 from ..robot.planning.requests import NamedGoal
 from ..trees.ports import In, Out, port
 from ..trees.skill import ARM, CAMERA, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, perception, planning, safety
-from ..world.skill_events import GripperResetEvent
+from ..world.events import GripperResetEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-from ..robot.manipulation.clearing import RetreatMotion
-from ..robot.manipulation.dropped_objects import open_gripper, release_object
-from ..robot.manipulation.hold_check import MAX_EMPTY_WIDTH, measure_grip
-from ..robot.manipulation.homing import go_home, observe_with_fixed_cameras
-from ..robot.manipulation.put_down import put_down
+from ..robot.manipulation.held_object import MAX_EMPTY_WIDTH, measure_grip, open_gripper, release_object
+from ..robot.manipulation.retreat import RetreatMotion, go_home, observe_with_fixed_cameras, put_down
 from ..trees.flow import LeafFlow
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, place, safety
-from ..world.skill_events import SafetyAcknowledgedEvent
+from ..world.events import SafetyAcknowledgedEvent
 
 if TYPE_CHECKING:
     from ..robot.world import World

@@ -9,15 +9,15 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..world.belief.facts import ASIDE
-from ..world.belief.height_map import Heap
-from ..world.belief.planning_scene import BeliefObject, PlanningScene
 from ..world.causes import Failure, perception
 from ..world.computing_time import ComputeTimeAccount, Stopwatch
+from ..world.events import FramesMissedEvent
+from ..world.heaps import Heap
 from ..world.journal import ImageEntry, Journal
+from ..world.planning_scene import BeliefObject, PlanningScene
 from ..world.protocols import Camera, Clock, NoImage, RgbdImage
-from ..world.skill_events import FramesMissedEvent
 from ..world.values import Array
+from ..world.world_facts import ASIDE
 from .perception.camera_geometry import depth_noise, noise_factor
 from .perception.data_association import ObservationSummary, update_belief
 from .perception.heap_mapping import update_heap

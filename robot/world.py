@@ -7,21 +7,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from ..world.belief.facts import FeedProgress, facts, items_to_do
 from ..world.protocols import NoFeed
 from ..world.values import ObjectId, Pose
+from ..world.world_facts import FeedProgress, facts, items_to_do
 from .operator_desk import OperatorRequests
 from .planning.requests import MotionPlan, Scaling
 
 if TYPE_CHECKING:
-    from ..world.belief.facts import AttemptMemory
-    from ..world.belief.planning_scene import BeliefObject, PlanningScene
     from ..world.computing_time import ComputeTimeAccount
     from ..world.journal import Journal
+    from ..world.planning_scene import BeliefObject, PlanningScene
     from ..world.protocols import Clock, Feed
     from ..world.random_streams import RandomStreams
     from ..world.robot_model.model import RobotModel
     from ..world.scene.description import SceneDescription
+    from ..world.world_facts import AttemptMemory
     from .control.control_loop import ControlLoop
     from .control.gripper_motion import GripperControl
     from .control.motions import ArmMotion

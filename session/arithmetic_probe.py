@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..files.arithmetic import blas_kernels, departures, numpy_kernels
 from ..files.library_parts import library_part, library_version
-from ..logs.schema.json_records import Arithmetic
+from ..logs.records import Arithmetic
 
 _PACKAGES: Final = {
     "numpy": "numpy",

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from ..files.errors import PicktreeError
-from ..logs.mcap.sealed_file import is_written
+from ..logs.mcap.writer import is_written
 
 SOCKET_NAME: Final = "attach.sock"
 """Name of the socket in the run's folder."""

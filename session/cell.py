@@ -14,23 +14,22 @@ from typing import Any, Self, TypeVar
 
 from ..authoring.check import check_mission
 from ..files import arithmetic
-from ..files.errors import PicktreeError
-from ..files.marks import FileError
+from ..files.errors import FileError, PicktreeError
 from ..files.value_wording import suggest_name
 from ..robot.planning.requests import MotionPlan, Request
 from ..robot.world import World
-from ..simulation.backends import Backend
-from ..simulation.faults.fault_loading import load_faults
-from ..trees.controls.leaves import AlwaysSuccess
+from ..simulation.checkpoints import Backend
+from ..simulation.fault_loading import load_faults
+from ..trees.description import MAIN, MissionSource, TreeDefinition, python_faults
+from ..trees.flow import NodeStatus
+from ..trees.leaves import AlwaysSuccess
 from ..trees.loading.loader import scene_names
 from ..trees.loading.registry import NodeRegistry
 from ..trees.mission import Mission
 from ..trees.node import Node
-from ..trees.status import NodeStatus
-from ..trees.tree_definition import MAIN, MissionSource, TreeDefinition, python_faults
 from ..world.causes import Evidence, remedy_of
 from ..world.protocols import RgbdImage
-from ..world.robot_model.loading import load_robot
+from ..world.robot_model.robot_file import load_robot
 from ..world.scene.scene_loading import load_scene
 from .execution import Execution
 from .recipe import DEFAULT_TIME_LIMIT, Recipe, Recording

@@ -13,7 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from ..files.errors import PicktreeError
 from ..logs.recording.recorder import RecordingState
-from ..logs.schema.topics import Digest
+from ..logs.topics import Digest
 from ..robot.control.control_loop import ControlLoopState
 from ..robot.control.gripper_motion import GripperCommand
 from ..robot.control.trajectory_motion import FollowedPath
@@ -21,11 +21,11 @@ from ..robot.perception.view import BinView
 from ..robot.world import World
 from ..simulation.backends import Simulation
 from ..simulation.checkpoints import json_bytes, json_values
-from ..simulation.faults.injector import FaultInjector, FaultState
+from ..simulation.fault_injector import FaultInjector, FaultState
 from ..trees.runner import BehaviourTree
-from ..world.belief.facts import FeedProgressState, Refusal
-from ..world.belief.height_map import Heap
-from ..world.belief.planning_scene import SceneSnapshot
+from ..world.heaps import Heap
+from ..world.planning_scene import SceneSnapshot
+from ..world.world_facts import FeedProgressState, Refusal
 from .run_tally import RunCounters, RunCountersState
 
 NOTHING_RECORDED: Final = RecordingState(

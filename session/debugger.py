@@ -1,17 +1,50 @@
-"""Debugger: stops a tree before a node starts, after it has ended, or between ticks."""
+"""Debugger: stops a tree before a node starts, after it ended, or between ticks; sets entries."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol, TypeAlias
+from typing import Final, Literal, Protocol, TypeAlias
 
+from ..trees.ports import show
 from ..trees.runner import BehaviourTree, TickReport
+from ..world.events import BlackboardSetEvent
 from ..world.journal import Plain
 from .execution import Execution
 from .observer import Observer
-from .operator_actions import EntryChange, set_entry
+
+OPERATOR: Final = "operator"
+"""Writer of an entry that the operator changed, where a node's path is otherwise."""
+
+
+@dataclass(frozen=True, slots=True)
+class EntryChange:
+    """Change of a blackboard entry."""
+
+    key: str
+    """Full key."""
+    value: Plain
+    passes: int
+    """Number of starts and ends of nodes in the tick before the change; 0: it comes before the tick."""
+    node: str = ""
+    """Path of the node at which the run stands; empty between two ticks."""
+
+
+def set_entry(tree: BehaviourTree, change: EntryChange) -> str:
+    """Change a blackboard entry and note it in the journal; return what was done, as a sentence."""
+    board, key = tree.blackboard, change.key
+    previous = board.read(key) if key in board else None
+    board.write(key, change.value, OPERATOR)
+    before = f"was {show(previous)}" if previous is not None else "had no value"
+    message = f"{key} is set to {show(change.value)} by the operator; it {before}"
+    tree.root.world.journal.note(
+        BlackboardSetEvent(
+            message, change.node, key=key, value=change.value, previous=previous, passes=change.passes
+        )
+    )
+    return message
+
 
 When: TypeAlias = Literal["before", "after"]
 

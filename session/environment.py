@@ -15,8 +15,8 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
+from ..files.file_system import ROOT, rooms
 from ..files.library_parts import library_version
-from ..files.shipped_files import ROOT, rooms
 
 LIBRARIES: Final = (
     "picktree",
@@ -44,17 +44,11 @@ _FILES_WITHOUT_EFFECT: Final = (
     "authoring",
     "logs/episode.py",
     "logs/episode_counts.py",
-    "logs/episode_tracker.py",
     "logs/run_account.py",
     "session/attach_socket.py",
-    "session/debugger.py",
-    "session/last_messages.py",
     "session/live_view.py",
     "session/profiler.py",
-    "session/recipe_archive.py",
-    "session/recorded_recipe.py",
     "session/resumption.py",
-    "session/run_profile.py",
 )
 """Modules and folders that do not affect a run: commands, batches, and readers of logs."""
 _MAX_NAMED_FILES: Final = 5

@@ -1,5 +1,6 @@
 """Execution of a mission: hardware, world, tree, faults and counters, advanced tick by tick. It records and
-shows nothing; `Session` does."""
+shows nothing; `Session` does.
+"""
 
 from __future__ import annotations
 
@@ -11,28 +12,136 @@ import numpy as np
 
 from ..files.errors import PicktreeError
 from ..logs.recording.recorder import RecordingState
+from ..logs.records import ResumedFrom
 from ..logs.run_result import RunStatus
-from ..logs.schema.records import ResumedFrom
 from ..recovery.belief_restart import ResyncReport, resync_belief
+from ..robot.control.control_loop import ControlLoop
+from ..robot.control.gripper_motion import GripperControl
+from ..robot.control.motions import ArmMotion
+from ..robot.control.safety_monitor import SafetyMonitor
+from ..robot.manipulation.compliant_closing import opening_force
+from ..robot.perception.pipeline import Perception
+from ..robot.planning.collision_checker import standing_pairs
+from ..robot.planning.plan_service import PlanService
+from ..robot.planning.scene_queries import SceneQueries
+from ..robot.planning.trajectory_gate import JogCollisionCheck, TrajectoryGate
+from ..robot.vision import Vision
+from ..robot.world import HandlingParameters, World
 from ..simulation.backends import Simulation, build_hardware
 from ..simulation.checkpoints import json_values
-from ..simulation.faults.injector import FaultInjector
+from ..simulation.fault_injector import FaultInjector
 from ..simulation.scorer import rests
 from ..simulation.truth import TrueBody
+from ..trees.flow import NodeStatus
 from ..trees.mission import MAIN, Mission
-from ..trees.runner import TickReport, build
-from ..trees.status import NodeStatus
-from ..trees.tree_adoption import StateTransfer
+from ..trees.runner import StateTransfer, TickReport, build
 from ..world.causes import Failure
-from ..world.computing_time import Stopwatch
-from ..world.journal import Entry
-from ..world.scene.description import Fixture
+from ..world.computing_time import ComputeTimeAccount, Stopwatch
+from ..world.heaps import heap_regions
+from ..world.journal import Entry, Journal
+from ..world.planner_names import AUTO
+from ..world.planning_scene import PlanningScene
+from ..world.protocols import Hardware
+from ..world.random_streams import RandomStreams
+from ..world.robot_model.description import RobotDescription
+from ..world.robot_model.model import RobotModel
+from ..world.scene.description import Fixture, SceneDescription
+from ..world.scene.destinations import destination_rule
 from ..world.shapes import extents
 from ..world.values import Vector3
-from .assembly import TICK_LENGTH, assemble_world
+from ..world.world_facts import AttemptMemory
 from .checkpoints import NOTHING_RECORDED, RunState, restore_checkpoint, take_checkpoint
 from .recipe import Recipe, StartCheckpoint
 from .run_tally import RunCounters
+
+TICK_LENGTH = 0.05
+"""Length of a tick, simulated s."""
+
+
+def assemble_world(
+    hardware: Hardware,
+    scene: SceneDescription,
+    robot: RobotDescription,
+    seed: int,
+    *,
+    verify: bool = False,
+    planning_worker: bool = False,
+    stopwatch: Stopwatch | None = None,
+) -> World:
+    """Return a world on the given hardware with an empty belief: fixtures and bins are known, objects are
+    not.
+
+    `planning_worker`: whether a second process plans ahead.
+    """
+    watch = stopwatch or Stopwatch()
+    model = RobotModel(replace(robot, tool=scene.tool))
+    belief = PlanningScene(
+        scene.fixtures, scene.bins, destination_rule(scene.destinations), heap_regions(scene)
+    )
+    belief.let_stand(standing_pairs(model, belief))
+    journal = Journal()
+    streams = RandomStreams(seed)
+    thinking = ComputeTimeAccount(TICK_LENGTH)
+    control = ControlLoop(hardware, model, SafetyMonitor(model, scene.limits, journal), watch)
+    gripper = GripperControl(hardware.gripper, hardware.clock, robot.gripper, opening_force(scene.catalogue))
+    queries = SceneQueries(model, belief)
+    plan = PlanService(
+        model,
+        belief,
+        queries,
+        streams,
+        journal,
+        thinking,
+        scene.thinking.collision_check,
+        configuration=lambda: control.held_position,
+        width=lambda: gripper.widest(),
+        now=lambda: hardware.clock.now,
+        workspace=scene.limits.workspace,
+        planner=scene.planner or robot.planner or AUTO,
+        verify=verify,
+        worker=planning_worker,
+        stopwatch=watch,
+    )
+    vision = Vision(
+        hardware.cameras,
+        Perception(scene, model),
+        belief,
+        hardware.clock,
+        journal,
+        thinking,
+        scene.thinking.image,
+        joints=lambda: control.state.position,
+        width=lambda: gripper.width,
+        stopwatch=watch,
+    )
+    return World(
+        description=scene,
+        robot=model,
+        clock=hardware.clock,
+        scene=belief,
+        journal=journal,
+        attempts=AttemptMemory(),
+        streams=streams,
+        thinking=thinking,
+        control=control,
+        plan=plan,
+        move=ArmMotion(
+            control,
+            model,
+            hardware.clock,
+            journal,
+            TrajectoryGate(model, plan, scene.limits.workspace),
+            JogCollisionCheck(plan),
+            TICK_LENGTH,
+        ),
+        gripper=gripper,
+        vision=vision,
+        queries=queries,
+        feed=hardware.feed,
+        handling=HandlingParameters(),
+        tick=TICK_LENGTH,
+    )
+
 
 _MAX_BRAKING_TICKS = 40
 """Upper bound of the number of ticks in which any motion comes to rest."""

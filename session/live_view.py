@@ -16,10 +16,10 @@ import foxglove
 from foxglove.websocket import Capability, ChannelView, Client, ServerListener
 
 from ..files.errors import PicktreeError
-from ..logs.schema import topics
-from ..logs.schema.topics import Topic
-from .last_messages import LastMessages
+from ..logs import topics
+from ..logs.topics import Topic
 from .observer import Observer
+from .session_recording import LastMessages
 
 LIVE_HOST = "127.0.0.1"
 DEFAULT_LIVE_PORT = 8765

@@ -10,16 +10,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final, Protocol
 
-from ..files.diagnostics.fault_rendering import fault_lines
-from ..files.errors import PicktreeError
-from ..files.marks import FileError
+from ..files.errors import FileError, PicktreeError
+from ..files.fault_rendering import fault_lines
 from ..files.yaml.document import Document, read_document
 from ..files.yaml.file_text import read_text
 from ..trees.loading.loader import SceneNames, scene_names
 from ..trees.mission import IN_LIBRARY, Mission
 from ..trees.ports import PortDeclaration
-from ..trees.tree_adoption import StateTransfer
-from ..world.run_events import MissionChangedEvent
+from ..trees.runner import StateTransfer
+from ..world.events import MissionChangedEvent
 from .execution import Execution
 from .observer import Interrupter, ReloadMessage
 

@@ -13,14 +13,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..files.errors import PicktreeError
+from ..world.events import OperatorAnswerEvent
 from ..world.journal import Journal
-from ..world.run_events import OperatorAnswerEvent
 
 if TYPE_CHECKING:  # The displays of the command line are observers and must be loaded at once.
     from pathlib import Path
 
     from ..logs.run_result import RunResult
-    from ..logs.schema.topics import Topic
+    from ..logs.topics import Topic
     from ..robot.operator_desk import OperatorQuestion, OperatorRequests
     from ..trees.mission import Mission
     from ..trees.runner import TickReport

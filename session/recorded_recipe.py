@@ -1,36 +1,40 @@
 """Recorded recipe: a run that can be repeated from its log alone.
 
 Older checkpoints are completed: counters and recording state are computed from the log itself.
+The edits and the operator's actions are repeated at their times.
 """
 
 from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Final
 
 from ..files.errors import PicktreeError
+from ..logs import topics
 from ..logs.mcap.reader import RawMessage
 from ..logs.recording.recorder import RecordingState
+from ..logs.records import ResumedFrom
 from ..logs.run_log import RunLog
 from ..logs.run_record import RunRecord
-from ..logs.schema import topics
-from ..logs.schema.records import ResumedFrom
-from ..logs.schema.topics import Digest
+from ..logs.topics import Digest
 from ..logs.visits import with_transitions
-from ..simulation.backends import Backend
+from ..robot.operator_desk import OperatorQuestion
+from ..simulation.checkpoints import Backend
 from ..trees.mission import Mission
+from ..trees.runner import TickReport, checked_value
+from ..world.events import BlackboardSetEvent, MissionEditedEvent, OperatorAnswerEvent
 from ..world.journal import JournalEvent
-from ..world.run_events import BlackboardSetEvent, MissionEditedEvent, OperatorAnswerEvent
 from .checkpoints import RunState
+from .debugger import EntryChange, set_entry
+from .execution import Execution
 from .observer import Interrupter, ReloadMessage
-from .operator_actions import EntryChange, RecordedOperator
-from .recipe import DEFAULT_TIME_LIMIT, Recipe, StartCheckpoint
-from .recipe_archive import Unpacking
+from .recipe import DEFAULT_TIME_LIMIT, Recipe, StartCheckpoint, Unpacking
 from .run_tally import RunCounters
 from .session_recording import START_ATTACHMENT
 
@@ -240,3 +244,75 @@ def _recording(run: RunRecord, time: float) -> RecordingState:
         tuple((t.child, t.pose) for t in (frames.record if frames else ()) if t.child.startswith("camera/")),
         digest.hex,
     )
+
+
+class RecordedOperator(Interrupter):
+    """Operator that repeats the answers and the changes of blackboard entries of a log.
+
+    An answer is for the node that asked: when another node asks, or the choices do not contain the answer, it
+    gives no answer from then on. A change comes at its tick, after as many starts and ends of nodes; in a
+    tick with fewer, after it. A change that the tree of another mission does not accept is left out.
+    """
+
+    def __init__(
+        self, answers: Iterable[tuple[str, str]] = (), changes: Iterable[tuple[float, EntryChange]] = ()
+    ) -> None:
+        """`answers`: pairs of the asking node's path and the answer. `changes`: with their times, simulated
+        s, in order."""
+        self._answers = deque(answers)
+        self._changes = deque(changes)
+        self._passes = 0
+        self._run: Execution | None = None
+
+    def started(self, run: Execution, folder: Path) -> None:
+        self._run = run
+        if self._changes:
+            run.tree.on_start.insert(0, self._pass)
+            run.tree.on_end.insert(0, self._pass)
+
+    def answer(self, question: OperatorQuestion) -> str | None:
+        if self._answers:
+            node, said = self._answers.popleft()
+            if node == question.node and said in question.choices:
+                return said
+            self._answers.clear()
+        return None
+
+    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+        """Make the changes that were made after this tick; the log has them in the next one."""
+        if self._changes and self._run is not None:
+            self._make_due(now + self._run.world.tick)
+
+    def look(self, current: Mission, now: float) -> tuple[ReloadMessage, ...]:
+        """Make the changes that are late; called before a tick."""
+        self._passes = 0
+        self._make_due(now)
+        return ()
+
+    def _make_due(self, now: float) -> None:
+        """Make the changes before the tick at `now`, simulated s, and those whose place never came."""
+        while self._changes:
+            time, change = self._changes[0]
+            if time > now + _TIME_TOLERANCE or (change.passes > 0 and time > now - _TIME_TOLERANCE):
+                break
+            self._make(self._changes.popleft()[1])
+
+    def _pass(self, _: str) -> None:
+        """Make the changes that came after this start or end of a node."""
+        assert self._run is not None
+        self._passes += 1
+        now = self._run.world.clock.now
+        while self._changes:
+            time, change = self._changes[0]
+            if time > now + _TIME_TOLERANCE or change.passes != self._passes:
+                return
+            self._make(self._changes.popleft()[1])
+
+    def _make(self, change: EntryChange) -> None:
+        assert self._run is not None
+        tree = self._run.tree
+        try:
+            checked_value(tree, change.key, change.value)
+        except PicktreeError:
+            return
+        set_entry(tree, change)

@@ -14,17 +14,16 @@ from typing import Any, Final
 from pydantic import TypeAdapter, ValidationError
 
 from ..files.errors import PicktreeError
+from ..logs import topics
+from ..logs.log_files import NO_ROTATION, Rotation
 from ..logs.recording.recorder import RecordingState
-from ..logs.recording.rotated_log import NO_ROTATION, Rotation
 from ..logs.recording.true_state import WHOLE_STATE_PERIOD, fold_states, read_state
+from ..logs.records import ResumedFrom, arithmetic_difference
 from ..logs.run_record import RunRecord
-from ..logs.schema import topics
-from ..logs.schema.json_records import arithmetic_difference
-from ..logs.schema.records import ResumedFrom
-from ..logs.schema.topics import Digest
-from ..robot.planning.planning_worker import has_second_core
+from ..logs.topics import Digest
+from ..robot.planning.lookahead_planning import has_second_core
 from ..simulation.checkpoints import snapshot_at_rest
-from ..simulation.faults.injector import FaultState
+from ..simulation.fault_injector import FaultState
 from ..world.journal import JournalEvent
 from .arithmetic_probe import arithmetic
 from .checkpoints import NOTHING_RECORDED, RunState

@@ -7,24 +7,21 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol, TypeAlias
 
-from ..logs.episode import EpisodeTrackerState, NodeLike, TransitionLike
+from ..logs.episode import EpisodeTracker, EpisodeTrackerState, NodeLike, TransitionLike
 from ..logs.episode_counts import CureCount, EpisodeCounts, PlantedCount
-from ..logs.episode_tracker import EpisodeTracker
-from ..world.journal import Entry, JournalEvent
-from ..world.run_events import (
+from ..world.events import (
     BeltStopsEvent,
+    BinEmptiedEvent,
     BinExchangedEvent,
     CuredEvent,
     DeliveryEvent,
-    RecoveryEvent,
-)
-from ..world.skill_events import (
-    BinEmptiedEvent,
     ItemDoneEvent,
     PickEvent,
+    RecoveryEvent,
     SetAsideEvent,
     TookStockEvent,
 )
+from ..world.journal import Entry, JournalEvent
 
 Place: TypeAlias = Literal["bin", "elsewhere", "aside"]
 """Kinds of places where a mission leaves an item: a bin or hole, another place, where it was."""

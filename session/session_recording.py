@@ -9,18 +9,18 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final
 
+from ..logs import records, topics
 from ..logs.binary_gltf import link_meshes
+from ..logs.log_files import NO_ROTATION, Rotation
 from ..logs.recording.recorder import Listener, Recorder, RecordingState
-from ..logs.recording.rotated_log import NO_ROTATION, Rotation
 from ..logs.run_result import RunResult
-from ..logs.schema import records
-from ..logs.schema.topics import Topic
+from ..logs.topics import Topic
 from ..trees.blackboard import BlackboardWrite
+from ..trees.flow import NodeStatus
 from ..trees.mission import Mission
 from ..trees.runner import NodeInfo, NodeReport, TickReport
-from ..trees.status import NodeStatus
+from ..world.events import BeltStopsEvent, BinExchangedEvent, DeliveryEvent, FaultEvent
 from ..world.journal import Entry, JournalEvent
-from ..world.run_events import BeltStopsEvent, BinExchangedEvent, DeliveryEvent, FaultEvent
 from ..world.scene.destinations import MEASURES, asks_for
 from ..world.values import Array, Pose
 from . import environment
@@ -30,11 +30,26 @@ from .execution import Execution
 from .observer import Observer
 from .recipe import fingerprints, mission_files, plugin_versions, recipe_files
 
+_MOMENTARY_TOPICS: Final = frozenset(
+    topic.name
+    for topic in (topics.TIMING, topics.WRENCH, topics.PLAN, topics.CANDIDATES, topics.LOG, topics.EVENTS)
+)
+"""Topics of momentary events. The last message of any other topic still holds when a viewer comes."""
+
+
+class LastMessages(dict[str, tuple[int, bytes]]):
+    """Simulated ns and payload of the last message of each topic that holds a state, by the topic's name."""
+
+    def keep(self, topic: Topic, at: int, data: bytes) -> None:
+        """Keep a message in place of the topic's earlier one, if the topic holds a state."""
+        if topic.name not in _MOMENTARY_TOPICS:
+            self[topic.name] = (at, data)
+
+
 START_ATTACHMENT: Final = "start.json"
 """Name of the attachment with the checkpoint from which a run resumes, with the tree of this run."""
 
 """Feed events after which items have moved at once."""
-
 LOG_FILE_NAME: Final = "log.mcap"
 """Name of the log file in the run's folder."""
 

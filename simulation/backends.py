@@ -11,7 +11,7 @@ from ..world.protocols import Hardware
 from ..world.robot_model.description import RobotDescription
 from ..world.scene.description import Fixture, SceneDescription
 from .checkpoints import Backend, Checkpoint, KinematicState
-from .faults.injector import InjectableRobot
+from .device_faults import InjectableRobot
 from .truth import TrueBody
 
 

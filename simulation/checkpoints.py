@@ -13,9 +13,9 @@ from pydantic import TypeAdapter, ValidationError
 from ..files.errors import PicktreeError
 from ..world.scene.description import Fixture
 from ..world.values import ObjectId, Pose, Quaternion, Vector3
-from .feed.belt_drive import BeltState
-from .feed.feeder import FeederState
-from .feed.inventory import SavedInventory
+from .belt_feed import BeltState
+from .feeder import FeederState
+from .inventory import SavedInventory
 
 Backend: TypeAlias = Literal["physics", "kinematic"]
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
-from ..files.expressions.expression import Expression
+from ..files.expressions import Expression
 from ..world.scene.description import Bin, Delivery, Form, SceneDescription
 from ..world.scene.destinations import destination_rule, is_at
 from ..world.shapes import bottom

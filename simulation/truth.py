@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ..world.belief.hole_matching import fits_hole
+from ..world.holes import fits_hole
 from ..world.scene.description import CatalogueEntry, Fixture, Form, Hole
 from ..world.shapes import Box, Shape, Sphere, bottom, greatest_length
 from ..world.values import ObjectId, Pose, Vector3

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..robot.manipulation.dropped_objects import apply_bin_exchanges, bin_fill_level, forget_belt_items
+from ..robot.manipulation.bin_belief import apply_bin_exchanges, bin_fill_level, forget_belt_items
 from ..trees.flow import LeafFlow
 from ..trees.ports import In, port
 from ..trees.skill import Doing, Skill, Steps

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..robot.manipulation.hold_check import is_in_hand
-from ..robot.manipulation.object_approach import PickTask, approach_object
-from ..robot.manipulation.object_lift import LostGrasp, close_on_object, lift_object, relocate_object
+from ..robot.manipulation.held_object import is_in_hand
+from ..robot.manipulation.object_pick import (
+    LostGrasp,
+    PickTask,
+    approach_object,
+    close_on_object,
+    lift_object,
+    relocate_object,
+)
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import control, grasp, perception, planning, safety

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..robot.manipulation.dropped_objects import open_gripper
+from ..robot.manipulation.held_object import open_gripper
 from ..trees.ports import In, Out, port
 from ..trees.skill import GRIPPER, Skill, Steps
 from ..world.causes import control

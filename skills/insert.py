@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-from ..robot.control.hole_search import InsertionParameters
-from ..robot.manipulation.contact_insertion import (
+from ..robot.control.peg_insertion import InsertionParameters
+from ..robot.manipulation.held_object import check_held_object, confirm_release
+from ..robot.manipulation.insertion import (
     choose_hole,
     explain_missed_insertion,
     insert_by_contact,
     move_over_hole,
 )
-from ..robot.manipulation.hold_check import check_held_object, confirm_release
-from ..robot.manipulation.straight_lines import withdraw
+from ..robot.manipulation.pick_place_motions import withdraw
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Skill, Steps
 from ..world.causes import control, grasp, insert, place, planning, safety
 from ..world.causes import world as world_causes
-from ..world.skill_events import ItemDoneEvent
+from ..world.events import ItemDoneEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:

@@ -6,9 +6,8 @@ import math
 from typing import TYPE_CHECKING, Literal, cast
 
 from ..files.errors import PicktreeError
-from ..robot.control.twist import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Twist
-from ..trees.port_types import PortProblem, PortValues
-from ..trees.ports import In, Out, port
+from ..robot.control.commands import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Twist
+from ..trees.ports import In, Out, PortProblem, PortValues, port
 from ..trees.skill import ARM, Skill, Steps
 from ..world.causes import control, planning, safety
 from ..world.causes import world as world_causes

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..robot.manipulation.dropped_objects import apply_bin_exchanges
-from ..robot.manipulation.travel_order import travel_order
+from ..robot.manipulation.bin_belief import apply_bin_exchanges
+from ..robot.manipulation.travel_time import travel_order
 from ..trees.flow import LeafFlow
 from ..trees.ports import In, Out, port
 from ..trees.skill import ARM, CAMERA, Skill, Steps

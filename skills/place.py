@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, cast
 
-from ..robot.manipulation.dropped_objects import PUT_BACK, apply_bin_exchanges
+from ..robot.manipulation.bin_belief import apply_bin_exchanges
+from ..robot.manipulation.held_object import PUT_BACK
 from ..robot.manipulation.object_placement import PlaceTask, carry_to_place, lower_and_release
-from ..trees.port_types import PortProblem, PortValues
-from ..trees.ports import In, port
+from ..trees.ports import In, PortProblem, PortValues, port
 from ..trees.skill import ARM, GRIPPER, Skill, Steps
 from ..world.causes import control, grasp, place, planning, safety
 from ..world.causes import world as world_causes
-from ..world.skill_events import ItemDoneEvent, PutDownEvent
+from ..world.events import ItemDoneEvent, PutDownEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:

@@ -10,13 +10,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
+    from ..robot.control.commands import Twist as Twist
     from ..robot.control.compliant_motion import CartesianStiffness as CartesianStiffness
     from ..robot.control.compliant_motion import CompliantMotion as CompliantMotion
     from ..robot.control.compliant_motion import ContactState as ContactState
-    from ..robot.control.guarded_move import GuardedMoveResult as GuardedMoveResult
+    from ..robot.control.compliant_motion import GuardedMoveResult as GuardedMoveResult
     from ..robot.control.jog_motion import JogFeedback as JogFeedback
     from ..robot.control.jog_motion import JogResult as JogResult
-    from ..robot.control.twist import Twist as Twist
     from ..robot.planning.path_search import SearchProblem as SearchProblem
     from ..robot.planning.requests import BoxConstraint as BoxConstraint
     from ..robot.planning.requests import HeldObject as HeldObject
@@ -30,8 +30,9 @@ if TYPE_CHECKING:
     from ..robot.planning.requests import Scaling as Scaling
     from ..robot.planning.requests import UprightConstraint as UprightConstraint
     from ..robot.world import World as World
-    from ..trees.controls.decorator import Decorator as Decorator
-    from ..trees.controls.leaves import ConditionNode as ConditionNode
+    from ..trees.decorators import Decorator as Decorator
+    from ..trees.flow import NodeStatus as NodeStatus
+    from ..trees.leaves import ConditionNode as ConditionNode
     from ..trees.node import ControlNode as ControlNode
     from ..trees.ports import In as In
     from ..trees.ports import Out as Out
@@ -46,8 +47,6 @@ if TYPE_CHECKING:
     from ..trees.skill import Doing as Doing
     from ..trees.skill import Skill as Skill
     from ..trees.skill import Steps as Steps
-    from ..trees.status import NodeStatus as NodeStatus
-    from ..world.belief.planning_scene import BeliefObject as BeliefObject
     from ..world.causes import Cause as Cause
     from ..world.causes import Failure as Failure
     from ..world.causes import control as control
@@ -63,35 +62,36 @@ if TYPE_CHECKING:
     from ..world.causes import safety as safety
     from ..world.causes import tree as tree
     from ..world.causes import world as world
-    from ..world.trajectory import Trajectory as Trajectory
+    from ..world.planning_scene import BeliefObject as BeliefObject
     from ..world.values import Array as Array
     from ..world.values import ObjectId as ObjectId
     from ..world.values import Pose as Pose
+    from ..world.values import Trajectory as Trajectory
     from ..world.values import Wrench as Wrench
 
 _NAMES: Final = {
     "trees.skill": ("Skill", "Steps", "Doing", "ARM", "GRIPPER", "CAMERA"),
-    "trees.controls.leaves": ("ConditionNode",),
-    "trees.controls.decorator": ("Decorator",),
+    "trees.leaves": ("ConditionNode",),
+    "trees.decorators": ("Decorator",),
     "trees.node": ("ControlNode",),
-    "trees.status": ("NodeStatus",),
+    "trees.flow": ("NodeStatus",),
     "trees.ports": ("In", "Out", "port", "child", "children", "optional_child", "table"),
     "world.causes": (
         "Cause", "Failure", "register_cause", "perception", "planning", "grasp", "place", "insert", "push",
         "control", "safety", "world", "feed", "tree", "internal",
     ),
     "robot.world": ("World",),
-    "world.belief.planning_scene": ("BeliefObject",),
-    "world.values": ("ObjectId", "Pose", "Wrench", "Array"),
-    "world.trajectory": ("Trajectory",),
+    "world.planning_scene": ("BeliefObject",),
+    "world.values": ("ObjectId", "Pose", "Wrench", "Array", "Trajectory"),
     "robot.planning.requests": (
         "NamedGoal", "JointGoal", "PoseGoal", "RegionGoal", "LineGoal", "OffsetGoal", "UprightConstraint",
         "BoxConstraint", "Request", "HeldObject", "Scaling",
     ),
     "robot.planning.path_search": ("SearchProblem",),
-    "robot.control.compliant_motion": ("CompliantMotion", "ContactState", "CartesianStiffness"),
-    "robot.control.twist": ("Twist",),
-    "robot.control.guarded_move": ("GuardedMoveResult",),
+    "robot.control.compliant_motion": (
+        "CompliantMotion", "ContactState", "CartesianStiffness", "GuardedMoveResult",
+    ),
+    "robot.control.commands": ("Twist",),
     "robot.control.jog_motion": ("JogFeedback", "JogResult"),
 }  # fmt: skip
 """Names by their module."""

@@ -15,8 +15,7 @@ from ..robot.manipulation.closed_loop_pushing import (
     push_goal,
     push_to_goal,
 )
-from ..trees.port_types import PortProblem, PortValues
-from ..trees.ports import In, port
+from ..trees.ports import In, PortProblem, PortValues, port
 from ..trees.skill import ARM, CAMERA, GRIPPER, Skill, Steps
 from ..world.causes import control, perception, planning, push, safety
 from ..world.causes import world as world_causes

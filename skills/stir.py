@@ -48,7 +48,8 @@ class Stir(Skill):
     def run(self, world: World) -> Steps:
         # OpenCV, which the search among strokes takes, is slow to load, and a check does without.
         from ..robot.manipulation.closed_loop_pushing import check_hand_is_free
-        from ..robot.manipulation.heap_stirring import HeapPickTask, stir
+        from ..robot.manipulation.heap_pick import HeapPickTask
+        from ..robot.manipulation.heap_stirring import stir
 
         world.handover.drop()
         check_hand_is_free(world, self.tote)

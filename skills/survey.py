@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..robot.calibration.calibration_targets import CalibrationTarget, target_named
 from ..robot.calibration.observations import DetectedTile, TargetImage, Viewpoint, viewpoints
-from ..robot.calibration.targets import CalibrationTarget, target_named
 from ..robot.planning.requests import NamedGoal, PoseGoal, Request
 from ..trees.ports import In, port
 from ..trees.skill import ARM, CAMERA, Doing, Skill, Steps
 from ..world.causes import Failure, control, perception, planning, safety
 from ..world.causes import world as world_causes
-from ..world.skill_events import CalibrationSkippedEvent
+from ..world.events import CalibrationSkippedEvent
 
 if TYPE_CHECKING:
     from ..robot.world import World

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..robot.calibration.calibration_targets import TouchPoint, fingertip_corners, target_named, touch_points
 from ..robot.calibration.observations import TargetTouch
-from ..robot.calibration.targets import TouchPoint, fingertip_corners, target_named, touch_points
 from ..robot.planning.requests import PoseGoal, Request
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, planning, safety
 from ..world.causes import world as world_causes
-from ..world.skill_events import CalibrationSkippedEvent
+from ..world.events import CalibrationSkippedEvent
 
 if TYPE_CHECKING:
     from ..robot.world import World

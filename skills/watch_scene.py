@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..robot.world import World
-from ..trees.controls.decorator import Decorator
 from ..trees.declaration import Resource
-from ..trees.flow import FAILURE, IDLE, RUNNING, ChildFlow
+from ..trees.decorators import Decorator
+from ..trees.flow import FAILURE, IDLE, RUNNING, ChildFlow, NodeStatus
 from ..trees.ports import In, port
-from ..trees.status import NodeStatus
 from ..world.causes import Failure, perception
 from ..world.journal import Plain
 

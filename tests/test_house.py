@@ -14,7 +14,7 @@ from pathlib import Path
 import grimp
 import pytest
 
-from picktree.files.shipped_files import rooms
+from picktree.files.file_system import rooms
 
 from .docstrings import docstrings
 from .rooms import PACKAGES, PROJECT, ROOMS, ROOT, modules

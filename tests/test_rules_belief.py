@@ -10,7 +10,7 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from picktree.simulation.backends import Backend
+from picktree.simulation.checkpoints import Backend
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.scene_loading import load_scene

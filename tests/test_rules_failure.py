@@ -7,15 +7,16 @@ from functools import cache
 
 import pytest
 
+from picktree.logs.records import NodeStatusRecord
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
-from picktree.logs.schema.records import NodeStatusRecord
-from picktree.session.session import RunRequest, Session
-from picktree.simulation.backends import Backend
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
+from picktree.simulation.checkpoints import Backend
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.world.causes import all_causes, cause_named, matches
+from picktree.world.events import InternalErrorEvent, RecoveryEvent
 from picktree.world.journal import JournalEvent
-from picktree.world.run_events import InternalErrorEvent, RecoveryEvent
 
 from .skills.cell import EXAMPLES
 

@@ -14,17 +14,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.apps.cli.operator_prompt import DebugPrompt
+from picktree.apps.cli.debug_prompt import DebugPrompt
 from picktree.logs.run_result import RunResult
 from picktree.session.debugger import Debugger, DebuggerStop
 from picktree.session.execution import Execution
 from picktree.session.observer import Observer
-from picktree.session.session import RunRequest, Session
-from picktree.simulation.backends import Backend
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
+from picktree.simulation.checkpoints import Backend
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.trees.runner import TickReport
-from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.scene_loading import load_scene
 
 from .rooms import ROOT, modules
@@ -36,7 +37,7 @@ import sys
 from pathlib import Path
 from picktree.session.execution import Execution
 from picktree.session.observer import Observer
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest; from picktree.session.session import Session
 for backend in ("kinematic", "physics"):
     request = RunRequest(Path(sys.argv[1]), seed=3, out=Path(sys.argv[2]), backend=backend)
     print(Session(request).run().digest)
@@ -242,13 +243,13 @@ def test_every_generator_is_keyed() -> None:
     assert calls == {
         "analysis/explain/case.py": ["np.random.default_rng(0)"],  # of an analysis; no run depends on it
         # Where inverse kinematics begins, and what a failure is looked into with, are always the same.
-        "robot/planning/levenberg_marquardt.py": [
+        "robot/planning/inverse_kinematics.py": [
             "np.random.default_rng(0).uniform(size=(SEED_COUNT, model.n))",
             "np.random.default_rng(0)",
         ],
         "robot/planning/constrained_rrt.py": ["np.random.default_rng(seed)"],
         "robot/planning/goal_configurations.py": ["np.random.default_rng(seed)"],
-        "robot/planning/obstructions.py": ["np.random.default_rng(0)"],
+        "robot/planning/planning_failures.py": ["np.random.default_rng(0)"],
         "robot/planning/joint_planner.py": [
             "np.random.default_rng([seed, len(STEP_SHARES)])",
             "np.random.default_rng([seed, attempt])",
@@ -257,13 +258,13 @@ def test_every_generator_is_keyed() -> None:
         # Samples of a robot file that is made; no run depends on them.
         "apps/commissioning/arm_poses.py": [
             "np.random.default_rng([seed, 1])",
+            "np.random.default_rng([seed, 4])",
             "np.random.default_rng([seed, 2])",
         ],
         "apps/commissioning/base_pose.py": ["np.random.default_rng(0)"],
-        "apps/commissioning/joint_limits.py": ["np.random.default_rng([seed, 3])"] * 2,
-        "apps/commissioning/free_space.py": ["np.random.default_rng([seed, 4])"],
+        "apps/commissioning/joints.py": ["np.random.default_rng([seed, 3])"] * 2,
         "apps/commissioning/model_checks.py": ["np.random.default_rng(0)"],
-        "apps/commissioning/trial_advice.py": ["np.random.default_rng(0)"],
+        "apps/commissioning/robot_test.py": ["np.random.default_rng(0)"],
         "apps/commissioning/self_collision.py": ["np.random.default_rng([seed, 0])"],
         "world/random_streams.py": ["np.random.default_rng([self.seed, zlib.crc32(stream.encode()), n])"],
     }

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 from picktree.world.scene.description import Thinking
 
 from .rooms import ROOT, modules
@@ -23,21 +24,19 @@ MEASURING = {
     "robot/control/control_loop.py",
     "world/computing_time.py",
     "session/session.py",
-    "session/run_summary.py",
     "logs/recording/recorder.py",
-    "logs/recording/log_file.py",
     "logs/mcap/writer.py",
     "session/recipe.py",
     "session/mission_edits.py",
-    "apps/commissioning/calibration_job.py",
+    "apps/commissioning/calibration.py",
     "session/live_view.py",
     "session/observer.py",
     "session/profiler.py",
     "logs/run_index.py",  # the age of a run
     "apps/api/batches.py",
     "analysis/report/report.py",
-    "analysis/resim/resim.py",
-    "analysis/render/film.py",
+    "analysis/resim.py",
+    "analysis/render/films.py",
 }
 """Who may look at a clock of this machine, to put what it says into the record, a profile or a folder's
 name; of a run that is watched, not to look at the mission's files at every tick, to pace it and to wait for

@@ -24,7 +24,7 @@ def test_the_site_is_built_without_warnings_and_is_searched(tmp_path: Path) -> N
     assert ran.returncode == 0, ran.stderr
     entries = json.loads((tmp_path / "search" / "search_index.json").read_text(encoding="utf-8"))["docs"]
     places = {entry["location"].partition("#")[0] for entry in entries}
-    for page in [*ROOT.glob("docs/*.md"), *ROOT.glob("files/diagnostics/pages/P*.md")]:
+    for page in [*ROOT.glob("docs/*.md"), *ROOT.glob("files/pages/P*.md")]:
         folder = "" if page.parent.name == "docs" else "codes/"
         assert f"{folder}{page.stem}.html" in places
     for word in ("singulate", "force_limit", "P325"):

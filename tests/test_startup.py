@@ -90,7 +90,7 @@ def test_a_check_loads_the_nodes_of_its_mission_and_no_others() -> None:
 
 
 def test_who_only_hands_jobs_to_workers_loads_no_large_library() -> None:
-    modules = "picktree.apps.batch.local_executor, picktree.apps.batch.messages"
+    modules = "picktree.apps.batch.local_executor, picktree.apps.batch.ray_executor"
     program = f"import sys, {modules}; print(*sys.modules)"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert set(ran.stdout.split()) & LARGE == set(), ran.stderr
@@ -129,10 +129,10 @@ import numpy as np
 import picktree
 {first}
 from picktree.files.library_parts import library_part
-import picktree.robot.planning.levenberg_marquardt as descent
+import picktree.robot.planning.inverse_kinematics as descent
 import picktree.robot.perception.data_association as association
 import picktree.robot.planning.path_curves as curves
-import picktree.robot.planning.toppra_profile as profile
+import picktree.robot.planning.time_parameterization as profile
 from picktree.world.shapes import convex_hull
 hull = convex_hull(np.random.default_rng(0).random((20, 3)))
 import scipy.linalg, scipy.linalg.lapack, scipy.optimize, scipy.spatial

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-from ..world.belief.planning_scene import PlanningScene
 from ..world.journal import Plain
-from .port_types import plain_copy
+from ..world.planning_scene import PlanningScene
+from .ports import plain_copy
 from .references import ROOT_KEY, Reference, resolve
 
 

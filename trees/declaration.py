@@ -18,8 +18,17 @@ from py_trees.common import Status
 from ..files.errors import PicktreeError
 from ..world.causes import Cause, Family
 from .flow import ChildFlow, Flow, Hand, LeafFlow
-from .port_types import PortType, convert_literal
-from .ports import In, Out, PortDeclaration, PortSpec, Required, Slot, SlotDeclaration
+from .ports import (
+    In,
+    Out,
+    PortDeclaration,
+    PortSpec,
+    PortType,
+    Required,
+    Slot,
+    SlotDeclaration,
+    convert_literal,
+)
 from .references import Binding, Constant
 
 Kind: TypeAlias = Literal["action", "condition", "control", "decorator", "subtree"]

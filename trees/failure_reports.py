@@ -11,7 +11,7 @@ from pathlib import Path
 from types import GeneratorType
 from typing import Final, cast
 
-from ..files.shipped_files import ROOT, rooms
+from ..files.file_system import ROOT, rooms
 from ..world.causes import (
     PLUGIN_LINE,
     Evidence,
@@ -22,7 +22,7 @@ from ..world.causes import (
     matches,
 )
 from ..world.journal import Plain
-from .port_types import plain_copy
+from .ports import plain_copy
 
 _ADDRESS: Final = re.compile(r"\b0x[0-9a-fA-F]{6,}\b")
 

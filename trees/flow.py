@@ -1,16 +1,35 @@
-"""Flow of a node as data: which children it ticks, and what their results lead to. The linter analyses it.
-
-A class without such data gets the most cautious analysis: children in any order, and any end.
+"""Statuses of a node in BehaviorTree.CPP's words, and its flow as data: which children it ticks, and
+what their results lead to. The linter analyses it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import Enum, auto
+from enum import Enum, StrEnum, auto
 from typing import Final, Literal, TypeAlias
 
-from .status import NodeStatus
+from py_trees.common import Status
+
+
+class NodeStatus(StrEnum):
+    """IDLE: not ticked in the present activation of its parent, or halted. SKIPPED: it had nothing to do."""
+
+    IDLE = "IDLE"
+    RUNNING = "RUNNING"
+    SUCCESS = "SUCCESS"
+    FAILURE = "FAILURE"
+    SKIPPED = "SKIPPED"
+
+
+PY_TREES_STATUS: Mapping[NodeStatus, Status] = {
+    NodeStatus.IDLE: Status.INVALID,
+    NodeStatus.RUNNING: Status.RUNNING,
+    NodeStatus.SUCCESS: Status.SUCCESS,
+    NodeStatus.FAILURE: Status.FAILURE,
+    NodeStatus.SKIPPED: Status.INVALID,
+}
+"""Status that py_trees' tools see."""
 
 
 class Then(Enum):
@@ -27,7 +46,6 @@ AGAIN: Final = Then.AGAIN
 IDLE, RUNNING = NodeStatus.IDLE, NodeStatus.RUNNING
 SUCCESS, FAILURE, SKIPPED = NodeStatus.SUCCESS, NodeStatus.FAILURE, NodeStatus.SKIPPED
 Lead: TypeAlias = NodeStatus | Then
-
 Hand: TypeAlias = Literal["unchanged", "full", "empty", "kept"]
 """Content of the hand after success; `kept`: an object is still held, on purpose and in a safe place."""
 

@@ -11,18 +11,18 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Final, TypeAlias
 
-from ..files.expressions.expression import Expression, ExpressionError
-from ..files.expressions.type_inference import BOOL, FLOAT, INT, OBJECT, PLACE, TEXT, ValueType
-from ..files.marks import Mark
+from ..files.errors import Mark
+from ..files.expression_syntax import ExpressionError
+from ..files.expressions import BOOL, FLOAT, INT, OBJECT, PLACE, TEXT, Expression, ValueType
 from ..files.value_wording import suggest_name
 from ..files.yaml.document import Document
-from ..world.belief.planning_scene import BeliefObject, PlanningScene
 from ..world.causes import Failure, tree
 from ..world.colours import ITEM_COLOURS
 from ..world.journal import Plain
+from ..world.planning_scene import BeliefObject, PlanningScene
 from ..world.scene.description import Form
 from ..world.values import ObjectId
-from .port_types import show
+from .ports import show
 
 _LINE = re.compile(r"\r?\n")
 

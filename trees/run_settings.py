@@ -12,8 +12,7 @@ from ..files.value_wording import suggest_name
 from ..files.yaml.reader import resolve
 from ..world.journal import Plain
 from .mission import Mission, NodeSpec
-from .port_types import PortProblem, PortValues, convert_literal
-from .ports import PortDeclaration
+from .ports import PortDeclaration, PortProblem, PortValues, convert_literal
 from .references import Binding, Constant
 
 Overrides: TypeAlias = Mapping[str, Mapping[str, Constant]]

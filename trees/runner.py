@@ -1,29 +1,157 @@
-"""Behaviour tree in execution, and reports of its ticks."""
+"""Behaviour tree in execution: builder, ticks with their reports, transfer of state to an edited
+mission, and blackboard entries that an operator changes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Generator, Iterator, Mapping
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import is_
 from typing import Any, cast
 
 from py_trees.behaviour import Behaviour
 
-from ..files.errors import PicktreeError
-from ..world.causes import Evidence, FailureReport
+from ..files.errors import FileError, PicktreeError
+from ..files.expression_syntax import ExpressionError
+from ..files.value_wording import suggest_name
+from ..files.yaml.reader import read
+from ..world.causes import Evidence, Failure, FailureReport
 from ..world.journal import Plain
 from .blackboard import Blackboard, BlackboardWrite, Namespace
-from .controls.loops import ForEach
+from .decorators import ForEach
+from .description import TreeDefinition
+from .failure_reports import pack, report_from_plain, unpack
+from .flow import NodeStatus
 from .mission import Mission, NodeSpec, TreeSpec
 from .node import Node
-from .ports import PortDeclaration, child
+from .ports import PortDeclaration, accept_value, child, convert_literal, plain_copy, show
 from .references import Binding, Constant, PortExpression, Reference
 from .run_settings import Overrides, read_settings
 from .runtime import NodeTransition, Runtime, TreeWorld, Wiring, evaluate
 from .skill import Skill
-from .status import NodeStatus
-from .tree_adoption import StateTransfer, transfer_state
-from .tree_definition import TreeDefinition
+
+
+@dataclass(frozen=True, slots=True)
+class StateTransfer:
+    """Result of a state transfer: paths of nodes, parents first."""
+
+    kept: tuple[str, ...]
+    """Nodes that continue."""
+    fresh: tuple[str, ...]
+    """Nodes that restart: new, of another type, or positioned at a child that is gone."""
+    gone: tuple[str, ...]
+
+
+def transfer_state(nodes: Sequence[Node], saved: Mapping[str, Mapping[str, Plain]]) -> StateTransfer:
+    """Give each node of a new tree (parents first) the saved state of the node with its path and type.
+
+    Descendants of a node that restarts are halted: they are IDLE, and keep memory that outlasts a halt.
+    """
+    kept: list[str] = []
+    for node in nodes:
+        state = saved.get(node.path)
+        above = cast("Node | None", node.parent)
+        if state is None or state.get("id") != node.wiring.id:
+            continue
+        if _take_over(node, state, saved, above is None or above.state is not NodeStatus.IDLE):
+            kept.append(node.path)
+    going_on, now = set(kept), {node.path: None for node in nodes}
+    fresh = tuple(path for path in now if path not in going_on)
+    return StateTransfer(tuple(kept), fresh, tuple(path for path in saved if path not in now))
+
+
+def _take_over(
+    node: Node, state: Mapping[str, Plain], saved: Mapping[str, Mapping[str, Plain]], active: bool
+) -> bool:
+    """Take over the state, and halt nodes that cannot continue; False when the node was RUNNING and
+    restarts."""
+    memory = _memory(node, state)
+    try:
+        report_from_plain(state["failure"])
+        for value in memory.values():
+            unpack(value)
+    except PicktreeError:  # a cause that the edited plug-in no longer has
+        return False
+    running = NodeStatus(str(state["state"])) is NodeStatus.RUNNING
+    lost = any(name not in memory for name in node.positions) or _lost_count(node, state, saved)
+    node.restore_state({**state, "inputs": _inputs(node, state), "memory": memory})
+    if not active or (running and (lost or not _rewired(node, state))):
+        node.halt()
+        return not running
+    return True
+
+
+def _rewired(node: Node, state: Mapping[str, Plain]) -> bool:
+    """Pass changed port values to a running node; False when a new value does not exist yet."""
+    before = cast("dict[str, Plain]", state["ports"])
+    now = cast("dict[str, Plain]", node.save_state()["ports"])
+    changed = frozenset(key for key, text in now.items() if key not in before or before[key] != text)
+    if any(not isinstance(node.wiring.ports[key], Constant) for key in changed):
+        try:
+            node.read_inputs()
+        except Failure:
+            return False
+    if changed:
+        node.on_rewired(changed)
+    return True
+
+
+def _inputs(node: Node, state: Mapping[str, Plain]) -> dict[str, Plain]:
+    """Return the inputs that were read at the node's start and still are."""
+    inputs = cast("dict[str, Plain]", state["inputs"])
+    constant = (Constant, type(None))
+    return {k: v for k, v in inputs.items() if not isinstance(node.wiring.ports.get(k), constant)}
+
+
+def _memory(node: Node, state: Mapping[str, Plain]) -> dict[str, Plain]:
+    """Return the node's memory with positions moved to their children's new places; lost positions are left
+    out."""
+    memory = cast("dict[str, Plain]", state["memory"])
+    found: dict[str, Plain] = {}
+    for name in node.remembers:
+        if name not in memory:
+            continue
+        if name not in node.positions:
+            found[name] = memory[name]
+            continue
+        position = _position(node, unpack(memory[name]), cast("list[str]", state["children"]))
+        if position is not None:
+            found[name] = pack(position)
+    return found
+
+
+def _position(node: Node, position: object, children: Sequence[str]) -> object:
+    """Return the new position of the children that a position names; None when one is gone."""
+    match position:
+        case str():
+            keys = [slot.key for slot in node.declaration.slots]
+            filled = [(key, *child) for key in keys for child in node.slot(key)]
+            labels = {word for key, label, child in filled for word in (label or key, child.name)}
+            return position if not position or position in labels else None
+        case int():
+            return _index(node, position, children)
+        case tuple():
+            moved = [_index(node, cast("int", one), children) for one in cast("Iterable[object]", position)]
+            return None if None in moved else tuple(moved)
+        case _:
+            return None
+
+
+def _index(node: Node, index: int, children: Sequence[str]) -> int | None:
+    """Return the new list index of the child at an old index; None when it is gone."""
+    now = [child.path for child in node.below]
+    if index == len(children):  # it has been through all of them
+        return len(now)
+    if not 0 <= index < len(children):
+        return None
+    return now.index(children[index]) if children[index] in now else None
+
+
+def _lost_count(node: Node, state: Mapping[str, Plain], saved: Mapping[str, Mapping[str, Plain]]) -> bool:
+    """Return whether a child that the node has counted is gone."""
+    now = {child.path for child in node.below}
+    gone = (path for path in cast("list[str]", state["children"]) if path not in now)
+    return any(NodeStatus(str(saved[path]["state"])) in node.counted for path in gone)
 
 
 @dataclass(frozen=True, slots=True)
@@ -386,3 +514,80 @@ def _wiring(spec: NodeSpec, path: str, namespace: Namespace, ports: Mapping[str,
 
 def _plain(value: object) -> Plain:
     return value if isinstance(value, str | int | float | bool) else str(value)
+
+
+def entry_key(tree: BehaviourTree, name: str, here: Node) -> str:
+    """Return the full key that a name means: a full key, a key of the tree of `here`, or the end of a key.
+
+    Raises PicktreeError for an unknown key, and for a name that fits several keys.
+    """
+    known = sorted({*tree.blackboard, *(key for key, _ in _wired_keys(tree))})
+    if name in known:
+        return name
+    here_means = here.wiring.namespace.full_key(name)
+    if here_means in known:
+        return here_means
+    fitting = [key for key in known if key.endswith(f"/{name}")]
+    if len(fitting) == 1:
+        return fitting[0]
+    if fitting:
+        raise PicktreeError(f"{len(fitting)} keys fit {name!r}: {', '.join(fitting)}")
+    raise PicktreeError(f"the blackboard has no key {name!r} ({suggest_name(name, known) or 'it is empty'})")
+
+
+def entry_value(tree: BehaviourTree, key: str, text: str, here: Node) -> Plain:
+    """Return the value of a text for a key: YAML, as in a mission file, or an expression `{= rounds + 1}`.
+
+    `here` is the node at which expressions are evaluated. Raises PicktreeError for a text that has no value,
+    and for a value that a port wired to the key does not accept.
+    """
+    value: object
+    try:
+        expression = PortExpression.parse(text)
+        if expression is not None:
+            value = evaluate(expression.value, here.wiring.namespace, here.world)
+        else:
+            value = read(text, "value").root.value
+            for port in _ports_at(tree, key):
+                value = convert_literal(value, port.type, port.unit, port.choices, port.within)
+    except ExpressionError as error:
+        raise PicktreeError(f"{error}, at character {error.offset + 1} of {text!r}") from None
+    except Failure as failure:
+        raise PicktreeError(failure.message) from None
+    except FileError as error:
+        raise PicktreeError(f"{text!r} has no value: {error.faults[0].message}") from None
+    except ValueError as error:
+        raise PicktreeError(f"{key}: {error}") from None
+    return checked_value(tree, key, value)
+
+
+def checked_value(tree: BehaviourTree, key: str, value: object) -> Plain:
+    """Return the value as the key's ports have it. Raises PicktreeError for one that a port does not
+    accept."""
+    try:
+        for port in _ports_at(tree, key):
+            value = accept_value(value, port.type, port.choices, port.within)
+        return plain_copy(value)
+    except (ValueError, TypeError) as error:
+        raise PicktreeError(f"{key} cannot be {show(value)}: {error}") from None
+
+
+def _ports_at(tree: BehaviourTree, key: str) -> list[PortDeclaration]:
+    """Return the ports that are wired to a key, as far as their types say anything."""
+    untyped = ("any", "expression")
+    return [port for wired, port in _wired_keys(tree) if wired == key and port.type.name not in untyped]
+
+
+def _wired_keys(tree: BehaviourTree) -> Iterator[tuple[str, PortDeclaration]]:
+    """Yield each port that reads or writes a key as a whole, with the full key."""
+    for node in tree.nodes:
+        if isinstance(node, SubTree):
+            for port in node.interface:
+                wired = node.wiring.ports.get(port.key)
+                if not (isinstance(wired, Reference) and wired.attributes):
+                    yield node.inside.full_key(port.key), port
+            continue
+        for port in node.declaration.ports:
+            wired = node.wiring.ports.get(port.key)
+            if isinstance(wired, Reference) and not wired.attributes and port.takes in ("value", "template"):
+                yield node.wiring.namespace.full_key(wired.key), port

@@ -6,17 +6,17 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Literal, Protocol
 
-from ..files.expressions.expression import Expression, ExpressionError
+from ..files.expression_syntax import ExpressionError
+from ..files.expressions import Expression
 from ..world.causes import Evidence, Failure, FailureReport, tree
 from .blackboard import Blackboard, Namespace
-from .port_types import plain_copy
-from .ports import PortDeclaration
+from .flow import NodeStatus
+from .ports import PortDeclaration, plain_copy
 from .references import Assignment, Binding, Constant, Reference, attribute
-from .status import NodeStatus
 
 if TYPE_CHECKING:
-    from ..world.belief.planning_scene import PlanningScene
     from ..world.journal import Journal, Plain
+    from ..world.planning_scene import PlanningScene
     from ..world.protocols import Clock
 
 

@@ -7,12 +7,11 @@ from collections.abc import Generator
 from typing import TYPE_CHECKING, ClassVar, Final, TypeAlias, TypeVar, cast
 
 from ..world.causes import Failure, FailureReport, internal, tree
-from ..world.run_events import InternalErrorEvent
+from ..world.events import InternalErrorEvent
 from .declaration import Resource
-from .flow import LeafFlow
+from .flow import LeafFlow, NodeStatus
 from .node import Node
 from .runtime import Runtime, Wiring
-from .status import NodeStatus
 
 if TYPE_CHECKING:
     from ..robot.world import World

@@ -1,19 +1,31 @@
-"""Faults of a mission's wiring and of its expressions."""
+"""Faults of a mission's wiring and of its expressions, also comparisons of values that are never equal."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from dataclasses import replace
+from typing import Final
 
-from ..files.expressions.expression import ExpressionError
-from ..files.expressions.type_inference import UnknownName, check_types
-from ..files.marks import Diagnostic, Mark
+from ..files.errors import Diagnostic, Mark
+from ..files.expression_syntax import ExpressionError
+from ..files.expressions import UnknownName, ValueType, check_types, join, unlike_sides
 from ..files.value_wording import suggest_name
-from .circuit import ArrivingValue, ValueFlow
-from .key_writers import KeyUse, NodeExpression, PlacedNode, TreeKeys, expressions_of
-from .port_types import show
-from .ports import SlotDeclaration
-from .references import ATTRIBUTE_TYPES, ExpressionLocator, Reference
-from .value_sources import ValueSource, type_mismatch
+from .data_flow import (
+    ArrivingValue,
+    KeyUse,
+    NodeExpression,
+    PlacedNode,
+    TreeKeys,
+    ValueFlow,
+    ValueSource,
+    constant,
+    distinct,
+    expressions_of,
+    type_mismatch,
+)
+from .mission import MAIN
+from .ports import SlotDeclaration, show
+from .references import ATTRIBUTE_TYPES, Constant, ExpressionLocator, PortExpression, Reference
 
 
 def expression_faults(
@@ -177,3 +189,79 @@ def _declared(keys: TreeKeys, port: str) -> Mark:
 
 def _hidden(key: str) -> tuple[str, str]:
     return f"the key {key!r} hides the fact of that name in expressions", "give it another name"
+
+
+MAX_DEPTH: Final = 30
+"""Greatest number of sub-trees through which a value is followed."""
+
+
+def unlike_comparisons(circuit: ValueFlow, pointer: ExpressionLocator) -> Iterator[Diagnostic]:
+    """Yield a fault for each comparison that fails with what a call gives, whatever the other values are.
+
+    The parameters of the mission have no call: what is set is not known.
+    """
+    calls = _Calls(circuit)
+    for name, keys in circuit.keys.items():
+        open_ = [port.key for port in keys.inputs.values() if port.type.name == "any" and not port.type.many]
+        if not open_ or name == MAIN:
+            continue
+        for placed in keys.places.values():
+            for asked in expressions_of(placed.spec):
+                inputs = [key for key in open_ if key in asked.expression.names]
+                fault = _first_fault(calls, keys, placed, asked, inputs, pointer) if inputs else None
+                if fault is not None:
+                    yield fault
+
+
+def _first_fault(
+    calls: _Calls,
+    keys: TreeKeys,
+    placed: PlacedNode,
+    asked: NodeExpression,
+    inputs: list[str],
+    pointer: ExpressionLocator,
+) -> Diagnostic | None:
+    names: dict[str, ValueType] = {name: keys[name] for name in asked.expression.names if name in keys}
+    for key in inputs:
+        for source in calls.given(keys.tree.name, key):
+            error = unlike_sides(asked.expression, {**names, key: source.type}, ATTRIBUTE_TYPES)
+            if error is not None:
+                fault = expression_fault(placed, asked, error, pointer, "P226")
+                hint = f"{key!r} is {source.type.words()}, {source.told(fault.mark.file)}"
+                return replace(fault, hint=hint)
+    return None
+
+
+class _Calls:
+    """Values that the calls of trees give."""
+
+    def __init__(self, circuit: ValueFlow) -> None:
+        self._keys = circuit.keys
+        self._known: dict[tuple[str, str], tuple[ValueSource, ...]] = {}
+        self._places: dict[str, list[tuple[TreeKeys, PlacedNode]]] = {}
+        for keys in circuit.keys.values():
+            for placed in keys.places.values():
+                if placed.spec.node is None:
+                    self._places.setdefault(placed.spec.id, []).append((keys, placed))
+
+    def given(self, tree: str, key: str, depth: int = MAX_DEPTH) -> tuple[ValueSource, ...]:
+        """Return the values of an input, one for each call that says its type."""
+        if depth and (tree, key) not in self._known:
+            found = (self._at(*place, key, depth) for place in self._places.get(tree, ()))
+            self._known[tree, key] = distinct(source for sources in found for source in sources)
+        return self._known.get((tree, key), ())
+
+    def _at(self, keys: TreeKeys, placed: PlacedNode, key: str, depth: int) -> Iterator[ValueSource]:
+        bound, mark = placed.spec.ports.get(key), placed.spec.mark_at(key)
+        if isinstance(bound, Constant):
+            yield constant(bound.value, mark)
+        elif isinstance(bound, PortExpression):
+            yield keys.computed(bound.value, mark)
+        elif isinstance(bound, Reference):
+            sources = keys.reference(bound)
+            ports = [source.port for source in sources if source.type.kind == "any" and not source.depth]
+            if len(sources) == 1 and ports and ports[0] is not None:
+                yield from self.given(keys.tree.name, ports[0], depth - 1)
+            elif sources:
+                # A key that is written with several types may have the right one here.
+                yield replace(sources[0], type=join(source.type for source in sources))

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files.shipped_files import is_file
+from ..files.file_system import is_file
 from ..files.xml_text import XmlError, decode_xml, parse_xml
 from ..files.yaml.file_text import Unreadable, read_bytes
 from .shapes import convex_hull

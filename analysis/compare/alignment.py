@@ -1,4 +1,4 @@
-"""Alignment of two runs: pairs of visits, and the divergence of the runs.
+"""Alignment of two runs: pairs of visits, and the divergence, where the visits first differ.
 
 The key of a visit is (item, node path, attempt). Items are paired by `match_items`, nodes by `match_nodes`.
 On both sides attempts are counted from `since` on, so that a resumed run aligns with the run that it
@@ -8,14 +8,187 @@ continues. Times are simulated seconds.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Final, Literal, TypeAlias
 
 from ...logs.run_account import account_of
 from ...logs.visits import Key, Visit
 from ..run import Run
-from .divergence import ComparedRuns, Divergence, find_parting
-from .matching import TIME_TOLERANCE, ItemMatch, NodeMatch, VisitPair, differences, match_items, match_nodes
+from .matching import (
+    TIME_TOLERANCE,
+    Aspect,
+    ItemMatch,
+    NodeMatch,
+    VisitPair,
+    differences,
+    match_items,
+    match_nodes,
+)
+
+Side: TypeAlias = Literal["a", "b"]
+SIDES: Final[tuple[Side, Side]] = ("a", "b")
+How: TypeAlias = Aspect | Literal["order", "end"]
+AT_START: Final[tuple[Aspect, ...]] = ("type", "inputs")
+"""Aspects that differ already at the start of a visit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Divergence:
+    """First moment (simulated s) at which two runs differ, and the visits of both there.
+
+    `how` is the aspect in which the same visit differs. `order`: another visit begins, or the same at another
+    time. `end`: the log of one ends, while the other continues.
+    """
+
+    time: float
+    how: How
+    also: tuple[Aspect, ...]
+    """Further aspects in which the same visit differs, in order of time."""
+    a: Visit | None
+    """Visit of A at the divergence; with `order` the one that begins next.
+
+    None when no further visit begins, or the log ends.
+    """
+    b: Visit | None
+    next_a: Visit | None
+    """First leaf that begins afterwards in A; None when there is none."""
+    next_b: Visit | None
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedRuns:
+    """Visits of two compared runs, and the time of the last tick of each, simulated s."""
+
+    pairs: Sequence[VisitPair]
+    only_a: Sequence[Visit]
+    only_b: Sequence[Visit]
+    end_a: float
+    end_b: float
+    nodes: NodeMatch
+
+    def all(self, side: Side) -> Sequence[Visit]:
+        if side == "a":
+            return [*(pair.a for pair in self.pairs), *self.only_a]
+        return [*(pair.b for pair in self.pairs), *self.only_b]
+
+
+_Rank: TypeAlias = tuple[float, int, int]
+"""Rank of a moment: time, phase within the tick, place within the phase.
+
+Phases are 0 for ends, 1 for starts, 2 for ends of visits that began in the same tick. Ends go from below
+upwards, starts from above downwards.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class _Candidate:
+    rank: _Rank
+    how: How
+    a: Visit | None
+    b: Visit | None
+    also: tuple[Aspect, ...] = ()
+
+
+def find_parting(sides: ComparedRuns) -> Divergence | None:
+    """Return the first divergence; None when there is none.
+
+    A node with children that only one mission has is no divergence by itself: the behaviour of its children
+    counts.
+    """
+    first = min(_candidates(sides), key=lambda candidate: candidate.rank, default=None)
+    over = min(sides.end_a, sides.end_b)
+    if first is None or first.rank[0] > over + TIME_TOLERANCE:
+        return _log_end_divergence(sides, over)
+    time, a, b = first.rank[0], first.a, first.b
+    if first.how == "order":
+        a, b = a or _next(sides, "a", time, new=True), b or _next(sides, "b", time, new=True)
+    return Divergence(
+        time,
+        first.how,
+        first.also,
+        a,
+        b,
+        _next(sides, "a", time, leaf=True, beside=a),
+        _next(sides, "b", time, leaf=True, beside=b),
+    )
+
+
+def _candidates(sides: ComparedRuns) -> Iterator[_Candidate]:
+    for pair in sides.pairs:
+        a, b = pair.a, pair.b
+        begun = min(a.start, b.start)
+        if abs(a.start - b.start) > TIME_TOLERANCE:
+            early_a = a.start < b.start
+            rank = (begun, 1, a.number if early_a else b.number)
+            yield _Candidate(rank, "order", a if early_a else None, None if early_a else b)
+            continue
+        if pair.differs and pair.differs[0] in AT_START:
+            yield _Candidate((begun, 1, a.number), pair.differs[0], a, b, pair.differs[1:])
+        elif pair.differs:
+            ended = min(one.end for one in (a, b) if one.outcome != "RUNNING")
+            phase = 2 if ended <= begun + TIME_TOLERANCE else 0
+            yield _Candidate((ended, phase, -a.path.count("/")), pair.differs[0], a, b, pair.differs[1:])
+    inner = {node.path for node in (*sides.nodes.only_a, *sides.nodes.only_b) if node.children}
+    for visit in sides.only_a:
+        if visit.path not in inner:
+            yield _Candidate((visit.start, 1, visit.number), "order", visit, None)
+    for visit in sides.only_b:
+        if visit.path not in inner:
+            yield _Candidate((visit.start, 1, visit.number), "order", None, visit)
+
+
+def _log_end_divergence(sides: ComparedRuns, over: float) -> Divergence | None:
+    """Return the divergence at the end of one log when nothing differed before; None when both end
+    together."""
+    if abs(sides.end_a - sides.end_b) <= TIME_TOLERANCE or not sides.pairs:
+        return None
+    a, b = (_deepest_open_visit(sides.all(side), over) for side in SIDES)
+    next_a, next_b = (_next(sides, side, over + TIME_TOLERANCE, leaf=True) for side in SIDES)
+    return Divergence(over, "end", (), a, b, next_a, next_b)
+
+
+def _deepest_open_visit(visits: Sequence[Visit], time: float) -> Visit | None:
+    """Return the deepest visit that is open at that time."""
+    open_ = [
+        v for v in visits if v.start <= time + TIME_TOLERANCE and (v.outcome == "RUNNING" or v.end > time)
+    ]
+    return max(open_, key=lambda visit: visit.path.count("/"), default=None)
+
+
+def _next(
+    sides: ComparedRuns,
+    side: Side,
+    time: float,
+    *,
+    new: bool = False,
+    leaf: bool = False,
+    beside: Visit | None = None,
+) -> Visit | None:
+    """Return the first visit of that side that begins at `time` or later.
+
+    `new`: it does not begin at the same time in the other run; `leaf`: its node has no children; `beside`: it
+    is not this visit.
+    """
+    alike: set[int] = set()
+    if new:
+        alike = {
+            (pair.a if side == "a" else pair.b).number
+            for pair in sides.pairs
+            if abs(pair.a.start - pair.b.start) <= TIME_TOLERANCE
+        }
+    nodes = [pair.a if side == "a" else pair.b for pair in sides.nodes.pairs]
+    nodes += sides.nodes.only_a if side == "a" else sides.nodes.only_b
+    inner = {node.path for node in nodes if node.children}
+    fitting = (
+        visit
+        for visit in sides.all(side)
+        if visit.start >= time - TIME_TOLERANCE
+        and visit.number not in alike
+        and not (leaf and visit.path in inner)
+        and (beside is None or visit.number != beside.number)
+    )
+    return min(fitting, key=lambda visit: visit.number, default=None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,14 +18,13 @@ from dataclasses import dataclass
 from difflib import SequenceMatcher
 from typing import Final, Literal, TypeAlias, cast
 
-from ...logs.schema.records import BodyRecord, TreeNode
+from ...logs.records import BodyRecord, TreeNode
 from ...logs.visits import Visit
 from ..run import Run
 
 MAX_SAME_PLACE_DISTANCE = 0.02
 """Maximum distance of the same place, m: half an item, above the error of perception, below the gap of two
 items."""
-
 Basis: TypeAlias = Literal["place", "order"]
 
 
@@ -200,7 +199,6 @@ def _kind(node: TreeNode) -> tuple[str, str]:
 
 TIME_TOLERANCE: Final = 1e-6
 """Difference below which two times are equal, s."""
-
 Aspect: TypeAlias = Literal["type", "inputs", "outcome", "cause", "length"]
 
 

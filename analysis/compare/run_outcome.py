@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from ...logs.visits import Visit, covered_time
-from ...world.skill_events import ItemDoneEvent
+from ...world.events import ItemDoneEvent
 from ..run import Run
 from .alignment import Alignment
 from .matching import Basis, first_bodies

@@ -10,10 +10,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from ...logs import topics
 from ...logs.recording.true_state import fold_states, read_state
+from ...logs.records import BodyRecord, Scene, TrueState
 from ...logs.run_log import Stamped
-from ...logs.schema import topics
-from ...logs.schema.records import BodyRecord, Scene, TrueState
 from ...world.values import Pose, Vector3, rotated
 
 if TYPE_CHECKING:

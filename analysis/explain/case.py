@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import numpy as np
 
 from ...files.errors import PicktreeError
+from ...logs.event_records import BeliefEvent
+from ...logs.records import BodyRecord, Scene, ThingRecord
 from ...logs.run_log import RunLog, Stamped
-from ...logs.schema.event_records import BeliefEvent
-from ...logs.schema.records import BodyRecord, Scene, ThingRecord
 from ...logs.visits import Visit, VisitTree
-from ...session.recipe_archive import Unpacking
+from ...session.recipe import Unpacking
 from ...simulation.scorer import MAX_REST_SPEED, ItemScore, score
 from ...simulation.truth import TrueBody
+from ...world.events import BinExchangedEvent, CrushedEvent
 from ...world.journal import JournalEvent
-from ...world.run_events import BinExchangedEvent, CrushedEvent
 from ...world.scene.description import Bin, CatalogueEntry, Fixture, SceneDescription
 from ...world.scene.destinations import ItemTraits, destination_rule
 from ...world.shapes import extents, greatest_length

@@ -7,13 +7,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...logs.schema.records import BodyRecord
+from ...logs.records import BodyRecord
 from ...world.shapes import extents
 from ...world.values import GRAVITY, Array
-from .camera_causes import seen_displaced
 from .case import Investigation
-from .explanation import Confidence, FailureStory, Finding, number, numbers
-from .number_wording import between, distance, force, listed_times, place, seconds
+from .device_causes import seen_displaced
+from .explanation import (
+    Confidence,
+    FailureStory,
+    Finding,
+    between,
+    distance,
+    force,
+    listed_times,
+    number,
+    numbers,
+    place,
+    seconds,
+)
 
 SQUEEZING = 0.5
 """Share of the greatest finger force above which the fingers are taken to press on something."""

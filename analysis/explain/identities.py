@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from ...logs.schema.records import BodyRecord
+from ...logs.records import BodyRecord
 from ...world.shapes import extents
 from .body_tracks import BodyTracks, horizontal_distance, offset
 

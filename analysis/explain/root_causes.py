@@ -14,19 +14,15 @@ from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
 from ...logs.run_log import Stamped
-from ...world.run_events import FaultEvent
+from ...world.events import FaultEvent
 from .case import Investigation
-from .contact_causes import touched
 from .device_causes import device_findings
-from .explanation import ExplainedOutcome, FailureStory, Finding, RootCause
-from .heap_remains import left_in_tote
+from .explanation import ExplainedOutcome, FailureStory, Finding, RootCause, seconds
 from .held_items import held_periods, left_the_hand, pressed_from_below, too_heavy
-from .item_nature import larger, nothing_there, too_wide
-from .item_whereabouts import misjudged, wrong_location_cause
-from .number_wording import seconds
-from .obstruction_causes import obstruction_cause
+from .item_causes import larger, misjudged, nothing_there, too_wide, wrong_location_cause
+from .obstruction_causes import obstruction_cause, touched
 from .run_endings import by_the_mission, goal_missed, out_of_order, run_ended, unacknowledged
-from .unsorted_items import after_wrong_bin, crushed, placed_at, why_not_sorted
+from .unsorted_items import after_wrong_bin, crushed, left_in_tote, placed_at, why_not_sorted
 
 DISPLACING = frozenset(
     {"item.moved", "item.left_bin", "item.pushed_by_arm", "item.struck",

@@ -10,11 +10,10 @@ from ...files.errors import PicktreeError
 from ...files.value_wording import listed
 from ...files.yaml.reader import read
 from ...logs.visits import HALTED, Visit
-from ...world.skill_events import ItemDoneEvent, SafetyStopEvent
+from ...world.events import ItemDoneEvent, SafetyStopEvent
 from .case import Investigation
-from .explanation import ExplainedOutcome, FailureStory, Finding, number, word
+from .explanation import ExplainedOutcome, FailureStory, Finding, counted, number, seconds, word
 from .held_items import held_periods
-from .number_wording import counted, seconds
 
 
 def run_ended(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Annotated, TypeAlias
 
-from ...world.skill_events import PickEvent
+from ...world.events import PickEvent
 from ..run import Run
 from .table_files import ColumnDoc, event_row
 

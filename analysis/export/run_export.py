@@ -10,11 +10,11 @@ from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
 import orjson
 
-from ...files.atomic_write import whole
+from ...files.file_system import whole
 from ...logs.optional_libraries import optional_import
-from ...logs.schema.records import BodyRecord
+from ...logs.records import BodyRecord
+from ...world.events import ItemDoneEvent, PickEvent
 from ...world.journal import Plain
-from ...world.skill_events import ItemDoneEvent, PickEvent
 from ..explain.explanation import ItemStory
 from ..run import Run
 from . import row_types

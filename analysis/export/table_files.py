@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Protocol, TypeAlias, TypeVar, Union, get_args, get_origin
 from typing import get_type_hints as hints
 
-from ...files.atomic_write import whole
 from ...files.errors import PicktreeError
+from ...files.file_system import whole
 from ...logs.optional_libraries import optional_import
 from ...world.journal import JournalEvent, event_fields
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from ...files.errors import PicktreeError
+from ...logs.records import Plan, Scene, Tick
 from ...logs.run_log import RunLog, Stamped
-from ...logs.schema.records import Plan, Scene, Tick
 from ...logs.visits import Visit, VisitBuilder, with_transitions
-from ...world.skill_events import ItemDoneEvent
+from ...world.events import ItemDoneEvent
 from .captions import Caption, CaptionFailure
 from .scene_view import SceneContent, Show
 

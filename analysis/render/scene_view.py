@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ...logs.binary_gltf import parts_of, read_glb
 from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
+from ...logs.records import BlockRecord, BodyRecord, LinkMesh, PartRecord, Scene
 from ...logs.run_log import RunLog
-from ...logs.schema.records import BlockRecord, BodyRecord, LinkMesh, PartRecord, Scene
 from ...logs.triangle_meshes import Mesh, join_meshes, part_mesh, shape_mesh
 from ...world.colours import COLOURS, TRUTH_COLOUR
 from ...world.scene.destinations import colours_of_destinations

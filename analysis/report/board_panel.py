@@ -11,12 +11,12 @@ from typing import Final
 import numpy as np
 import orjson
 
-from ...logs.schema.records import BodyRecord
+from ...logs.records import BodyRecord
 from ...world.values import Pose
 from ..run import Run
 from .body_motion import BeliefDeviation, SceneMotion, deviations, motion_of
+from .node_panels import TickTable, tick_table
 from .packing import Packable, Section, StringTable, quantise
-from .tick_table import TickTable, tick_table
 
 _MIN_POSITION_CHANGE: Final = 2e-4
 """Smallest change of a believed position that counts, m."""

@@ -16,18 +16,17 @@ import numpy as np
 import orjson
 
 from ... import __version__
-from ...authoring.drawing import shapes
-from ...files.atomic_write import whole
+from ...authoring import svg_drawing
 from ...files.errors import PicktreeError
+from ...files.file_system import whole
 from ...logs.episode_counts import CauseCount
-from ...logs.schema.records import Plan
+from ...logs.records import Plan
 from ..explain.explanation import ExplainedOutcome
 from ..run import Run
 from .board_panel import pack_board
-from .images_panel import pack_images
 from .node_panels import pack_lanes, pack_tree
 from .packing import Packable, Section, StringTable, pack
-from .plots_panel import pack_plots
+from .sensor_panels import pack_images, pack_plots
 from .stage_panel import pack_stage
 
 
@@ -135,7 +134,7 @@ TREE_SCRIPTS: Final = ("libraries.js", "arranging.js", "viewer.js")
 
 def render_page(title: str, summary: str, sections: Iterable[Section]) -> str:
     """Return the complete HTML file. `summary` is displayed where scripts do not run."""
-    scripts = [(shapes.PAGE_FOLDER / name).read_text(encoding="utf-8") for name in TREE_SCRIPTS]
+    scripts = [(svg_drawing.PAGE_FOLDER / name).read_text(encoding="utf-8") for name in TREE_SCRIPTS]
     scripts.append((PAGE_FOLDER / "report.js").read_text(encoding="utf-8"))
     template = Template((PAGE_FOLDER / "page.html").read_text(encoding="utf-8"))
     return template.substitute(
@@ -152,12 +151,12 @@ def render_page(title: str, summary: str, sections: Iterable[Section]) -> str:
 def style() -> str:
     """Return the style sheet: the palette of the drawn tree as variables, then its rules and the page's
     own."""
-    drawing = Template((shapes.PAGE_FOLDER / "drawing.css").read_text(encoding="utf-8"))
+    drawing = Template((svg_drawing.PAGE_FOLDER / "drawing.css").read_text(encoding="utf-8"))
     return "\n".join(
         (
-            f":root {{ color-scheme: light; {_variables(shapes.LIGHT_COLOURS)} }}",
-            f':root[data-theme="dark"] {{ color-scheme: dark; {_variables(shapes.DARK_COLOURS)} }}',
-            drawing.substitute({name: f"var(--{name})" for name in shapes.LIGHT_COLOURS}),
+            f":root {{ color-scheme: light; {_variables(svg_drawing.LIGHT_COLOURS)} }}",
+            f':root[data-theme="dark"] {{ color-scheme: dark; {_variables(svg_drawing.DARK_COLOURS)} }}',
+            drawing.substitute({name: f"var(--{name})" for name in svg_drawing.LIGHT_COLOURS}),
             (PAGE_FOLDER / "report.css").read_text(encoding="utf-8"),
         )
     )

@@ -10,18 +10,29 @@ import numpy as np
 from ...files.errors import PicktreeError
 from ...logs.binary_gltf import read_glb
 from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
+from ...logs.records import BodyRecord, Candidates, LinkMesh, PartRecord
 from ...logs.run_log import RunLog
-from ...logs.schema.records import BodyRecord, Candidates, LinkMesh, PartRecord
 from ...logs.triangle_meshes import Mesh, decimate, part_mesh, shape_mesh, smooth_mesh
 from ...robot.manipulation.pick_candidates import ACCEPTED_VERDICT, count_rejections, describe_rejections
 from ...world.colours import COLOURS
-from ...world.robot_model.loading import read_tcp
+from ...world.robot_model.robot_file import read_tcp
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Array, Pose
 from ..render.scene_view import bin_tints, body_mesh, heap_remark, part_colour
 from ..run import Run
-from .body_motion import BelievedBody, Frames, TrueBodySamples, motion_of, spans
-from .packing import Packable, Quantised, Section, composed, continuous, filled, inverse, quantise, row
+from .body_motion import (
+    BelievedBody,
+    Frames,
+    TrueBodySamples,
+    composed,
+    continuous,
+    filled,
+    inverse,
+    motion_of,
+    row,
+    spans,
+)
+from .packing import Packable, Quantised, Section, quantise
 
 MAX_LINK_FACES = 3000
 """Maximum number of faces of one link."""
@@ -254,8 +265,8 @@ def search_summary(search: Candidates) -> str:
 
 def _cameras(run: Run, frames: Frames) -> Packable:
     """Pack the optical frames: z points out of the camera, y down the image."""
+    from ...logs import topics
     from ...logs.recording import foxglove_messages
-    from ...logs.schema import topics
 
     found: list[Packable] = []
     for camera in run.log.cameras:

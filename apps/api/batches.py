@@ -9,20 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...files.errors import PicktreeError
-from ...files.shipped_files import example_file
-from ...simulation.backends import Backend
+from ...files.file_system import example_file
+from ...simulation.checkpoints import Backend
 from ...trees.node import Node
 from ...world.journal import Plain
 from ..batch.batch import Batch
-from ..batch.comparison import RecipeComparison, compare_recipes
-from ..batch.comparison_text import text_of
-from ..batch.differences import read_recipe
-from ..batch.findings import BatchSummary
+from ..batch.comparison import RecipeComparison, compare_recipes, read_recipe, text_of
 from ..batch.local_executor import LocalExecutor
-from ..batch.plan_loading import plan_of
-from ..batch.queries import QueryResult
-from ..batch.store import RESULTS_FILE, Store
-from ..batch.summary import summarise
+from ..batch.plan import plan_of
+from ..batch.store import RESULTS_FILE, QueryResult, Store
+from ..batch.summary import BatchSummary, summarise
 from .display import html_table, preformatted
 from .mission import Mission
 from .runs import setting_text

@@ -8,17 +8,15 @@ from dataclasses import dataclass, replace
 from ...analysis.render.viewpoint import parse_view
 from ...files.errors import PicktreeError
 from ...files.value_wording import suggest_name
-from ...logs.data_frames import PandasTable
-from ...robot.manipulation.grasp_candidates import grasp_candidates
+from ...logs.optional_libraries import PandasTable
+from ...robot.manipulation.grasps import grasp_candidates
 from ...robot.planning.requests import MotionPlan, Request, Scaling, Target
 from ...robot.world import World
 from ...session.cell import CellSession
-from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure
+from ...world.planning_scene import BeliefObject
 from ...world.values import Array, Pose
-from ..commissioning.plan_trial import plan_figures
-from ..commissioning.trial_picture import plan_picture
-from ..commissioning.trial_result import PlanAnswer, PlanRefusal
+from ..commissioning.plan_trial import PlanAnswer, PlanRefusal, plan_figures, plan_picture
 from .display import SceneImage, html_table, preformatted
 
 PICTURE_SIZE = (960, 600)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from ...authoring.drawing.chart import Chart
+    from ...authoring.mission_chart import Chart
 
 
 class SceneImage:
@@ -51,19 +51,19 @@ class TreeDrawing:
 
         Raises PicktreeError for another suffix, and when the file cannot be written.
         """
-        from ...authoring.drawing.file_formats import drawing_text, suffix_of
+        from ...authoring.drawing import drawing_text, suffix_of
 
         path = Path(file)
         text = drawing_text(self._chart, suffix_of(path.name), expand=self._expand)
         return _write(path, text.encode())
 
     def __repr__(self) -> str:
-        from ...authoring.drawing.text import text
+        from ...authoring.drawing import text
 
         return text(self._chart, expand=self._expand)
 
     def _repr_svg_(self) -> str:
-        from ...authoring.drawing.svg import svg
+        from ...authoring.svg_drawing import svg
 
         return svg(self._chart, expand=self._expand)
 

@@ -8,15 +8,14 @@ from os import PathLike
 from pathlib import Path
 
 from ...authoring.check import MissionCheck, check_mission
-from ...authoring.drawing.chart_builder import chart
-from ...files.errors import PicktreeError
-from ...files.marks import Diagnostic, FileError
-from ...files.shipped_files import example_file
+from ...authoring.mission_chart import chart
+from ...files.errors import Diagnostic, FileError, PicktreeError
+from ...files.file_system import example_file
 from ...files.yaml.document import Document, read_document
 from ...trees import mission as loaded
+from ...trees.description import MAIN, MissionSource, TreeDefinition, python_faults
 from ...trees.loading.registry import NodeRegistry
 from ...trees.node import Node
-from ...trees.tree_definition import MAIN, MissionSource, TreeDefinition, python_faults
 from .display import TreeDrawing, preformatted
 
 

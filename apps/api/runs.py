@@ -1,29 +1,85 @@
-"""Runs in Python: one mission with one seed, its result, and the answers from its log."""
+"""Computation in a process of its own, where picktree chooses the kernels before numpy is loaded."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import cached_property
+from multiprocessing.connection import Connection, wait
 from os import PathLike
 from pathlib import Path
-from typing import Literal
+from typing import Literal, ParamSpec, TypeVar, cast
 
 from ...analysis.run import Run
 from ...files.arithmetic import departures
-from ...files.shipped_files import example_file
+from ...files.errors import PicktreeError
+from ...files.file_system import example_file
 from ...files.yaml.document import read_document
-from ...logs.recording.rotated_log import NO_ROTATION, Rotation
+from ...logs.log_files import NO_ROTATION, Rotation
 from ...logs.run_result import RunResult
-from ...robot.planning.planning_worker import has_second_core
+from ...robot.planning.lookahead_planning import has_second_core
 from ...session.execution import Execution
 from ...session.recipe import DEFAULT_TIME_LIMIT, Recording, RunRequest, read_recipe
 from ...session.session import Session
-from ...simulation.backends import Backend
+from ...simulation.checkpoints import Backend
 from ...trees.node import Node
 from ...world.journal import Plain
+from ..batch.job_process import die_with_parent, exit_code_words
+from ..batch.local_executor import without_main
 from .display import ReadableText, SceneImage, html_table
 from .mission import Mission
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def in_clean_process(work: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
+    """Return the result of a function of picktree that a new process calls; its arguments are pickled.
+
+    An interrupt (SIGINT) is passed on, and the result is still waited for. Raises PicktreeError as the
+    function does, and when the process ends without a result.
+    """
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe(duplex=False)
+    process = context.Process(target=_serve, args=(theirs, work, arguments, options), name="picktree-run")
+    with without_main():
+        process.start()
+    theirs.close()
+    while True:
+        try:
+            wait([ours])
+            break
+        except KeyboardInterrupt:
+            if process.pid is not None:
+                os.kill(process.pid, signal.SIGINT)
+    try:
+        answer = cast("T | PicktreeError", ours.recv())
+    except EOFError:
+        process.join()
+        words = exit_code_words(process.exitcode or 0)
+        raise PicktreeError(f"the process of the run {words} without a result") from None
+    process.join()
+    if isinstance(answer, PicktreeError):
+        raise answer
+    return answer
+
+
+def _serve(
+    answers: Connection,
+    work: Callable[..., object],
+    arguments: tuple[object, ...],
+    options: dict[str, object],
+) -> None:
+    os.setsid()  # Ctrl-C reaches the parent, which passes it on
+    die_with_parent(signal.SIGTERM)
+    try:
+        answer = work(*arguments, **options)
+    except PicktreeError as error:
+        answer = error
+    answers.send(answer)
 
 
 class MissionRun(RunResult):
@@ -135,7 +191,7 @@ def run(
         rotation=rotation,
     )
     if departures() and (made is None or made.is_complete_text):
-        from .clean_process import in_clean_process  # most processes need none
+        # most processes need none
 
         return MissionRun.of(
             in_clean_process(_computed_text, request, made.text if made is not None else None)

@@ -19,9 +19,9 @@ from pathlib import Path
 import ray
 
 from ...files.errors import PicktreeError
-from .connection import ClusterNode, RayError, WorkerHandle, connect, nodes, reason, shared
+from .cluster import ClusterNode, RayError, ResultFile, WorkerHandle, connect, nodes, reason, shared
 from .executor import Event, JobFailed, JobOrder, JobStopped
-from .messages import (
+from .ray_executor import (
     STOP,
     ClusterRefusal,
     ClusterSettings,
@@ -32,7 +32,6 @@ from .messages import (
     WorkerCount,
     difference,
 )
-from .node_worker import ResultFile
 
 _COPY_PIECE_BYTES = 4 << 20
 """Size of the pieces in which files are copied, bytes."""

@@ -39,7 +39,7 @@ class JobOrder:
     @property
     def log(self) -> Path | None:
         """Log of the run; None when there is none."""
-        from ...logs.log_paths import LOG_NAME  # slow to import, and an order has to be light
+        from ...logs.log_files import LOG_NAME  # slow to import, and an order has to be light
 
         return next(iter(sorted(self.folder.glob(f"*/{LOG_NAME}"))), None)
 

@@ -28,7 +28,7 @@ from pickle import UnpicklingError
 from typing import NoReturn
 
 from ...files.errors import PicktreeError
-from ...files.shipped_files import ROOT
+from ...files.file_system import ROOT
 from . import job_output
 from .executor import Event, JobFailed, JobFinished, JobOrder, JobStopped
 
@@ -123,8 +123,8 @@ def run_attempt(order: JobOrder) -> Event:
 
 def _mission_result(order: JobOrder) -> bytes | None:
     """Run the recipe as a mission and return the rows of the result; None when it was interrupted."""
-    from ...session.recipe_archive import RecipeFile
-    from ...session.session import Recording, Session
+    from ...session.recipe import RecipeFile, Recording
+    from ...session.session import Session
     from .run_rows import collect_run_rows
 
     with RecipeFile(order.recipe) as kept:

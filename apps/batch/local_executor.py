@@ -34,7 +34,7 @@ _MODULES = (
     "picktree.simulation.physics.backend",
     "picktree.apps.batch.job_process",
     "picktree.apps.batch.run_rows",
-    "picktree.session.recipe_archive",
+    "picktree.session.recipe",
 )
 
 
@@ -85,10 +85,10 @@ def load() -> None:
     """Load everything that jobs need and share."""
     for module in _MODULES:
         import_module(module)
+    from ...logs import records
     from ...logs.binary_gltf import link_meshes
-    from ...logs.schema import records
-    from ...logs.schema.json_records import record_adapter
-    from ...logs.schema.topics import FIXED
+    from ...logs.records import record_adapter
+    from ...logs.topics import FIXED
     from ...recovery import NODES as RECOVERY
     from ...robot.perception.resting_poses import catalogue_poses
     from ...robot.perception.robot_mask import RobotMask
@@ -99,8 +99,8 @@ def load() -> None:
     from ...session.session import frozen_before_runs
     from ...skills import NODES as SKILLS  # a node is imported when it is asked for: here, all of them are
     from ...trees.loading.registry import installed_entries
-    from ...world.robot_model.loading import load_robot
     from ...world.robot_model.model import RobotModel
+    from ...world.robot_model.robot_file import load_robot
     from ...world.scene.scene_loading import load_scene
 
     assert RECOVERY and SKILLS

@@ -1,22 +1,37 @@
-"""Plan of a batch: a matrix of missions, scenes, faults and settings, each with many seeds."""
+"""Plan of a batch: a matrix of missions, scenes, faults and settings, each with many seeds; grammar and
+loader of plan files.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, cast
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import BeforeValidator, Field, Strict, TypeAdapter, ValidationError, WithJsonSchema
 
-from ...files.atomic_write import whole
-from ...files.errors import PicktreeError
-from ...session.recipe import Recipe, RunRequest, installed_meshes, read_recipe, recipe_files
-from ...session.recipe_archive import write_recipe
-from ...simulation.backends import Backend
+from ...authoring.check import MissionCheck, check_mission
+from ...files.errors import CheckedFile, Diagnostic, FileError, PicktreeError
+from ...files.file_system import whole
+from ...files.value_wording import describe
+from ...files.yaml.document import Document, read_document
+from ...files.yaml.document_checker import DocumentChecker
+from ...files.yaml.file_models import FileModel, Flag, InvalidValue, quantity
+from ...session.recipe import Recipe, RunRequest, installed_meshes, read_recipe, recipe_files, write_recipe
+from ...simulation.checkpoints import Backend
+from ...simulation.fault_loading import load_faults
+from ...trees.loading.loader import SceneNames, load_surroundings
+from ...trees.run_settings import read_settings
+from ...world.robot_model.robot_file import robot_names
+from ...world.scene.scene_loading import scene_names
+
+if TYPE_CHECKING:
+    from ...authoring.schema.schema_parts import Schema
 
 Keep: TypeAlias = Literal["all", "failures", "none"]
 """Logs that are kept."""
@@ -180,3 +195,258 @@ def read_plan(folder: Path) -> BatchPlan:
         raise PicktreeError(f"{folder}: no batch: there is no {PLAN_FILE} in it") from None
     except ValidationError as error:
         raise PicktreeError(f"{folder / PLAN_FILE}: no plan of a batch: {error.errors()[0]['msg']}") from None
+
+
+MOST_SEEDS = 100_000
+LARGEST_SEED = 2**31 - 1
+_EXAMPLE = "write 0:100 (half open), 3,7 or both"
+
+
+def parse_seeds(text: str) -> tuple[int, ...]:
+    """Return the seeds in the order of the text, each once. Raises PicktreeError.
+
+    >>> parse_seeds("0:3,7")
+    (0, 1, 2, 7)
+    """
+    seeds: dict[int, None] = {}
+    for part in text.split(","):
+        first, colon, last = part.strip().partition(":")
+        try:
+            start = int(first)
+            stop = int(last) if colon else start + 1
+        except ValueError:
+            raise PicktreeError(f"seeds {text!r}: {part.strip()!r} is no seed; {_EXAMPLE}") from None
+        if start < 0 or stop - 1 > LARGEST_SEED:
+            raise PicktreeError(f"seeds {text!r}: a seed is 0 or more, and at most {LARGEST_SEED}")
+        if stop <= start:
+            raise PicktreeError(f"seeds {text!r}: {part.strip()!r} holds no seed: {_EXAMPLE}")
+        if len(seeds) + stop - start > MOST_SEEDS:
+            raise PicktreeError(f"seeds {text!r}: more than {MOST_SEEDS} seeds")
+        seeds.update(dict.fromkeys(range(start, stop)))
+    return tuple(seeds)
+
+
+_BYTES = {"MB": 10**6, "GB": 10**9, "MiB": 2**20, "GiB": 2**30}
+NO_FAULTS = "none"
+"""Entry in the list of faults files: a run without faults."""
+
+
+def _seeds(value: object) -> tuple[int, ...]:
+    parts: list[object] = cast("list[object]", value) if isinstance(value, list) else [value]
+    if not parts or any(isinstance(part, bool) or not isinstance(part, int | str) for part in parts):
+        raise InvalidValue(
+            f"{describe(cast('object', value))} is no list of seeds",
+            "as 0:100 (half open) or [3, 7]",
+            code="P801",
+        )
+    try:
+        return parse_seeds(",".join(map(str, parts)))
+    except PicktreeError as error:
+        raise InvalidValue(str(error), code="P801") from None
+
+
+def _memory(value: object) -> int:
+    return _bytes(value, "memory")
+
+
+def _disk(value: object) -> int:
+    return _bytes(value, "disk")
+
+
+def _bytes(value: object, of: str) -> int:
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]+)\s*", value) if isinstance(value, str) else None
+    if match is None or match[2] not in _BYTES:
+        raise InvalidValue(f"{describe(value)} is no amount of {of}", "as 2 GB", code="P801")
+    return round(float(match[1]) * _BYTES[match[2]])
+
+
+def _setting(value: object) -> str:
+    if not isinstance(value, str | int | float):
+        raise InvalidValue(
+            f"{describe(value)} is no value of a port", "a text, a number, true or false", code="P801"
+        )
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+Text = Annotated[str, Strict(), Field(min_length=1)]
+SettingValue = Annotated[
+    str, BeforeValidator(_setting), WithJsonSchema({"type": ["string", "number", "boolean"]})
+]
+Seeds = Annotated[
+    tuple[int, ...],
+    BeforeValidator(_seeds),
+    WithJsonSchema(
+        {
+            "type": ["string", "integer", "array"],
+            "items": {"type": ["integer", "string"]},
+            "examples": ["0:100"],
+        }
+    ),
+]
+Memory = Annotated[int, BeforeValidator(_memory), WithJsonSchema({"type": "string", "examples": ["2 GB"]})]
+Disk = Annotated[int, BeforeValidator(_disk), WithJsonSchema({"type": "string", "examples": ["2 GB"]})]
+Seconds = Annotated[float, quantity("s", above=0)]
+
+
+class PlanFile(FileModel):
+    """Batch of runs: every combination of missions, scenes, faults and settings, with each seed."""
+
+    name: Text | None = None
+    """Name of the batch; the file's name unless given."""
+    missions: Annotated[list[Text], Field(min_length=1)]
+    """Mission files; paths count from this file."""
+    scenes: list[Text] = Field(default_factory=list[str])
+    """Shipped scenes or scene files, each instead of the missions' own."""
+    robots: list[Text] = Field(default_factory=list[str])
+    """Shipped robots or robot files, each instead of the scenes' own."""
+    faults: list[Text] = Field(default_factory=list[str])
+    """Faults files; 'none' is a run without faults."""
+    seeds: Seeds
+    """0:100 is half open; 3,7 and lists of both are good, too."""
+    set: dict[str, SettingValue | list[SettingValue]] = Field(
+        default_factory=dict[str, str | list[str]],
+        description="Values to be tried, by parameter of the mission or port of its nodes "
+        "(SortOne/Grasp.force).",
+    )
+    backend: Literal["physics", "kinematic"] = "physics"
+    """kinematic: objects follow the gripper, sensors have no noise."""
+    verify: Flag = False
+    """Judge every trajectory by the second collision checker."""
+    limit: Seconds = 3600.0
+    """Simulated time of a job."""
+    wall_limit: Seconds = 3600.0
+    """Wall time of a job; then it is ended."""
+    memory: Memory = 4 * 10**9
+    """Memory of a job, as 2 GB; then it is ended."""
+    disk: Disk = 10 * 10**9
+    """Data written by a job, as 2 GB; then it is ended."""
+    keep: Literal["all", "failures", "none"] = "failures"
+    """Whose logs stay on the disk."""
+
+
+def plan_schema() -> Schema:
+    """JSON Schema of plan files, for editors."""
+    from ...authoring.schema.pydantic_schema import model_schema
+
+    return model_schema("plan", PlanFile)
+
+
+def load_plan(path: Path) -> BatchPlan:
+    """Load a plan. Raises FileError with all errors of the plan and of every file that it names."""
+    return check_plan(read_document(path, "plan")).required()
+
+
+def plan_of(words: Mapping[str, object]) -> BatchPlan:
+    """Return the plan with these keys of a plan file; their paths are absolute, and scenes count from the
+    working directory.
+
+    Raises FileError with all errors of the named files, PicktreeError for an invalid key or setting.
+    """
+    given = {key: value for key, value in words.items() if value not in (None, [])}
+    try:
+        file = PlanFile.model_validate(given)
+    except ValidationError as error:
+        detail = error.errors(include_url=False)[0]
+        option = str(detail["loc"][0]).replace("_", "-")
+        raise PicktreeError(f"--{option}: {detail['msg'].removeprefix('Value error, ')}") from None
+    plan = _plan(file, Path(file.missions[0]), scenes_from=Path.cwd())
+    faults = list(check_files_of(plan))
+    if faults:
+        raise FileError(faults)
+    check_settings(plan)
+    return plan
+
+
+def check_plan(document: Document) -> CheckedFile[BatchPlan]:
+    """Check a document of kind `plan` completely; never raises for its content."""
+    check = DocumentChecker(document)
+    file = check.read(PlanFile)
+    if check.faults:
+        return CheckedFile(None, tuple(check.faults))
+    plan = _plan(file, document.path)
+    faults = list(check_files_of(plan))
+    if not faults:
+        for name in plan.settings:
+            for message in _misfits(plan, name):
+                check.fault(("set", name), message, code="P802", key=True)
+    check.faults += faults
+    return check.result(lambda: plan)
+
+
+def check_files_of(plan: BatchPlan) -> Iterator[Diagnostic]:
+    """Yield the errors in missions, scenes, robots and faults files that the plan names, each once."""
+    seen: dict[Diagnostic, None] = {}
+    for scene, robot, mission in product(plan.scenes, plan.robots, plan.missions):
+        seen.update(dict.fromkeys(_faults_of_mission(mission, scene, robot)))
+    for file in plan.faults:
+        if file is not None:
+            try:
+                load_faults(file)
+            except FileError as error:
+                seen.update(dict.fromkeys(error.faults))
+    yield from (fault for fault in seen if fault.severity == "error")
+
+
+def check_settings(plan: BatchPlan) -> None:
+    """Check the settings. Raises PicktreeError for the first that is invalid for one of the missions."""
+    for name in plan.settings:
+        for message in _misfits(plan, name):
+            raise PicktreeError(message)
+
+
+def _faults_of_mission(mission: Path, scene: str | None, robot: str | None) -> Iterable[Diagnostic]:
+    try:
+        check = _checked(mission, scene, robot)
+    except FileError as error:
+        return error.faults
+    return check.faults
+
+
+def _checked(mission: Path, scene: str | None, robot: str | None) -> MissionCheck:
+    document = read_document(mission, "mission")
+    known: SceneNames | None = load_surroundings(scene, robot=robot) if scene is not None else None
+    return check_mission(document, known=known, robot=robot)
+
+
+def _misfits(plan: BatchPlan, name: str) -> Iterator[str]:
+    """Yield the error of a setting, for the first mission in which it is invalid."""
+    for path in plan.missions:
+        mission = _checked(path, plan.scenes[0], plan.robots[0]).mission
+        if mission is None:
+            continue
+        required = {p.key: plan.settings[p.key][0] for p in mission.parameters if p.key in plan.settings}
+        for value in plan.settings[name]:
+            try:
+                read_settings(mission, {**required, name: value})
+            except PicktreeError as error:
+                yield f"{path.name}: {error}" if len(plan.missions) > 1 else str(error)
+                return
+
+
+def _plan(file: PlanFile, source: Path, scenes_from: Path | None = None) -> BatchPlan:
+    """Return the plan. Paths count from the folder of `source`, of scenes and robots from `scenes_from`."""
+    folder = source.parent.absolute()
+    settings = {
+        name: tuple(values) if isinstance(values, list) else (values,) for name, values in file.set.items()
+    }
+    return BatchPlan(
+        name=file.name or source.stem,
+        missions=tuple(folder / mission for mission in file.missions),
+        seeds=file.seeds,
+        scenes=tuple(_found(name, scenes_from or folder, scene_names()) for name in file.scenes) or (None,),
+        robots=tuple(_found(name, scenes_from or folder, robot_names()) for name in file.robots) or (None,),
+        faults=tuple(None if name == NO_FAULTS else folder / name for name in file.faults) or (None,),
+        settings=settings,
+        backend=file.backend,
+        verify=file.verify,
+        limits=JobLimits(file.limit, file.wall_limit, file.memory, file.disk),
+        keep=file.keep,
+    )
+
+
+def _found(name: str, folder: Path, shipped: Collection[str]) -> str:
+    """Return a shipped name, or the path of a scene or robot file; its suffix may be left out."""
+    if name in shipped:
+        return name
+    own = folder / f"{name}.yaml"
+    return str(own if own.is_file() else folder / name)

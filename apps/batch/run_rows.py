@@ -6,8 +6,8 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from ...analysis.explain.explain import explain
 from ...analysis.explain.explanation import Explanation, FailureStory, RootCause
+from ...analysis.explain.run_explanation import explain
 from ...analysis.export.table_files import row_of
 from ...analysis.run import Run
 from ...logs.visits import Visit

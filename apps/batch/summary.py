@@ -1,26 +1,334 @@
-"""Summary of a batch's results: rates with intervals, causes, and the jobs worth a look."""
+"""Summary of a batch's results: rates with intervals, causes, and the jobs worth a look; as values, text and
+JSON.
+"""
 
 from __future__ import annotations
 
+import json
+import shlex
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
-from ...logs.episode_counts import CureCount, PlantedCount, added_cures, added_planted, by_cause
-from .findings import (
-    BatchSummary,
-    Breakdown,
-    CauseTotal,
-    RecipeSummary,
-    RootTotal,
-    Share,
-    Spread,
-    TableCellShare,
-    WorstJob,
-)
+import numpy as np
+
+from ...logs import episode_counts
+from ...logs.episode_counts import ENDS, CureCount, PlantedCount, added_cures, added_planted, by_cause
 from .rates import Rate, rate
 from .store import Store
-from .views import CELL_SIZE, cell_of
+from .tables import CELL_SIZE, Phase, cell_of
+
+PHASES: tuple[Phase, ...] = ("observe", "think", "move", "grasp", "place", "recover", "other")
+_MAX_NAMED_PLACES = 5
+"""Number of places in the text, the worst first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Median and quartiles."""
+
+    median: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, values: list[float]) -> Spread | None:
+        """Return the spread of the values; None without values."""
+        if not values:
+            return None
+        low, median, high = np.percentile(values, (25, 50, 75)).tolist()
+        return cls(median, low, high)
+
+    def __str__(self) -> str:
+        return f"{self.median:.0f} ({self.low:.0f} … {self.high:.0f})"
+
+
+@dataclass(frozen=True, slots=True)
+class RecipeSummary:
+    """Results of one variant of the plan over its seeds."""
+
+    label: str
+    success: Rate
+    """Share of jobs with the goal reached."""
+    items: Rate
+    """Share of items sorted."""
+    first_try: Rate
+    """Share of grasped objects that were held at the first attempt."""
+    crashed: int
+    picks_an_hour: Spread | None
+    """Picks per simulated hour, over jobs."""
+    phases: Mapping[Phase, float]
+    """Simulated time for each held object, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class CauseTotal:
+    """Failures of one cause. An episode may have several: `CauseCount` counts episodes."""
+
+    cause: str
+    failures: int
+    cured: int
+    """Number of failures whose episodes were cured."""
+    done_instead: int
+    """Number of failures whose episodes a handler of `instead` ended."""
+    jobs: int
+    seconds_lost: float
+    """Simulated time that the episodes of the cause lost, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class RootTotal:
+    """Jobs with the same first root cause: the one that cost the goal, else the first of the explanation.
+
+    Further root causes of a job are not counted; `explain` of the batch's folder counts all.
+    """
+
+    cause: str
+    jobs: int
+    missed: int
+    """Number of these jobs that missed their goal."""
+    job: str
+    """Id of a typical job: the first that missed its goal, else the first."""
+    seed: int
+    label: str
+    look_at: str
+    """Line on what to look at in the typical job."""
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """Share of sorted items of one form or colour."""
+
+    label: str
+    rate: Rate
+
+
+@dataclass(frozen=True, slots=True)
+class TableCellShare:
+    """Share of sorted items that arrived in one cell of the table; its corner with least x and y, world,
+    m."""
+
+    x: float
+    y: float
+    rate: Rate
+
+
+@dataclass(frozen=True, slots=True)
+class Breakdown:
+    """Breakdown of one recipe, or of all together (empty `label`)."""
+
+    label: str
+    causes: tuple[CauseTotal, ...]
+    """Causes, the most frequent first."""
+    forms: tuple[Share, ...]
+    colours: tuple[Share, ...]
+    places: tuple[TableCellShare, ...]
+    cures: tuple[episode_counts.CauseCount, ...] = ()
+    """Observed causes with attempts and recoveries, by lost time, the longest first."""
+    planted: tuple[PlantedCount, ...] = ()
+    """Injected faults with the first failures after them."""
+    roots: tuple[RootTotal, ...] = ()
+    """First root causes of the jobs, those that cost the goal most often first."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorstJob:
+    """Job that missed its goal."""
+
+    job: str
+    seed: int
+    label: str
+    status: str
+    missed: int | None
+    """Number of items not sorted; None: unknown."""
+    look_at: str
+    folder: str
+    root_cause: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class BatchSummary:
+    folder: Path
+    total: int
+    waiting: int
+    recipes: tuple[RecipeSummary, ...]
+    together: Breakdown
+    by_recipe: tuple[Breakdown, ...]
+    worst: tuple[WorstJob, ...]
+
+    @property
+    def causes(self) -> tuple[CauseTotal, ...]:
+        return self.together.causes
+
+    @property
+    def reached(self) -> bool:
+        """Whether every job was run and reached its goal."""
+        return self.waiting == 0 and all(r.success.successes == r.success.total for r in self.recipes)
+
+    def to_text(self) -> str:
+        """Return a text for a terminal, without a trailing newline."""
+        return "\n".join(_lines(self))
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "total": self.total,
+            "waiting": self.waiting,
+            "recipes": [_recipe_json(recipe) for recipe in self.recipes],
+            **_breakdown_json(self.together),
+            "by_recipe": {each.label: _breakdown_json(each) for each in self.by_recipe},
+            "worst": [asdict(w) for w in self.worst],
+        }
+
+    def to_json_text(self) -> str:
+        return json.dumps(self.to_json(), ensure_ascii=False, indent=2) + "\n"
+
+
+def _lines(found: BatchSummary) -> Iterator[str]:
+    yield f"{found.total - found.waiting} of {found.total} jobs run"
+    for recipe in found.recipes:
+        yield ""
+        yield recipe.label
+        crashed = f", {recipe.crashed} crashed" if recipe.crashed else ""
+        yield f"  goal reached  {recipe.success}{crashed}"
+        yield f"  items sorted  {recipe.items}"
+        if recipe.first_try.total:
+            yield f"  first grasps  {recipe.first_try} held"
+        yield f"  picks an hour {recipe.picks_an_hour or 'none'} simulated; median and quartiles over jobs"
+        split = [f"{phase} {recipe.phases[phase]:.2f}" for phase in PHASES if phase in recipe.phases]
+        if split:
+            yield f"  s a pick      {', '.join(split)}"
+    together = found.together
+    if together.roots:
+        title = "first root cause"
+        width = max(len(title), *(len(root.cause) for root in together.roots))
+        yield ""
+        yield f"{title:<{width}}    jobs  goal missed  such as"
+        for root in together.roots:
+            such = f"seed {root.seed}, {root.label}{f': {root.look_at}' if root.look_at else ''}"
+            yield f"{root.cause:<{width}}{root.jobs:8}{root.missed:13}  {such}"
+    if together.causes:
+        width = max(len("cause"), *(len(c.cause) for c in together.causes))
+        total, so_far = sum(c.failures for c in together.causes), 0
+        yield ""
+        yield f"{'cause':<{width}}  failures     sum    jobs"
+        for c in together.causes:
+            so_far += c.failures
+            share = f"{100 * so_far / total:.0f} %"
+            yield f"{c.cause:<{width}}  {c.failures:8}{share:>8}{c.jobs:8}"
+    yield from _cures(together)
+    if together.forms:
+        yield ""
+        yield f"items sorted  by form: {_shares(together.forms)}"
+        yield f"              by colour: {_shares(together.colours)}"
+        yield f"              by place: {_worst_places(together.places)}"
+    if found.worst:
+        yield ""
+        yield "missed their goal"
+        for w in found.worst:
+            missed = f", {w.missed} not sorted" if w.missed else ""
+            look = f"; {w.look_at}" if w.look_at else ""
+            look += f" [{w.root_cause}]" if w.root_cause else ""
+            where = w.folder or shlex.join(["picktree", "resim", f"{found.folder}@{w.job}"])
+            yield f"  seed {w.seed}, {w.label}: {w.status}{missed}{look} ({where})"
+
+
+def _cures(together: Breakdown) -> Iterator[str]:
+    """Yield lines about the recovery of each cause, and about the detection of injected faults."""
+    if together.cures:
+        width = max(len("cause"), *(len(c.cause) for c in together.cures))
+        yield ""
+        yield f"{'cause':<{width}}  episodes  {'cured of those to be cured':<32} tries   s lost  by"
+        for c in together.cures:
+            total, tries = c.total, c.total.tries_a_cure
+            said = "" if tries is None else f"{tries:.1f}"
+            cured = str(rate(total.cured, total.to_cure)) if total.to_cure else ""
+            yield f"{c.cause:<{width}}  {total.seen:8}  {cured:<32} {said:>5}{total.seconds:9.1f}  {_by(c)}"
+    for n, fault in enumerate(dict.fromkeys(p.fault for p in together.planted)):
+        if not n:
+            yield ""
+        same = sorted((p for p in together.planted if p.fault == fault), key=lambda p: -p.count)
+        parts = [f"{p.count} {p.cause} ({ENDS[p.end]})" if p.cause else f"{p.count} nothing" for p in same]
+        title = "planted" if not n else ""
+        yield f"{title:<8}{sum(p.count for p in same)} {fault}, first seen as: {', '.join(parts)}"
+
+
+def _by(found: episode_counts.CauseCount) -> str:
+    """Return the last handlers with their success, as `RetreatAndLook 9 of 10, trying again 2 of 2`."""
+    tried = [f"{c.cure} {c.cured} of {c.to_cure}" for c in found.by_cure if c.cure and c.to_cure]
+    tried += [f"{c.cure} instead {c.done_instead}" for c in found.by_cure if c.done_instead]
+    if found.total.unhandled:
+        tried.append(f"nobody {found.total.unhandled}")
+    untried = sum(c.given_up for c in found.by_cure if not c.cure)
+    if untried:
+        tried.append(f"given up untried {untried}")
+    return ", ".join(tried)
+
+
+def _shares(shares: tuple[Share, ...]) -> str:
+    return ", ".join(f"{s.label} {s.rate.successes} of {s.rate.total}" for s in shares)
+
+
+def _worst_places(places: tuple[TableCellShare, ...]) -> str:
+    lacking = [p for p in places if p.rate.successes < p.rate.total]
+    if not lacking:
+        return f"all in each of {len(places)} cells of 5 cm"
+    lacking.sort(key=lambda p: (-(p.rate.total - p.rate.successes), p.rate.share or 0.0, p.x, p.y))
+    said = [
+        f"{p.rate.successes} of {p.rate.total} at {p.x:.2f}, {p.y:.2f} m" for p in lacking[:_MAX_NAMED_PLACES]
+    ]
+    more = (
+        f"; and fewer in {len(lacking) - _MAX_NAMED_PLACES} places more"
+        if len(lacking) > _MAX_NAMED_PLACES
+        else ""
+    )
+    whole = len(places) - len(lacking)
+    rest = f"; all in {whole} other cell{'s' if whole > 1 else ''} of 5 cm" if whole else ""
+    return "; ".join(said) + more + rest
+
+
+def _recipe_json(recipe: RecipeSummary) -> dict[str, Any]:
+    return {
+        "label": recipe.label,
+        "success": _rate_json(recipe.success),
+        "items": _rate_json(recipe.items),
+        "first_try": _rate_json(recipe.first_try),
+        "crashed": recipe.crashed,
+        "picks_an_hour": None if recipe.picks_an_hour is None else asdict(recipe.picks_an_hour),
+        "seconds_a_pick": dict(recipe.phases),
+    }
+
+
+def _breakdown_json(found: Breakdown) -> dict[str, Any]:
+    return {
+        "roots": [asdict(root) for root in found.roots],
+        "causes": [asdict(c) for c in found.causes],
+        "forms": [{"label": s.label, "rate": _rate_json(s.rate)} for s in found.forms],
+        "colours": [{"label": s.label, "rate": _rate_json(s.rate)} for s in found.colours],
+        "cures": [
+            {
+                "cause": c.cause,
+                "rate": _rate_json(rate(c.total.cured, c.total.to_cure)),
+                "tries_a_cure": c.total.tries_a_cure,
+                **_counts_json(c.total),
+                "by": [{"cure": each.cure, **_counts_json(each)} for each in c.by_cure],
+            }
+            for c in found.cures
+        ],
+        "planted": [asdict(p) for p in found.planted],
+        "places": [{"x": p.x, "y": p.y, "rate": _rate_json(p.rate)} for p in found.places],
+    }
+
+
+def _counts_json(found: CureCount) -> dict[str, Any]:
+    counts = asdict(found)
+    return {name: counts[name] for name in counts if name not in ("cause", "cure")}
+
+
+def _rate_json(found: Rate) -> dict[str, Any]:
+    return {"successes": found.successes, "total": found.total, **asdict(found.interval)}
+
 
 _WORST = 10
 

@@ -31,8 +31,8 @@ def diff(
     """Where two runs part, and in what they differ. Exit code 0: they are identical; 1: they differ."""
     answer = keep_stdout() if json else None
 
-    from ...analysis.compare.diff import diff as compare
-    from ...analysis.compare.diff_text import to_json_text, to_text
+    from ...analysis.compare.run_diff import diff as compare
+    from ...analysis.compare.run_diff import to_json_text, to_text
     from ...analysis.run import Run
 
     with Run(a) as one, Run(b) as other:
@@ -59,14 +59,14 @@ def explain(
     """
     answer = keep_stdout() if as_json else None
 
-    from ...analysis.explain.explain_runs import holds_runs
+    from ...analysis.explain.explained_runs import holds_runs
 
     if holds_runs(log):
         _explain_runs(Path(log), answer)
         return
 
-    from ...analysis.explain.explain import explain as find_out
     from ...analysis.explain.explanation_text import to_json_text, to_text
+    from ...analysis.explain.run_explanation import explain as find_out
     from ...analysis.run import Run
 
     with Run(log) as run:
@@ -81,7 +81,7 @@ def explain(
 
 
 def _explain_runs(folder: Path, answer: TextIO | None) -> None:
-    from ...analysis.explain.explain_runs import explain_runs, runs_json_text, runs_text
+    from ...analysis.explain.explained_runs import explain_runs, runs_json_text, runs_text
     from ..batch.store import dropped_logs
 
     dropped = dropped_logs(folder, program())
@@ -169,9 +169,9 @@ def layout(
     ] = None,
 ) -> None:
     """Write a layout for Foxglove and Lichtblick, made for this log's tree, joints and cameras."""
-    from ...analysis.export.layout import layout as make
+    from ...analysis.export.viewer_layout import layout as make
     from ...analysis.run import Run
-    from ...files.atomic_write import whole
+    from ...files.file_system import whole
 
     with Run(log) as run:
         if run.recovered:
@@ -271,7 +271,7 @@ def snapshot(
     show: Show = "belief",
 ) -> None:
     """Draw the scene at one moment of a run, from its log alone."""
-    from ...analysis.render.snapshot import snapshot as draw
+    from ...analysis.render.snapshots import snapshot as draw
     from ...analysis.render.viewpoint import parse_size, parse_view
     from ...logs.run_log import RunLog
 
@@ -315,7 +315,7 @@ def video(
     """Make a film of a run, from its log alone, with what runs, what is done and what fails written in."""
     answer = keep_stdout() if json else None
 
-    from ...analysis.render.film import FilmRequest, film
+    from ...analysis.render.films import FilmRequest, film
     from ...analysis.render.viewpoint import parse_size, parse_view
     from ...logs.recording.interrupts import Interrupts
     from ...logs.run_log import RunLog

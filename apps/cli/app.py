@@ -18,9 +18,8 @@ from typing import Annotated, Any, cast
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from ...files.errors import PicktreeError
-from ...files.file_names import require_utf8
-from ...files.marks import FileError
+from ...files.errors import FileError, PicktreeError
+from ...files.file_system import require_utf8
 from . import run as run_command
 from .analyse_commands import diff, explain, export, layout, replay, report, runs, snapshot, video
 from .attach import attach
@@ -29,8 +28,8 @@ from .batch_commands import batch
 from .cache import cache
 from .commission import calibrate, plan, robot
 from .convert import convert
-from .help_groups import HelpGroups, grouped_command
 from .new import new
+from .options import HelpGroups, grouped_command
 from .output import painter
 from .resim import resim, whatif
 from .run import run
@@ -136,7 +135,7 @@ def _command() -> Callable[..., object]:
 def _error_text(error: PicktreeError) -> str:
     if not isinstance(error, FileError):
         return str(error)
-    from ...files.diagnostics.fault_rendering import fault_lines
+    from ...files.fault_rendering import fault_lines
 
     return fault_lines(error.faults, painter(sys.stderr))
 

@@ -26,7 +26,7 @@ def attach(
     `help` lists the commands. Ctrl-D leaves; a run that is stopped then goes on. Exit code 1: the run's
     process died.
     """
-    from ...logs.log_paths import find_log
+    from ...logs.log_files import find_log
     from ...session.attach_socket import connect_to_run
 
     with connect_to_run(find_log(run).parent) as connection:

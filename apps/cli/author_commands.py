@@ -22,6 +22,24 @@ if TYPE_CHECKING:
     from ...trees.loading.registry import NodeRegistry
 
 
+def registry(*, shipped: bool = False) -> NodeRegistry:
+    """Return all installed nodes, or with `shipped` only those that come with picktree.
+
+    Plug-ins that cannot be imported are reported on stderr; their nodes are missing.
+    """
+    from ...trees.loading.registry import NodeRegistry
+
+    if shipped:
+        from ...recovery import NODES as RECOVERY
+        from ...skills import NODES as SKILLS
+
+        return NodeRegistry((*RECOVERY, *SKILLS), installed=False)
+    found = NodeRegistry()
+    for problem in found.problems:
+        print(f"{problem.message}; its nodes are left out", file=sys.stderr)
+    return found
+
+
 def explain_code(
     code: Annotated[
         str | None, typer.Argument(metavar="CODE", help="As P104; without it, all codes are listed.")
@@ -31,8 +49,8 @@ def explain_code(
     ] = False,
 ) -> None:
     """Explain a code of `picktree check`: what is wrong, why it matters, how to mend it."""
-    from ...files.diagnostics.fault_codes import index as all_codes
-    from ...files.diagnostics.fault_codes import page, pages
+    from ...files.fault_codes import index as all_codes
+    from ...files.fault_codes import page, pages
 
     if index:
         print(all_codes(), end="")
@@ -71,8 +89,8 @@ def check(
     ] = None,
 ) -> None:
     """Check files of any kind: all faults of all files at once. Exit code 2: there are errors."""
-    from ...files.diagnostics.file_checks import UnsavedText, check_files
-    from ...files.shipped_files import known_file
+    from ...files.file_checks import UnsavedText, check_files
+    from ...files.file_system import known_file
     from ...files.yaml.file_text import MAX_BYTES
     from .file_schemas import CHECKS
 
@@ -91,7 +109,7 @@ def check(
             print(report.to_json_text(), end="")
         case "sarif":
             from ... import __version__
-            from ...files.diagnostics.sarif import to_sarif
+            from ...files.file_checks import to_sarif
 
             print(to_sarif(report, __version__, Path.cwd()), end="")
     raise typer.Exit(report.exit_code(strict=strict))
@@ -122,10 +140,8 @@ def nodes(
     """List the nodes that a mission may use; with a NAME its ports, causes and an example."""
     import orjson
 
-    from ...authoring.schema.node_reference import node_entry
-    from ...authoring.schema.reference_text import markdown as reference_page
-    from ...authoring.schema.reference_text import page, table
-    from .node_registries import registry
+    from ...authoring.schema.node_reference import markdown as reference_page
+    from ...authoring.schema.node_reference import node_entry, page, table
 
     known = registry(shipped=shipped)
     trees = _sub_trees(mission, known) if mission else ()
@@ -165,7 +181,7 @@ def _sub_trees(path: Path, known: NodeRegistry, *, included: bool = True) -> tup
 
     Without `included` only those of the file itself.
     """
-    from ...authoring.schema.mission_context import one_mission
+    from ...authoring.schema.mission import one_mission
     from ...files.yaml.document import read_document
     from ...trees.declaration import NodeDeclaration
     from ...trees.mission import MAIN
@@ -226,10 +242,8 @@ def rehearse(
     """Rehearse a mission without physics: its leaves answer as the cases say. Exit code 1: a case failed."""
     answer = keep_stdout() if json else None
 
-    from ...authoring.rehearsal.rehearsal_result import coverage_gaps, to_json_text
-    from ...authoring.rehearsal.rehearsal_text import to_text
-    from ...authoring.rehearsal.rehearse import rehearse_files
-    from ...files.diagnostics.fault_rendering import fault_lines
+    from ...authoring.rehearsal.rehearsal import coverage_gaps, rehearse_files, to_json_text, to_text
+    from ...files.fault_rendering import fault_lines
 
     if case and min_recovery_coverage:
         raise PicktreeError("--min-recovery-coverage is about all cases: leave out --case")
@@ -242,7 +256,7 @@ def rehearse(
     for gap in gaps:
         print(gap, file=sys.stderr)
     if junit is not None:
-        from ...authoring.rehearsal.rehearsal_junit import to_junit
+        from ...authoring.rehearsal.rehearsal import to_junit
 
         show(to_junit(result, gaps), junit)
     end_with(result.passed and not gaps)
@@ -264,9 +278,8 @@ def render(
     ] = False,
 ) -> None:
     """Draw a mission: its trees, ports, conditions, and what recovers from which failure."""
-    from ...authoring.drawing.chart_builder import chart_of_file
-    from ...authoring.drawing.file_formats import drawing_text, suffix_of
-    from ...authoring.drawing.text import DEFAULT_COLUMNS, text
+    from ...authoring.drawing import DEFAULT_COLUMNS, drawing_text, suffix_of, text
+    from ...authoring.mission_chart import chart_of_file
 
     suffix = suffix_of(output.name) if output is not None else ".txt"
     charted = chart_of_file(file)
@@ -314,14 +327,13 @@ def schema(
     """Print the JSON Schema of a kind of file, by which editors complete, explain and underline."""
     from ...authoring.schema.schema_parts import to_text
     from .file_schemas import file_schema
-    from .node_registries import registry
 
     if kind is not Kind.MISSION:
         if mission is not None:
             raise PicktreeError(f"--mission is for the schema of missions, not of {kind.value}")
         found = file_schema(kind.value)
         if markdown:
-            from ...authoring.schema.file_reference import file_reference
+            from ...authoring.schema.reference_page import file_reference
 
             show(file_reference(kind.value, found).page(kind.value), output)
             return
@@ -330,8 +342,7 @@ def schema(
             "docs/language.md has the keys of missions, 'picktree nodes --markdown' the nodes"
         )
     else:
-        from ...authoring.schema.mission_context import any_mission, one_mission
-        from ...authoring.schema.mission_schema import mission_schema
+        from ...authoring.schema.mission import any_mission, mission_schema, one_mission
         from ...files.yaml.document import read_document
 
         nodes = registry(shipped=shipped)

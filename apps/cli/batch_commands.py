@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TextIO, TypeAlias
 
 import typer
 
-from ...files.errors import PicktreeError
-from ...files.marks import FileError
+from ...files.errors import FileError, PicktreeError
 from .options import Backend, JsonWritten, JunitFile, Verify, faults_file, mission_file, plan_file
 from .output import (
     StatusLine,
@@ -134,7 +133,7 @@ def run(
     answer = keep_stdout() if json else None
 
     from ..batch.batch import Batch
-    from ..batch.plan_loading import load_plan, plan_of
+    from ..batch.plan import load_plan, plan_of
 
     if resume is not None:
         resumed = Batch.resume(resume)
@@ -212,7 +211,7 @@ def _matrix(
 
 def _carry_out(made: Batch, executor: Executor, answer: TextIO | None, junit: Path | None) -> None:
     """Run all jobs that are to do, show the progress, and end with the exit code."""
-    from ..batch.junit import to_junit
+    from ..batch.report import to_junit
     from ..batch.summary import summarise
     from .batch_progress import EventLines, discard, progress
 
@@ -288,8 +287,8 @@ def plan(
 ) -> None:
     """Check a plan, and show its matrix and what it will cost, without running it."""
     from ...files.yaml.document import read_document
-    from ..batch.forecast import forecast, recorded_batches
-    from ..batch.plan_loading import check_plan
+    from ..batch.cost_forecast import forecast, recorded_batches
+    from ..batch.plan import check_plan
 
     text = sys.stdin.read() if stdin else None
     try:
@@ -391,9 +390,7 @@ def compare(
 ) -> None:
     """Compare two recipes, paired by seed where they share them. Exit code 1: they differ by more than chance
     explains."""
-    from ..batch.comparison import compare_recipes
-    from ..batch.comparison_text import json_text_of, text_of, with_divergences
-    from ..batch.differences import read_recipe
+    from ..batch.comparison import compare_recipes, json_text_of, read_recipe, text_of, with_divergences
 
     answer = keep_stdout() if json else None
     recipes = read_recipe(a), read_recipe(b)

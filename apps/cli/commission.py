@@ -20,7 +20,7 @@ from .options import (
 from .output import end_with, keep_stdout, print_answer, program
 
 if TYPE_CHECKING:
-    from ..commissioning.robot_test_result import RobotTestResult
+    from ..commissioning.robot_test import RobotTestResult
 
 
 def calibrate(
@@ -67,9 +67,8 @@ def calibrate(
     """
     answer = keep_stdout() if json else None
 
-    from ..commissioning.calibration_job import CalibrationRequest
-    from ..commissioning.calibration_job import calibrate as calibrated
-    from ..commissioning.corrected_scene import parse_place
+    from ..commissioning.calibration import CalibrationRequest, parse_place
+    from ..commissioning.calibration import calibrate as calibrated
     from .progress import run_display
 
     place = parse_place(at) if at else None
@@ -190,9 +189,9 @@ def new(
     It ends with a self-test in physics. The file is written whatever the test says.
     """
     answer = keep_stdout() if json else None
-    from ...analysis.render.snapshot import draw_robot
-    from ...files.atomic_write import whole
+    from ...analysis.render.snapshots import draw_robot
     from ...files.errors import PicktreeError
+    from ...files.file_system import whole
     from ..commissioning.proposal import ProposalRequest, propose
     from ..commissioning.summary import summary_of_new
 
@@ -238,7 +237,7 @@ def test(
 
 def _tested(name: str, page: Path | None) -> RobotTestResult:
     """Test a robot, and write the page where one is wanted."""
-    from ...world.robot_model.loading import load_robot
+    from ...world.robot_model.robot_file import load_robot
     from ..commissioning.robot_test import test_robot
 
     result = test_robot(name)
@@ -257,9 +256,9 @@ def show(
     answer = keep_stdout() if json else None
     from dataclasses import replace
 
-    from ...analysis.render.snapshot import draw_robot
-    from ...files.atomic_write import whole
-    from ...world.robot_model.loading import load_robot
+    from ...analysis.render.snapshots import draw_robot
+    from ...files.file_system import whole
+    from ...world.robot_model.robot_file import load_robot
     from ..commissioning.summary import summary_of
 
     loaded = load_robot(name, Path.cwd())

@@ -17,7 +17,7 @@ from .output import painter
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ...files.marks import Diagnostic
+    from ...files.errors import Diagnostic
 
 _ENUM = re.compile(r"([A-Za-z_]\w*)=(-?\d{1,9})", re.ASCII)
 
@@ -106,7 +106,7 @@ def _beside(file: Path, folder: Path) -> str:
 
 def _show_notes(notes: Sequence[Diagnostic]) -> None:
     if notes:
-        from ...files.diagnostics.fault_rendering import fault_lines
+        from ...files.fault_rendering import fault_lines
 
         print(fault_lines(notes, painter(sys.stderr)), file=sys.stderr)
 

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from ...authoring import file_kinds
 from ...authoring.schema.schema_parts import Schema
-from ...files.marks import Diagnostic
+from ...files.errors import Diagnostic
 from ...files.yaml.document import Document
 
 if TYPE_CHECKING:
-    from ...files.diagnostics.file_checks import Check
+    from ...files.file_checks import Check
 
 
 def _plan(document: Document) -> Iterable[Diagnostic]:
-    from ..batch.plan_loading import check_plan
+    from ..batch.plan import check_plan
 
     return check_plan(document).faults
 
@@ -28,7 +28,7 @@ FileKind: TypeAlias = Literal["plan"] | file_kinds.SchemaKind
 def file_schema(kind: FileKind) -> Schema:
     """Return the JSON Schema of a kind of file."""
     if kind == "plan":
-        from ..batch.plan_loading import plan_schema
+        from ..batch.plan import plan_schema
 
         return plan_schema()
     return file_kinds.file_schema(kind)

@@ -18,16 +18,15 @@ from pygls.workspace import TextDocument
 from ...authoring.check import check_mission
 from ...authoring.editor.completion import Proposal, ProposalKind
 from ...authoring.editor.cursor import Place, Span
-from ...authoring.editor.document_faults import DocumentFault, document_faults
-from ...authoring.editor.document_symbols import DocumentSymbol, SymbolKind
+from ...authoring.editor.diagnostics import DocumentFault, document_faults
 from ...authoring.editor.navigation import Edit
 from ...authoring.editor.open_file import FileSpan, OpenFile
+from ...authoring.editor.symbols import DocumentSymbol, SymbolKind
 from ...authoring.file_kinds import mission_faults
 from ...authoring.schema.schema_parts import Schema
-from ...files.diagnostics.fault_codes import page_file
-from ...files.diagnostics.file_checks import Check
-from ...files.errors import PicktreeError
-from ...files.marks import Diagnostic, Mark
+from ...files.errors import Diagnostic, Mark, PicktreeError
+from ...files.fault_codes import page_file
+from ...files.file_checks import Check
 from ...files.yaml.document import Document
 from ...files.yaml.file_text import read_text
 from ...trees.loading.registry import NodeRegistry

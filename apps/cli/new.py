@@ -134,8 +134,7 @@ def _text(kind: StartKind, part: StarterFile) -> str:
 
 def _mission_schema(kind: StartKind) -> str:
     """Return the schema of missions with the installed nodes, and with those of the starter's plug-in."""
-    from ...authoring.schema.mission_context import any_mission
-    from ...authoring.schema.mission_schema import mission_schema
+    from ...authoring.schema.mission import any_mission, mission_schema
     from ...authoring.schema.schema_parts import to_text
     from ...trees.loading.registry import NodeRegistry
 

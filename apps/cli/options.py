@@ -1,30 +1,32 @@
-"""Arguments and options that several commands have."""
+"""Arguments and options that several commands have, and help with options in groups."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import typer
+from typer.core import TyperCommand
 
 
 def mission_file(name: str) -> Path:
     """Return the file of a mission that a command takes: a path, or the name of a shipped example."""
-    from ...files.shipped_files import example_file
+    from ...files.file_system import example_file
 
     return example_file(name)
 
 
 def plan_file(name: str) -> Path:
     """Return the file of a plan that a command takes: a path, or the name of a shipped example."""
-    from ...files.shipped_files import example_file
+    from ...files.file_system import example_file
 
     return example_file(name, what="plan")
 
 
 def faults_file(name: str) -> Path:
     """Return the file of faults that a command takes: a path, or the name of a shipped example."""
-    from ...files.shipped_files import example_file
+    from ...files.file_system import example_file
 
     return example_file(name, "faults", "faults file")
 
@@ -90,3 +92,27 @@ JsonAnswer: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the a
 JsonWritten: TypeAlias = Annotated[
     bool, typer.Option("--json", help="Print what was written as one JSON object.")
 ]
+HelpGroups: TypeAlias = Mapping[str, Sequence[str]]
+"""Parameters of a command by the heading under which its help has them."""
+
+
+def grouped_command(groups: HelpGroups) -> type[TyperCommand]:
+    """Return the class of a command whose help has its options in these groups; the others come last."""
+
+    class GroupedCommand(TyperCommand):
+        # typer has the types of its parser to itself, hence Any.
+        def format_options(self, ctx: Any, formatter: Any) -> None:
+            headings = {name: heading for heading, names in groups.items() for name in names}
+            rows: dict[str, list[tuple[str, str]]] = {"Arguments": [], **{heading: [] for heading in groups}}
+            for parameter in self.get_params(ctx):
+                row = parameter.get_help_record(ctx)
+                argument = parameter.param_type_name == "argument"
+                heading = "Arguments" if argument else headings.get(str(parameter.name), "Other options")
+                if row is not None:
+                    rows.setdefault(heading, []).append(row)
+            for heading, records in rows.items():
+                if records:
+                    with formatter.section(heading):
+                        formatter.write_dl(records)
+
+    return GroupedCommand

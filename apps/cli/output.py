@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Self, TextIO
 import typer
 
 if TYPE_CHECKING:
-    from ...files.diagnostics.fault_rendering import Paint
+    from ...files.fault_rendering import Paint
 
 
 def keep_stdout() -> TextIO:

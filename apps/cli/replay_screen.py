@@ -14,9 +14,9 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.text import Text
 
-from . import replay_views
-from .progress import tree_rows
+from . import replay_prompt
 from .replay_prompt import ReplayPrompt
+from .state_text import tree_rows
 
 KEYS: Mapping[str, str] = {
     "right": "step",
@@ -110,13 +110,13 @@ class Screen:
         width, height = console.size
         most = max(height // _TREE_DIVISOR, 4)
         rows = tree_rows(
-            cursor.tree.nodes, replay_views.statuses(cursor), most, replay_views.changed_paths(cursor)
+            cursor.tree.nodes, replay_prompt.statuses(cursor), most, replay_prompt.changed_paths(cursor)
         )
         room = max(height - len(rows) - 4, 4)
         lines = [Text(line, style="red" if "✗" in line else "") for line in self._below(room)]
         console.file.write("\x1b[H\x1b[2J")
         for line in (
-            Text(replay_views.place(cursor), style="bold"),
+            Text(replay_prompt.place(cursor), style="bold"),
             *rows,
             Text(),
             *lines,
@@ -132,8 +132,8 @@ class Screen:
             return page
         cursor = self._prompt.cursor
         news = max(room * 2 // _CHANGES_DIVISOR, 3)
-        lines = [*replay_views.change_lines(cursor, cursor.changes(self._prompt.since), news), ""]
-        return [*lines, *[*replay_views.believed_lines(cursor, "")][: max(room - len(lines), 0)]]
+        lines = [*replay_prompt.change_lines(cursor, cursor.changes(self._prompt.since), news), ""]
+        return [*lines, *[*replay_prompt.believed_lines(cursor, "")][: max(room - len(lines), 0)]]
 
     def _hint(self) -> str:
         if not self._from:

@@ -50,8 +50,8 @@ def whatif(
 
     if faults is not None and no_faults:
         raise PicktreeError("--faults and --no-faults exclude each other")
-    from ...analysis.resim.changes import RunChanges
-    from ...analysis.resim.whatif import what_if
+    from ...analysis.run_changes import RunChanges
+    from ...analysis.whatif import what_if
 
     changes = RunChanges(mission, None, settings, faults, no_faults)
     from .progress import run_display
@@ -59,7 +59,7 @@ def whatif(
     with run_display() as view:
         found = what_if(log, at, changes=changes, out=out, observers=(view,))
     if found.warnings:
-        from ...files.diagnostics.fault_rendering import fault_lines
+        from ...files.fault_rendering import fault_lines
 
         print(fault_lines(found.warnings, painter(sys.stderr)), file=sys.stderr)
     print_answer(answer, found.to_text, found.to_json_text)
@@ -108,8 +108,8 @@ def resim(
 
     if (Path(log) / RESULTS_FILE).is_file():
         raise PicktreeError(f"{log} is a batch: name one of its jobs, as {log}@seed=7")
-    from ...analysis.resim.changes import RunChanges
-    from ...analysis.resim.resim import resimulate
+    from ...analysis.resim import resimulate
+    from ...analysis.run_changes import RunChanges
 
     changes = RunChanges(mission, scene, settings, faults, no_faults, seed)
     with StatusLine() as line:
@@ -126,7 +126,7 @@ def resim(
 
 def _job_again(where: str, out: Path | None, answer: TextIO | None, *, alone: bool) -> None:
     from ...files.errors import PicktreeError
-    from ..batch.rerun_job import rerun_job
+    from ..batch.rerun import rerun_job
 
     if not alone:
         raise PicktreeError(

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated, TextIO, TypeAlias
 import typer
 
 from ...files.errors import PicktreeError
-from .help_groups import HelpGroups
 from .options import (
     Backend,
+    HelpGroups,
     JsonResult,
     OtherRobot,
     RunsFolder,
@@ -26,11 +26,12 @@ from .options import (
 from .output import end_with, keep_stdout, print_answer, program
 
 if TYPE_CHECKING:
-    from ...logs.recording.rotated_log import Rotation
+    from ...logs.log_files import Rotation
     from ...session.debugger import Debugger
     from ...session.observer import Observer, WallClockPacer
     from ...session.profiler import Profiler
-    from ...session.session import RunRequest, Session
+    from ...session.recipe import RunRequest
+    from ...session.session import Session
 
     Assembly: TypeAlias = Callable[[Sequence[Observer]], Session]
     """Function that builds the session for its observers."""
@@ -155,7 +156,7 @@ def run(
     if resume is not None:
         assembly = _resumed_run(resume, out, seconds, rotation, answers or (), as_it_stands)
     else:
-        from ...session.session import RunRequest
+        from ...session.recipe import RunRequest
 
         assert mission is not None
         request = RunRequest(
@@ -185,7 +186,7 @@ def run(
 @contextmanager
 def _new_run(request: RunRequest, answers: Sequence[str]) -> Generator[Assembly]:
     """Assemble the session of a run from its beginning."""
-    from ...robot.planning.planning_worker import has_second_core
+    from ...robot.planning.lookahead_planning import has_second_core
     from ...session.observer import PresetAnswers
     from ...session.session import Session
 
@@ -277,7 +278,7 @@ class _Watchers:
 
     def _debugger(self) -> Debugger:
         from ...session.debugger import Debugger
-        from .operator_prompt import debug_prompt
+        from .debug_prompt import debug_prompt
 
         return Debugger(debug_prompt(self._stream))
 
@@ -312,15 +313,14 @@ def refuse_contradictions(context: typer.Context) -> None:
 
 
 def _rotation(megabytes: float, minutes: float) -> Rotation:
-    from ...logs.recording.rotated_log import Rotation
+    from ...logs.log_files import Rotation
 
     return Rotation(round(megabytes * 1e6), minutes * 60.0)
 
 
 def _profiler(file: Path) -> Profiler:
     """Return the profiler of a whole program. Raises PicktreeError when its file cannot be written."""
-    from ...session.profiler import Profiler
-    from ...session.run_profile import require_writable
+    from ...session.profiler import Profiler, require_writable
 
     require_writable(file)
     return Profiler(whole_program=True)
@@ -348,7 +348,7 @@ def _pacer(factor: float) -> WallClockPacer:
     """Return the observer that keeps the pace. Raises PicktreeError unless the factor is above 0."""
     if factor <= 0:
         raise PicktreeError(f"--pace {factor:g}: write a number above 0, as in --pace 1 for real time")
-    from ...robot.control.supervision import MAX_UNATTENDED_MOTION
+    from ...robot.control.control_loop import MAX_UNATTENDED_MOTION
     from ...session.observer import WallClockPacer
 
     return WallClockPacer(factor, MAX_UNATTENDED_MOTION)

@@ -2,14 +2,104 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from ...files.expressions.expression import Expression
-from ...trees.port_types import show
+from ...files.expressions import Expression
+from ...trees.ports import show
 from ...world.values import Pose
-from .progress import STYLED_STATUS_MARKS
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+STYLED_STATUS_MARKS = {
+    "IDLE": ("·", "dim"),
+    "RUNNING": ("▶", "bold cyan"),
+    "SUCCESS": ("✓", "green"),
+    "FAILURE": ("✗", "red"),
+    "SKIPPED": ("–", "dim"),
+}
+
+
+class ShownNode(Protocol):
+    """Node of a displayed tree: of a running mission, or of a log."""
+
+    @property
+    def path(self) -> str: ...
+    @property
+    def id(self) -> str: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def parent(self) -> str | None:
+        """Path of the parent; None or empty for the root."""
+        ...
+
+
+class Status(Protocol):
+    """Status of a node after a tick."""
+
+    @property
+    def path(self) -> str: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def cause(self) -> str | None:
+        """Name of the failure's cause; None or empty without one."""
+        ...
+
+    @property
+    def message(self) -> str: ...
+
+
+def tree_rows(
+    structure: Sequence[ShownNode], nodes: Sequence[Status], room: int, also: Collection[str] = ()
+) -> list[Text]:
+    """Return a row for each node that runs or has a running parent, and for the paths `also`.
+
+    At most `room` rows are kept: those nearest to the last node of `also` that failed, and those above it;
+    without such a node the running ones, and those nearest to the last of them.
+    """
+    reports = {node.path: node for node in nodes}
+    depths = _depths(structure)
+    shown = [
+        info
+        for info in structure
+        if not info.parent
+        or info.path in also
+        or reports[info.path].status == "RUNNING"
+        or reports[info.parent].status == "RUNNING"
+    ]
+    running = [index for index, info in enumerate(shown) if reports[info.path].status == "RUNNING"]
+    failed = [i for i, n in enumerate(shown) if n.path in also and reports[n.path].status == "FAILURE"]
+    centre = max(failed, key=lambda i: depths[shown[i].path], default=running[-1] if running else 0)
+    leaf = shown[centre].path if failed else ""
+    first = {i for i, info in enumerate(shown) if leaf == info.path or leaf.startswith(f"{info.path}/")}
+    by_worth = sorted(range(len(shown)), key=lambda i: (i not in (first or running), abs(i - centre)))
+    kept = sorted(by_worth[:room])
+    return [_row(shown[index], reports[shown[index].path], depths[shown[index].path]) for index in kept]
+
+
+def _depths(structure: Sequence[ShownNode]) -> Mapping[str, int]:
+    depths: dict[str, int] = {}
+    for info in structure:
+        depths[info.path] = depths[info.parent] + 1 if info.parent else 0
+    return depths
+
+
+def _row(info: ShownNode, report: Status, depth: int) -> Text:
+    from rich.text import Text
+
+    mark, style = STYLED_STATUS_MARKS[report.status]
+    row = Text("  " * depth, no_wrap=True)
+    row.append(f"{mark} {info.id}", style=style)
+    if info.name != info.id:
+        row.append(f" {info.name}", style=style)
+    said = f"{report.cause}: {report.message}" if report.cause else report.message
+    if said:
+        row.append(f"  {said}", style="dim" if report.status != "FAILURE" else "red")
+    return row
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ import numpy as np
 from ...robot.manipulation.release_poses import CELLS_PER_SIDE
 from ...robot.planning.inverse_kinematics import InverseKinematics
 from ...world.robot_model.model import RobotModel
-from ...world.robot_model.urdf_tree import UrdfTree
+from ...world.robot_model.urdf import UrdfTree
 from ...world.scene.scene_loading import load_scene
 from ...world.values import Array, Pose, Vector3
 from .link_geometry import LinkGeometry

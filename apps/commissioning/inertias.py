@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 
 from ...world.robot_model.gripper_mounting import LinkInertia
+from ...world.robot_model.urdf import UrdfTree, origin_pose
 from ...world.robot_model.urdf_faults import MOVING
-from ...world.robot_model.urdf_tree import UrdfTree, origin_pose
 from ...world.values import Array, Vector3, vector3
 from .link_geometry import LinkGeometry
 

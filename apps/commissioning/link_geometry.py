@@ -13,20 +13,26 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from ...files.errors import PicktreeError
-from ...files.shipped_files import is_file
+from ...files.file_system import is_file
 from ...files.xml_text import XmlError, parse_xml
 from ...files.yaml.file_text import Unreadable, read_bytes
 from ...world.mesh_reader import read_mesh
 from ...world.robot_model.gripper_mounting import NamedUrdf
 from ...world.robot_model.link_shapes import link_shapes
-from ...world.robot_model.mesh_files import AMENT_PATH, ROS_PATH, mesh_file, package_folder
-from ...world.robot_model.urdf_faults import UrdfError
-from ...world.robot_model.urdf_geometry import UrdfMesh, UrdfPrimitive, link_geometry
-from ...world.robot_model.urdf_text import MAX_BYTES, parsed_urdf
-from ...world.robot_model.urdf_tree import (
+from ...world.robot_model.urdf import (
+    AMENT_PATH,
+    MAX_BYTES,
+    ROS_PATH,
+    UrdfMesh,
+    UrdfPrimitive,
     UrdfTree,
+    link_geometry,
+    mesh_file,
+    package_folder,
+    parsed_urdf,
     read_skeleton,
 )
+from ...world.robot_model.urdf_faults import UrdfError
 from ...world.shapes import Box, corners
 from ...world.values import Array, Pose
 

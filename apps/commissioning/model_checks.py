@@ -9,16 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from ...robot.planning.collision_checker import CollisionChecker
-from ...world.belief.planning_scene import PlanningScene
+from ...world.planning_scene import PlanningScene
 from ...world.robot_model.description import RobotDescription
 from ...world.robot_model.finger_linkage import LinkageFingers
 from ...world.robot_model.model import RobotModel
-from ...world.robot_model.urdf_text import parsed_urdf
-from ...world.robot_model.urdf_tree import UrdfTree, read_skeleton
+from ...world.robot_model.urdf import UrdfTree, parsed_urdf, read_skeleton
 from ...world.shapes import corners
 from ...world.values import Array, Pose, Vector3
 from .inertias import check_inertias
-from .joint_limits import JointLoads, is_placeholder
+from .joints import JointLoads, is_placeholder
 from .link_geometry import LinkGeometry, read_solids
 
 MIN_RANGE = np.radians(20.0)

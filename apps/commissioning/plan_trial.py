@@ -1,16 +1,26 @@
-"""Plan trial: one motion planned in a scene without a mission, and its result."""
+"""Plan trial: one motion planned in a scene without a mission, its result as text, JSON and picture."""
 
 from __future__ import annotations
 
+import json
 from collections import Counter
-from collections.abc import Generator
-from dataclasses import dataclass, replace
+from collections.abc import Generator, Iterable, Iterator
+from dataclasses import asdict, dataclass, replace
+from math import degrees
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
+from ...analysis.render.captions import Caption, CaptionFailure, write
+from ...analysis.render.rasterizer import Picture
+from ...analysis.render.scene_view import SceneContent, SceneRenderer
 from ...analysis.render.viewpoint import PictureView
+from ...files.file_system import whole
+from ...logs.binary_gltf import link_meshes, read_glb, write_glb
+from ...logs.recording.foxglove_messages import require_picture_name, write_picture
+from ...logs.recording.journal_records import belief_record
+from ...logs.records import BodyRecord, LinkMesh, PartRecord, Scene
 from ...robot.planning.planning_failures import contact_lines
 from ...robot.planning.requests import (
     DEFAULT_CHECK_BUDGET,
@@ -21,17 +31,348 @@ from ...robot.planning.requests import (
     UprightConstraint,
 )
 from ...robot.world import World
-from ...session.assembly import assemble_world
+from ...session.execution import assemble_world
 from ...simulation.backends import build_hardware
 from ...simulation.truth import TrueBody
-from ...world.belief.planning_scene import BeliefObject
-from ...world.causes import Failure
+from ...world.causes import Evidence, Failure
+from ...world.planning_scene import BeliefObject
 from ...world.robot_model.joint_limits import is_hinge
-from ...world.robot_model.loading import load_robot
+from ...world.robot_model.robot_file import load_robot
 from ...world.scene.scene_loading import load_scene
+from ...world.shapes import Sphere
+from ...world.values import Array, Pose
 from .target_syntax import GoalAttempt, ParsedGoal, parse_goal, parse_start
-from .trial_picture import draw
-from .trial_result import PlanAnswer, PlanFigures, PlanRefusal
+
+MILLIMETRE_KEYS = frozenset({"depth", "by", "short", "at", "point", "first"})
+"""Keys of evidence in m that the text gives in mm."""
+DEGREE_KEYS = frozenset({"turned", "gets"})
+"""Keys of evidence in rad that the text gives in deg."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanFigures:
+    """Figures of a plan; SI units."""
+
+    planner: str
+    legs: tuple[str, ...]
+    """Planners of a motion chain; empty for a single motion."""
+    checks: int
+    thinking: float
+    """Simulated time charged for planning, s."""
+    duration: float
+    length: float
+    """Path length in joint space, rad."""
+    way: float
+    """Path length of the tool, m."""
+    nearest: tuple[str, str] | None
+    """Nearest pair of bodies: of the robot, and around it; None: nothing is near."""
+    clearance: float | None
+    nearest_at: float | None
+    itself: tuple[str, str] | None
+    """Nearest pair of the robot's own links."""
+    itself_clearance: float | None
+    singular: float
+    singular_at: float
+    joint: str
+    """Joint that comes nearest to one of its limits."""
+    joint_room: float
+    joint_room_at: float
+    joint_slides: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRefusal:
+    """Reason why there is no plan."""
+
+    cause: str
+    message: str
+    remedy: str
+    evidence: Evidence
+
+    @classmethod
+    def of(cls, failure: Failure) -> PlanRefusal:
+        """Return the reason that a failure of the planner gives."""
+        return cls(failure.cause.name, failure.message, failure.cause.remedy, failure.evidence)
+
+
+@dataclass(frozen=True, slots=True)
+class PlanAnswer:
+    """Answer of `picktree plan`."""
+
+    scene: str
+    robot: str
+    seed: int
+    asked: str
+    begins: str
+    grasp: str = ""
+    """Grasp of the object that was planned for."""
+    found: PlanFigures | None = None
+    refused: PlanRefusal | None = None
+    rejected: tuple[str, ...] = ()
+    """Reasons why other grasps of the object were rejected."""
+    judged: tuple[str, ...] | None = None
+    """Objections of the verifier to the plan, with --verify; None: it was not asked."""
+    picture: str = ""
+
+    @property
+    def good(self) -> bool:
+        """Whether there is a plan without objections by the verifier."""
+        return self.found is not None and not self.judged
+
+    def to_json_text(self) -> str:
+        return json.dumps(asdict(self), indent=2, default=str) + "\n"
+
+    def to_text(self) -> str:
+        """Return the answer as text for a terminal."""
+        lines = [
+            f"{self.asked}, from {self.begins}",
+            f"scene {self.scene}, robot {self.robot}, seed {self.seed}; everything is believed where it is",
+            "",
+            *self.lines(),
+        ]
+        if self.picture:
+            lines += ["", f"picture: {self.picture}"]
+        return "\n".join(lines)
+
+    def lines(self) -> list[str]:
+        """Return the figures of the plan, or the reason why there is none."""
+        if self.found is not None:
+            return _table(self._figures(self.found))
+        return self._why_not(self.refused) if self.refused is not None else []
+
+    def _figures(self, found: PlanFigures) -> Iterator[tuple[str, str]]:
+        if self.grasp:
+            yield "grasp", self.grasp
+        legs = f" of {', '.join(found.legs)}" if found.legs else ""
+        yield "planner", found.planner + legs
+        yield "checks", f"{found.checks} ({found.thinking * 1000:.0f} ms of thinking)"
+        yield "motion", f"{found.duration:.2f} s, {found.length:.2f} rad, the tool {found.way * 1000:.0f} mm"
+        if found.nearest is None or found.clearance is None:
+            yield "nearest", "nothing within 500 mm"
+        else:
+            a, b = found.nearest
+            yield "nearest", f"{found.clearance * 1000:.1f} mm: {a} to {b}, at {found.nearest_at:.2f} s"
+        if found.itself is not None and found.itself_clearance is not None:
+            a, b = found.itself
+            yield "itself", f"{found.itself_clearance * 1000:.1f} mm: {a} to {b}"
+        yield (
+            "singularity",
+            f"smallest singular value {found.singular:.3f}, at {found.singular_at:.2f} s",
+        )
+        room = (
+            f"{found.joint_room * 1000:.1f} mm"
+            if found.joint_slides
+            else f"{degrees(found.joint_room):.1f} deg"
+        )
+        yield "joint limits", f"{found.joint} comes within {room}, at {found.joint_room_at:.2f} s"
+        if self.judged is not None:
+            yield "judged", "free by the second checker" if not self.judged else "; ".join(self.judged)
+
+    def _why_not(self, refused: PlanRefusal) -> list[str]:
+        lines = [f"no plan: {refused.cause}", f"  {refused.message}", f"  to try: {refused.remedy}"]
+        rows = list(_rows(refused.evidence))
+        if rows:
+            lines += ["", *(f"  {line}" for line in _table(rows))]
+        if self.rejected:
+            lines += ["", "grasps that were not taken:", *(f"  {one}" for one in self.rejected)]
+        return lines
+
+
+def _rows(evidence: Evidence) -> Iterator[tuple[str, str]]:
+    """Return the evidence as rows of a table; empty values give none."""
+    for key, value in evidence.items():
+        name = key.replace("_", " ")
+        if isinstance(value, list):
+            if value and isinstance(value[0], str):
+                for k, one in enumerate(value):
+                    yield (name if k == 0 else "", str(one))
+            elif value:
+                numbers = [float(one) for one in value]
+                if key in MILLIMETRE_KEYS:
+                    yield name, ", ".join(f"{one * 1000:.1f}" for one in numbers) + " mm"
+                else:
+                    yield name, ", ".join(f"{one:.3f}" for one in numbers)
+        elif key in MILLIMETRE_KEYS and isinstance(value, float):
+            yield name, f"{value * 1000:.1f} mm"
+        elif key in DEGREE_KEYS and isinstance(value, float):
+            yield name, f"{degrees(value):.1f} deg"
+        elif isinstance(value, float):
+            yield name, f"{value:.4g}"
+        elif value not in ("", None):
+            yield name, str(value)
+
+
+def _table(rows: Iterator[tuple[str, str]] | list[tuple[str, str]]) -> list[str]:
+    listed = list(rows)
+    wide = max(len(name) for name, _ in listed)
+    return [f"{name:<{wide}}  {text}" for name, text in listed]
+
+
+START_COLOUR = (0.80, 0.86, 0.93)
+"""Colour of the arm at the start."""
+HAND_COLOUR = (0.90, 0.91, 0.84)
+"""Colour of the hand between start and goal."""
+COLLISION_COLOUR = (0.85, 0.15, 0.12)
+"""Colour of a link in collision."""
+COPY_SCALE = (0.99, 0.99, 0.99)
+INTERMEDIATE_HANDS = 3
+"""Number of hands that are drawn between start and goal."""
+
+
+def draw(
+    world: World,
+    start: Array,
+    outcome: MotionPlan | Failure | None,
+    asked: str,
+    output: Path,
+    view: PictureView,
+    size: tuple[int, int],
+) -> None:
+    """Write the picture. Raises PicktreeError when it cannot be written."""
+    require_picture_name(output)
+    picture = plan_picture(world, start, outcome, asked, view, size)
+    with whole([output], output) as (beside,):
+        output.parent.mkdir(parents=True, exist_ok=True)
+        write_picture(str(beside), picture)
+
+
+def plan_picture(
+    world: World,
+    start: Array,
+    outcome: MotionPlan | Failure | None,
+    asked: str,
+    view: PictureView,
+    size: tuple[int, int],
+    width: float | None = None,
+    time: float = 0.0,
+) -> Picture:
+    """Return the picture as RGB (h, w, 3).
+
+    `start` is the configuration (n,), rad, `width` the opening of the fingers, m; None: fully open. Without
+    an outcome the arm stands at the start. `time` is shown, s.
+    """
+    meshes = link_meshes(world.robot.description.urdf)
+    width = world.robot.description.gripper.max_width if width is None else width
+    robots = _Robots(meshes)
+    path: tuple[tuple[float, float, float], ...] = ()
+    marked: tuple[BodyRecord, ...] = ()
+    point: tuple[BodyRecord, ...] = ()
+    caption = Caption(time, asked)
+    if isinstance(outcome, MotionPlan):
+        q = outcome.trajectory.position
+        robots.add("", world.robot.link_poses(q[-1], width))
+        robots.add("start", _undrawn(world.robot.link_poses(q[0], width), robots.poses), START_COLOUR)
+        for k in np.linspace(0, len(q) - 1, INTERMEDIATE_HANDS + 2).astype(int)[1:-1]:
+            hand = _hand(world, world.robot.link_poses(q[k], width))
+            robots.add(f"way {k}", hand, HAND_COLOUR)
+        path = tuple(world.robot.tcp(one).position for one in q[:: max(1, len(q) // 60)])
+        caption = Caption(outcome.trajectory.duration, asked, f"by {outcome.planner}")
+    elif isinstance(outcome, Failure):
+        at, names = _failure_configuration(outcome, start), _named_bodies(outcome)
+        robots.add("", world.robot.link_poses(at, width), alarm=names)
+        if not np.array_equal(at, start):
+            robots.add("start", _undrawn(world.robot.link_poses(start, width), robots.poses), START_COLOUR)
+        marked = tuple(_marked(world, names))
+        point = _point(outcome)
+        caption = replace(caption, trouble=CaptionFailure(outcome.cause.name, outcome.message))
+    else:
+        robots.add("", world.robot.link_poses(start, width))
+    bodies = tuple(belief_record(o) for o in world.scene.objects)
+    scene = Scene((*bodies, *point), tuple(_fixed(world)))
+    shown = SceneContent(robots.poses, scene, Scene(marked, ()), path)
+    picture = SceneRenderer(tuple(robots.meshes), view, size, {}).single(shown)
+    write(picture, caption)
+    return picture
+
+
+class _Robots:
+    """Drawn copies of the robot in several configurations and colours."""
+
+    def __init__(self, meshes: tuple[LinkMesh, ...]) -> None:
+        self._own = {mesh.link: mesh for mesh in meshes}
+        self.meshes: list[LinkMesh] = []
+        self.poses: dict[str, Pose] = {}
+
+    def add(
+        self,
+        name: str,
+        links: dict[str, Pose],
+        colour: tuple[float, float, float] | None = None,
+        alarm: frozenset[str] = frozenset(),
+    ) -> None:
+        """Add a copy of the robot in its own colours or another; links in `alarm` are red."""
+        for link, pose in links.items():
+            mesh = self._own.get(link)
+            if mesh is None:
+                continue
+            painted = COLLISION_COLOUR if link in alarm else colour
+            glb = mesh.glb
+            if painted is not None:
+                other = read_glb(glb).coloured(painted)
+                # Slightly smaller, so that surfaces that coincide do not flicker through each
+                # other.
+                glb = write_glb(other if colour is None else other.placed(Pose(), COPY_SCALE))
+            self.meshes.append(LinkMesh(f"{name}/{link}", glb))
+            self.poses[f"{name}/{link}"] = pose
+
+
+def _hand(world: World, links: dict[str, Pose]) -> dict[str, Pose]:
+    """Return the links of hand and fingers."""
+    gripper = world.robot.description.gripper
+    wanted = {world.robot.description.tcp_link, *gripper.fingers}
+    return {link: pose for link, pose in links.items() if link in wanted}
+
+
+def _failure_configuration(failure: Failure, start: Array) -> Array:
+    """Return the configuration of a failure; the start when it has none."""
+    told = failure.evidence.get("configuration")
+    if isinstance(told, list) and len(told) == len(start):
+        return np.array([float(x) for x in told])
+    return start
+
+
+def _point(failure: Failure) -> tuple[BodyRecord, ...]:
+    """Return a red ball at the failure's point: the goal's, or where a line stopped."""
+    for key in ("point", "first", "at"):
+        told = failure.evidence.get(key)
+        if isinstance(told, list) and len(told) == 3:
+            x, y, z = (float(c) for c in told)
+            return (BodyRecord("point", "point", "sphere", "red", Sphere(0.012), Pose((x, y, z))),)
+    return ()
+
+
+def _undrawn(links: dict[str, Pose], drawn: dict[str, Pose]) -> dict[str, Pose]:
+    """Return the links that are not drawn at the same pose already."""
+    return {link: pose for link, pose in links.items() if drawn.get(f"/{link}") != pose}
+
+
+def _named_bodies(failure: Failure) -> frozenset[str]:
+    """Return the names of all bodies in contact or in the way."""
+    names: set[str] = set()
+    for key in ("pairs", "in_the_way", "enclosed_by"):
+        told = failure.evidence.get(key)
+        for line in told if isinstance(told, list) else ():
+            names.update(str(line).split())
+    return frozenset(names)
+
+
+def _marked(world: World, names: frozenset[str]) -> Iterable[BodyRecord]:
+    """Return the named bodies of the scene, to be outlined."""
+    for o in world.scene.objects:
+        if o.id in names:
+            yield belief_record(o)
+    for part in _fixed(world):
+        if part.id.split("/")[0] in names:
+            yield BodyRecord(part.id, "fixture", "box", "red", part.shape, part.pose)
+
+
+def _fixed(world: World) -> Iterable[PartRecord]:
+    for f in world.scene.fixtures.values():
+        yield PartRecord(f.id, f.colour, f.shape, f.pose, f.holes)
+    for b in world.scene.bins.values():
+        for k, (box, pose) in enumerate(b.parts()):
+            yield PartRecord(f"{b.id}/{k}", b.colour, box, pose)
+
 
 EXACT_BELIEF_DEVIATION = 1e-4
 """Standard deviation of exactly believed poses: positions, m, and angles, rad."""

@@ -1,16 +1,28 @@
-"""Self-test of a robot: checks of its file, then trials in physics, with a verdict a line."""
+"""Self-test of a robot: checks of its file, then trials in physics, with a verdict a line and advice by the
+measured cause.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+import base64
+import json
+import re
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import asdict, dataclass, replace
+from html import escape
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from ...analysis.render.snapshots import draw_robot
 from ...files.errors import PicktreeError
+from ...files.file_system import whole
 from ...recovery.safe_retreat import SafeRetreat
 from ...robot.control.external_torque import static_external_torque
+from ...robot.manipulation.grasps import MIN_SPARE_OPENING, grasp_candidates
 from ...robot.perception.robot_mask import hidden_shares
+from ...robot.planning.inverse_kinematics import InverseKinematics
 from ...robot.planning.requests import NamedGoal
 from ...session.cell import CellSession
 from ...skills.grasp import Grasp
@@ -18,14 +30,217 @@ from ...skills.observe import Observe
 from ...skills.place import Place
 from ...world import causes
 from ...world.causes import Failure
-from ...world.robot_model.loading import load_robot
+from ...world.planning_scene import BeliefObject
+from ...world.robot_model.description import GripperDescription, RobotDescription
+from ...world.robot_model.model import RobotModel
+from ...world.robot_model.robot_file import load_robot
 from ...world.scene.description import MAX_HIDDEN_SHARE
-from ...world.trajectory import Trajectory
-from ...world.values import Array
-from .base_pose import TargetPlace
+from ...world.values import Array, Pose, Trajectory
+from .arm_poses import first_joint, reach
+from .base_pose import YAWS, TargetPlace, propose_base
 from .model_checks import RobotUnderTest, Verdict, check_model
-from .robot_test_result import RobotTestResult
-from .trial_advice import advice, opening_advice, reach_advice
+
+STYLE = """
+:root { color-scheme: light dark; }
+body { font: 15px/1.45 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; }
+h1 { font-size: 1.5rem; margin-bottom: 0; }
+table { border-collapse: collapse; width: 100%; }
+th, td { text-align: left; vertical-align: top; padding: .5rem .7rem; border-bottom: 1px solid #8886; }
+td { overflow-wrap: anywhere; }
+td:first-child, td.good, td.bad { white-space: nowrap; }
+td.good { color: #188038; font-weight: 600; }
+td.bad { color: #c5221f; font-weight: 600; }
+.change { margin-top: .25rem; font-weight: 600; }
+.both { display: flex; flex-wrap: wrap; gap: 2rem; }
+.both > :first-child { flex: 3 1 32rem; }
+img { flex: 1 1 18rem; max-width: 26rem; align-self: flex-start; border-radius: .5rem; }
+@media (prefers-color-scheme: dark) { td.good { color: #81c995; } td.bad { color: #f28b82; } }
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class RobotTestResult:
+    """Verdicts of a self-test of one robot."""
+
+    name: str
+    file: str
+    verdicts: tuple[Verdict, ...]
+
+    @property
+    def good(self) -> bool:
+        """Whether all verdicts are good."""
+        return all(verdict.good for verdict in self.verdicts)
+
+    @property
+    def summary(self) -> str:
+        """Sentence about all verdicts."""
+        failed = [verdict.name for verdict in self.verdicts if not verdict.good]
+        if not failed:
+            return f"all {len(self.verdicts)} tests are passed"
+        return f"{len(failed)} of {len(self.verdicts)} tests failed: {', '.join(failed)}"
+
+    def to_text(self) -> str:
+        lines = [f"{self.name}: {self.summary}"]
+        width = max(len(verdict.name) for verdict in self.verdicts)
+        for v in self.verdicts:
+            lines.append(f"  {'ok    ' if v.good else 'FAILED'}  {v.name:<{width}}  {v.measured}")
+            if v.change:
+                lines.append(f"  {'':6}  {'':<{width}}  to change: {v.change}")
+        return "\n".join(lines)
+
+    def to_json_text(self) -> str:
+        return json.dumps({**asdict(self), "good": self.good}, ensure_ascii=False)
+
+    def write_page(self, robot: RobotDescription, file: Path) -> None:
+        """Write the page, with a picture of the robot at `home`. Raises PicktreeError when it cannot be
+        written."""
+        with TemporaryDirectory() as folder:
+            drawn = Path(folder) / "robot.png"
+            draw_robot(robot, drawn)
+            picture = base64.b64encode(drawn.read_bytes()).decode()
+        with whole([file], file) as (beside,):
+            beside.write_text(self.to_html(picture), encoding="utf-8")
+
+    def to_html(self, picture: str) -> str:
+        """Return the page; `picture`: a PNG in base 64."""
+        rows = "\n".join(
+            f"<tr><td>{escape(v.name)}</td>"
+            f"<td class={'good' if v.good else 'bad'}>{'ok' if v.good else 'failed'}</td>"
+            f"<td>{escape(v.measured)}"
+            + (f'<div class="change">To change: {escape(v.change)}</div>' if v.change else "")
+            + "</td></tr>"
+            for v in self.verdicts
+        )
+        title = f"Self-test of {escape(self.name)}"
+        return (
+            f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+            f'<meta name="viewport" content="width=device-width, initial-scale=1">\n<title>{title}</title>\n'
+            f"<style>{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n"
+            f"<p>{escape(self.file)}: {escape(self.summary)}.</p>\n"
+            f'<div class="both"><table>\n<tr><th>Test</th><th>Verdict</th><th>Measured</th></tr>\n{rows}\n'
+            f'</table><img alt="The robot at home, with base, flange and TCP" '
+            f'src="data:image/png;base64,{picture}"></div>\n</body>\n</html>\n'
+        )
+
+
+DISTANCE_STEP = 0.02
+"""Step of the distances at which the tool is held down, m."""
+MAX_OVERHANG = 0.1
+"""Distance beyond the measured reach up to which the tool is tried, m."""
+
+
+def opening_advice(gripper: GripperDescription, item: BeliefObject, file: str) -> tuple[str, str] | None:
+    """Return how far a gripper opens for an item, and what to change; None: it opens far enough."""
+    if grasp_candidates(item, gripper):
+        return None
+    wider = replace(gripper, max_width=1.0)
+    width = min((grasp.expected_width for grasp in grasp_candidates(item, wider)), default=0.0)
+    told = (
+        f"it opens {1000 * gripper.max_width:.0f} mm; the {item.kind} is {1000 * width:.0f} mm wide, and "
+        f"needs {1000 * (width + MIN_SPARE_OPENING):.0f} mm"
+    )
+    change = f"look at 'max_width' in {file}; else mount another gripper, or lay out a scene"
+    return told, change
+
+
+def reach_advice(
+    tested: RobotUnderTest, places: tuple[TargetPlace, ...], file: str
+) -> tuple[str, str] | None:
+    """Return what was measured of the reach, and what to change; None: each place is within it.
+
+    The reach is that of the tool pointing down, at the height of the place and in its direction.
+    """
+    model = tested.model
+    for place in places:
+        away = place.position[:2] - first_joint(model)[:2]
+        distance = float(np.linalg.norm(away))
+        span = _span(model, away / max(distance, 1e-9), float(place.position[2]))
+        if span is None:
+            told = f"with the tool down it reaches nothing {1000 * place.position[2]:.0f} mm above the table"
+            return told, _other_base(tested, file)
+        near, far = span
+        if not near - DISTANCE_STEP <= distance <= far + DISTANCE_STEP:
+            told = (
+                f"its reach is {far:.2f} m with the tool down, from {near:.2f} m on; {place.name} is "
+                f"{distance:.2f} m from its first joint"
+            )
+            return told, _other_base(tested, file)
+    return None
+
+
+def _other_base(tested: RobotUnderTest, file: str) -> str:
+    """Return the advice for an arm that is too short, or too high or low, where it stands."""
+    better = propose_base(tested.model, tested.skeleton, tested.solids)
+    if better is None:
+        return f"lay out a scene for that reach: no other 'base:' in {file} brings more of this one within it"
+    x, y, z = better.at
+    return f"write 'at: [{x:g}, {y:g}, {z:g}]' under 'base:' in {file}: {better.sentence}"
+
+
+def _span(model: RobotModel, direction: Array, height: float) -> tuple[float, float] | None:
+    """Return the least and the greatest distance from the first joint, m, at which the tool points down."""
+    ik, generator = InverseKinematics(model), np.random.default_rng(0)
+    home, centre = model.named("home"), first_joint(model)[:2]
+    found: list[float] = []
+    for distance in np.arange(DISTANCE_STEP, reach(model) + MAX_OVERHANG, DISTANCE_STEP).tolist():
+        x, y = (centre + distance * direction).tolist()
+        poses = (Pose.from_rpy((x, y, height), (np.pi, 0.0, yaw)) for yaw in YAWS)
+        if any(ik.solutions(pose, generator, home, 1) for pose in poses):
+            found.append(distance)
+    return (found[0], found[-1]) if found else None
+
+
+def advice(cause: str, message: str, file: str, links: tuple[str, ...], bodies: tuple[str, ...]) -> str:
+    """Return what to change after a failure with that cause and message.
+
+    `links` are the robot's, `bodies` those of the scene.
+    """
+    told_links = [name for name in links if _names(message, name)]
+    told_bodies = [name for name in bodies if _names(message, name)]
+    if _TOUCH.search(message) and told_links:
+        if told_bodies and cause.startswith(("grasp", "place")):
+            return (
+                f"look at the collision geometry of {told_links[0]} in the URDF, and at 'tip', 'palm' and "
+                f"'hand' under 'gripper:' in {file}: it meets {told_bodies[0]}"
+            )
+        if told_bodies:
+            return (
+                f"choose other 'poses:' in {file}, or move its 'base:', so that {told_links[0]} keeps away "
+                f"from {told_bodies[0]}"
+            )
+        if len(told_links) > 1:
+            return (
+                f"look at the collision geometry of {told_links[0]} and {told_links[1]} in the URDF, and at "
+                f"'disabled_pairs:' in {file}"
+            )
+    for head, change in _CHANGES.items():
+        if cause.startswith(head) or head in message:
+            return change.format(file=file)
+    return f"look at 'joints:' in {file}"
+
+
+_TOUCH = re.compile(r" mm (deep|from|in each other|apart)")
+_CHANGES: Mapping[str, str] = {
+    "outside the workspace": "choose 'poses:' in {file} with the tool inside of the scene's workspace, or "
+    "move 'base:'",
+    "outside of the workspace": "choose 'poses:' in {file} with the tool inside of the scene's workspace, or "
+    "move 'base:'",
+    "safety.torque_limit": "compare 'torque' under 'joints:' in {file} with the data sheet, and masses under "
+    "'inertias:'",
+    "safety": "look at 'inertias:', and at 'velocity' and 'torque' under 'joints:' in {file}",
+    "grasp": "look at 'pads:', 'palm' and 'tip' under 'gripper:', and at 'tcp:' in {file}",
+    "place": "look at 'pads:' under 'gripper:', and at 'tcp:' in {file}",
+    "planning": "look at 'poses:', 'base:' and 'disabled_pairs:' in {file}",
+    "control": "look at 'acceleration' and 'torque' under 'joints:', and at 'inertias:' in {file}",
+    "perception": "look at 'home' under 'poses:', and at 'base:' in {file}",
+}
+"""Changes by a part of the message, or by the begin of the cause; the more exact one comes first."""
+
+
+def _names(message: str, name: str) -> bool:
+    """Return whether a message names a body as a word of its own."""
+    return bool(name) and re.search(rf"(?<![\w/]){re.escape(name)}(?![\w/])", message) is not None
+
 
 SCENE = "self_test"
 HEIGHT_OVER_BIN = 0.1

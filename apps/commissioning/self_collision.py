@@ -21,8 +21,8 @@ import pinocchio as pin
 
 from ...robot.planning.collision_checker import robot_geometry
 from ...world.robot_model.model import RobotModel
+from ...world.robot_model.urdf import UrdfTree, read_skeleton
 from ...world.robot_model.urdf_faults import MOVING
-from ...world.robot_model.urdf_tree import UrdfTree, read_skeleton
 from ...world.values import Array
 from .link_geometry import LinkGeometry
 

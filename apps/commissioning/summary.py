@@ -8,9 +8,9 @@ from dataclasses import asdict, dataclass, replace
 from ...files.value_wording import listed
 from ...world.robot_model.description import RobotDescription
 from ...world.robot_model.model import RobotModel
-from ...world.robot_model.urdf_geometry import links_seen_only
+from ...world.robot_model.urdf import links_seen_only
 from .proposal import Proposal
-from .robot_test_result import RobotTestResult
+from .robot_test import RobotTestResult
 from .self_collision import summary
 
 

@@ -12,10 +12,10 @@ import numpy as np
 
 from ...files.errors import PicktreeError
 from ...files.quantities import parse_quantity
-from ...robot.manipulation.grasp_candidates import grasp_candidates
+from ...robot.manipulation.grasps import grasp_candidates
 from ...robot.planning.requests import LineGoal, NamedGoal, RegionGoal, Request, Target
 from ...robot.world import World
-from ...world.belief.planning_scene import BeliefObject
+from ...world.planning_scene import BeliefObject
 from ...world.scene.description import Bin
 from ...world.values import Array, Pose
 

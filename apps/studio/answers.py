@@ -1,22 +1,35 @@
-"""Answers on the text of a mission as values for the page; its places count in UTF-16, as JavaScript does."""
+"""Answers on the text of a mission as values for the page: tree, faults, rehearsal, palette, forms and
+completion.
+
+Its places count in UTF-16, as JavaScript does.
+"""
 
 from __future__ import annotations
 
 import re
 from bisect import bisect_left
 from collections.abc import Callable, Container, Iterable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
 from secrets import token_hex
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from ...authoring.drawing.chart import symbol_of
-from ...authoring.editor.outline import OutlineNode, OutlinePort, OutlineTree, TreeBody
-from ...authoring.editor.text_changes import TextChange
-from ...authoring.schema.node_reference import NodeEntry, node_entry
-from ...authoring.schema.port_wording import COMMON_DOCS
+from ...authoring.editor.completion import Proposal
+from ...authoring.editor.cursor import Place, Span
+from ...authoring.editor.cursor import Place as CursorPlace
+from ...authoring.editor.diagnostics import document_faults
+from ...authoring.editor.mission_outline import OutlineNode, OutlinePort, OutlineTree, TreeBody
+from ...authoring.editor.text_edits import TextChange
+from ...authoring.file_kinds import CHECKS
+from ...authoring.mission_chart import symbol_of
+from ...authoring.rehearsal.rehearsal import Rehearsal, rehearse_files, to_json
+from ...authoring.schema.node_reference import COMMON_DOCS, NodeEntry, default_words, node_entry
+from ...files.errors import PicktreeError
 from ...trees.declaration import BREAKPOINT, NodeDeclaration
-from .context import MissionContext
+from ...trees.loading.loader import load_surroundings
+from .context import MissionContext, MissionTexts, library_declarations, own_trees
 
 _WIDE = re.compile(r"[\U00010000-\U0010ffff]")
 
@@ -151,3 +164,162 @@ def common_entries() -> list[dict[str, Any]]:
         }
         for key, doc in COMMON_DOCS.items()
     ]
+
+
+def faults(path: Path, text: str) -> list[dict[str, Any]]:
+    """Return what `picktree check` says of a text, with places in UTF-16 units."""
+    places, lines = Places(text), LineStarts(text)
+    found: list[dict[str, Any]] = []
+    for each in document_faults(path, text, CHECKS):
+        fix = each.fix
+        found.append(
+            {
+                "from": places.units(lines.place(each.span.start)),
+                "to": places.units(lines.place(each.span.end)),
+                "line": each.fault.mark.line,
+                "column": each.fault.mark.column,
+                "where": each.fault.where,
+                "message": each.message,
+                "code": each.fault.code,
+                "severity": each.fault.severity,
+                "elsewhere": each.elsewhere,
+                "fix": None
+                if fix is None
+                else {
+                    "from": places.units(lines.place(fix.span.start)),
+                    "to": places.units(lines.place(fix.span.end)),
+                    "insert": fix.text,
+                },
+            }
+        )
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class LineStarts:
+    """Places of the lines of a text, in code points."""
+
+    text: str
+
+    def place(self, at: Place) -> int:
+        start = -1
+        for _ in range(at.line):
+            start = self.text.find("\n", start + 1)
+            if start < 0:
+                return len(self.text)
+        return min(start + 1 + at.character, len(self.text))
+
+
+def rehearsal(path: Path, text: str, cases: Path | None, names: tuple[str, ...]) -> dict[str, Any]:
+    """Rehearse a text with its cases. Raises FileError with the faults of both."""
+    result = rehearse_files(path, cases, names, text=text)
+    values: dict[str, Any] = dict(to_json(result))
+    return {**values, "nodes": _coverage(result)}
+
+
+def _coverage(result: Rehearsal) -> dict[str, dict[str, Any]]:
+    """Return by node how many of its points are reached, and sentences about the others."""
+    found: dict[str, dict[str, Any]] = {}
+    for point in result.coverage.points:
+        entry = found.setdefault(point.node, {"reached": 0, "total": 0, "missed": []})
+        entry["total"] += 1
+        entry["reached"] += point.reached
+        if not point.reached:
+            entry["missed"].append(point.missed)
+    return found
+
+
+@cache
+def _texts() -> MissionTexts:
+    return MissionTexts()
+
+
+def palette(path: Path, text: str) -> dict[str, Any]:
+    """Return the nodes and sub-trees that may be added, and the keys that each node may have."""
+    context, _ = _texts().read(path, text)
+    return {
+        "nodes": palette_values(context, own_trees(path, text), library_declarations().values()),
+        "common": common_entries(),
+    }
+
+
+def form(path: Path, text: str, node: str) -> dict[str, Any]:
+    """Return what may be given to the ports of a node, and the keys of its tree's blackboard."""
+    texts = _texts()
+    context, reading = texts.read(path, text)
+    found = context.outline(reading.source)
+    shown = found.nodes().get(node)
+    if shown is None:
+        raise PicktreeError(f"the mission has no node {node!r}")
+    declaration = context.known(shown.identity)
+    for tree in own_trees(path, text):
+        declaration = tree if tree.id == shown.identity else declaration
+    names = _scene_names(found.scene, path)
+    return {
+        "ports": [
+            {
+                "key": port.key,
+                "names": list(names.get(port.names, ())) if port.names else [],
+                "default": default_words(port),
+            }
+            for port in (declaration.ports if declaration is not None else ())
+        ],
+        "keys": texts.file(path, text).keys_of(node.partition("/")[0]),
+    }
+
+
+def completion(path: Path, text: str, line: int, character: int) -> dict[str, Any] | None:
+    """Return what may be written at a place; None for nothing."""
+    file, place = _texts().file(path, text), _cursor(text, line, character)
+    found = file.complete(place)
+    if found is None:
+        return None
+    span, proposals = found
+    includes = {each.include: file.include_edit(each.include) for each in proposals if each.include}
+    places, lines = Places(text), LineStarts(text)
+    values: list[dict[str, Any]] = []
+    for each in proposals:
+        value = _proposal(each)
+        more = includes.get(each.include)
+        if more is not None:
+            at = places.units(lines.place(more.span.start))
+            value["also"] = {"from": at, "to": at, "insert": more.text}
+        values.append(value)
+    return {**_range(text, span), "options": values}
+
+
+def documentation(path: Path, text: str, line: int, character: int) -> dict[str, Any] | None:
+    """Return the documentation of what stands at a place as Markdown; None for nothing."""
+    found = _texts().file(path, text).hover(_cursor(text, line, character))
+    return None if found is None else {**_range(text, found[0]), "text": found[1]}
+
+
+def _scene_names(scene: str, path: Path) -> dict[Any, tuple[str, ...]]:
+    if not scene:
+        return {}
+    try:
+        return dict(load_surroundings(scene, path.parent).names)
+    except PicktreeError:
+        return {}
+
+
+def _cursor(text: str, line: int, character: int) -> CursorPlace:
+    lines = text.split("\n")
+    if not 0 <= line < len(lines):
+        raise PicktreeError(f"the text has no line {line + 1}")
+    return CursorPlace(line, Places(lines[line]).points(character))
+
+
+def _range(text: str, span: Span) -> dict[str, Any]:
+    places, lines = Places(text), LineStarts(text)
+    return {"from": places.units(lines.place(span.start)), "to": places.units(lines.place(span.end))}
+
+
+def _proposal(proposal: Proposal) -> dict[str, Any]:
+    return {
+        "label": proposal.label,
+        "kind": proposal.kind,
+        "snippet": proposal.snippet,
+        "doc": proposal.doc,
+        "include": proposal.include,
+    }

@@ -3,25 +3,280 @@
 from __future__ import annotations
 
 import asyncio
+import fcntl
+import os
 import re
+import signal
+import sqlite3
 import time
-from collections.abc import AsyncIterator, Sequence
-from contextlib import suppress
+from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from contextlib import closing, suppress
 from pathlib import Path, PurePath
-from typing import Annotated, Final
+from typing import Annotated, Any, Final, Literal, TypeAlias, cast
 
 import orjson
 from pydantic import Field
 from starlette.routing import BaseRoute
 
 from ...files.errors import PicktreeError
-from .batch_folder import CELL_SIDE, PLAN_FILE, BatchFolder, Behind, batch_folders, newest_first
+from ...files.yaml.reader import YamlNode, read
 from .calls import JsonValue, call, watch
-from .command_answer import command_answer
-from .job_records import Job
-from .jobs import job_text
-from .plan_text import form_of, with_key
+from .jobs import Job, command_answer, job_text
 from .slice import Studio
+from .workspace import Workspace
+
+PLAN_FILE: Final = "plan.json"
+RESULTS_FILE: Final = "results.sqlite"
+LOCK_FILE: Final = "lock"
+MAX_JOBS: Final = 2_000
+"""Number of jobs that are shown one by one, the first ones of the plan."""
+MAX_BATCHES: Final = 500
+Behind: TypeAlias = Literal["all", "status", "cause", "root", "place", "form", "colour"]
+_JOB: Final = (
+    "jobs.job, jobs.number, variant, seed, status, items_sorted, items_total, sim_seconds, look_at, folder"
+)
+_CONDITIONS: Final[Mapping[Behind, str]] = {
+    "all": "1",
+    "status": "status = :value",
+    "root": "root_cause = :value",
+    "cause": "job IN (SELECT job FROM failures WHERE cause = :value)",
+    "form": "job IN (SELECT job FROM items WHERE form = :value AND verdict IN ('left', 'misplaced'))",
+    "colour": "job IN (SELECT job FROM items WHERE colour = :value AND verdict IN ('left', 'misplaced'))",
+    "place": (
+        "job IN (SELECT job FROM items WHERE verdict IN ('left', 'misplaced') "
+        "AND x >= :x - 1e-9 AND x < :x + :side - 1e-9 AND y >= :y - 1e-9 AND y < :y + :side - 1e-9)"
+    ),
+}
+CELL_SIDE: Final = 0.05
+"""Side of a cell of the table in summaries, m."""
+
+
+def batch_folders(workspace: Workspace) -> list[Path]:
+    """Return the batches in the folder and in folders of it, such as `runs`; links are not followed."""
+    found: list[Path] = []
+    todo = [(workspace.root, 0)]
+    while todo and len(found) < MAX_BATCHES:
+        folder, depth = todo.pop()
+        if (folder / PLAN_FILE).is_file():
+            found.append(folder)
+            continue
+        with suppress(OSError), os.scandir(folder) as entries:
+            below = [
+                e
+                for e in entries
+                if depth < 2 and not e.name.startswith(".") and e.is_dir(follow_symlinks=False)
+            ]
+            todo += [(Path(entry.path), depth + 1) for entry in below]
+    return found
+
+
+class BatchFolder:
+    """One batch. Nothing is written into its folder but by the commands that run it."""
+
+    def __init__(self, place: Path) -> None:
+        """Take a folder. Raises PicktreeError when it holds no batch."""
+        self.place = place
+        if not (place / PLAN_FILE).is_file():
+            raise PicktreeError(f"{place.name} is no batch: there is no {PLAN_FILE} in it")
+
+    def plan(self) -> Mapping[str, Any]:
+        """Return the plan as it is recorded. Raises PicktreeError when it cannot be read."""
+        try:
+            plan: object = orjson.loads((self.place / PLAN_FILE).read_bytes())
+        except (OSError, orjson.JSONDecodeError) as error:
+            raise PicktreeError(f"{self.place.name}/{PLAN_FILE} cannot be read: {error}") from None
+        if not isinstance(plan, dict):
+            raise PicktreeError(f"{self.place.name}/{PLAN_FILE} is no plan of a batch")
+        return cast("Mapping[str, Any]", plan)
+
+    def stamp(self) -> tuple[object, ...]:
+        """Return what changes when results are recorded, or the process begins or ends."""
+        stamps: list[object] = [self.runner()]
+        for name in (RESULTS_FILE, f"{RESULTS_FILE}-wal"):
+            with suppress(OSError):
+                stat = (self.place / name).stat()
+                stamps += [stat.st_size, stat.st_mtime_ns]
+        return tuple(stamps)
+
+    def runner(self) -> int | None:
+        """Return the number of the process that runs the batch; None when none does."""
+        try:
+            lock = os.open(self.place / LOCK_FILE, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+        except OSError:
+            return None
+        try:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except OSError:
+            with suppress(ValueError):
+                return int(os.read(lock, 20) or b"0")
+            return 0
+        finally:
+            os.close(lock)
+        return None
+
+    def stop(self, *, now: bool) -> None:
+        """Let the running jobs finish, or (`now`) break them off. Raises PicktreeError when none runs it."""
+        process = self.runner()
+        if process is None:
+            raise PicktreeError("no process runs this batch")
+        if not _is_batch(process):
+            raise PicktreeError("the process that runs this batch is ending")
+        with suppress(ProcessLookupError):
+            os.kill(process, signal.SIGTERM if now else signal.SIGINT)
+
+    def progress(self) -> dict[str, JsonValue]:
+        """Return counts by status, and the state of each job in the order of the plan."""
+        plan = self.plan()
+        counts = dict(self._rows("SELECT status, count(*) FROM jobs GROUP BY status"))
+        total = sum(counts.values())
+        done = total - counts.get("waiting", 0)
+        jobs: list[JsonValue] = [
+            {"number": number, "label": label, "seed": seed, "status": status}
+            for number, label, seed, status in self._rows(
+                f"SELECT number, variant, seed, status FROM jobs ORDER BY number LIMIT {MAX_JOBS}"
+            )
+        ]
+        ((seconds,),) = self._rows("SELECT avg(cpu_seconds) FROM jobs WHERE status <> 'waiting'") or [(None,)]
+        return {
+            "name": plan.get("name", self.place.name),
+            "backend": plan.get("backend"),
+            "keep": plan.get("keep"),
+            "running": self.runner() is not None,
+            "total": total,
+            "done": done,
+            "success": counts.get("success", 0),
+            "counts": counts,
+            "jobs": jobs,
+            "cpu_seconds_a_job": seconds,
+        }
+
+    def jobs_behind(self, what: Behind, value: str, label: str) -> list[dict[str, JsonValue]]:
+        """Return the jobs that a figure counts; `label`: of one recipe, or of all (empty).
+
+        Raises PicktreeError for a place that is none.
+        """
+        values: dict[str, object] = {"value": value, "label": label, "side": CELL_SIDE}
+        if what == "place":
+            try:
+                values["x"], values["y"] = map(float, value.split())
+            except ValueError:
+                raise PicktreeError(f"{value!r} is no place of the table: two numbers, m") from None
+        recipe = " AND variant = :label" if label else ""
+        rows = self._rows(
+            f"SELECT {_JOB} FROM jobs WHERE status <> 'waiting' AND {_CONDITIONS[what]}{recipe} "
+            f"ORDER BY status = 'success', number LIMIT {MAX_JOBS}",
+            values,
+        )
+        names = (
+            "job",
+            "number",
+            "label",
+            "seed",
+            "status",
+            "sorted",
+            "items",
+            "seconds",
+            "look_at",
+            "folder",
+        )
+        return [dict(zip(names, row, strict=True)) for row in rows]
+
+    def _rows(self, sql: str, values: Mapping[str, object] | None = None) -> list[tuple[Any, ...]]:
+        path = self.place / RESULTS_FILE
+        if not path.is_file():
+            return []  # it is being made
+        try:
+            with closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as connection:
+                return list(connection.execute(sql, dict(values or {})))
+        except sqlite3.Error as error:
+            raise PicktreeError(f"{self.place.name}/{RESULTS_FILE} cannot be read: {error}") from None
+
+
+def _is_batch(process: int) -> bool:
+    """Whether a process is a command on batches, as far as the system tells."""
+    try:
+        words = Path(f"/proc/{process}/cmdline").read_bytes().split(b"\0")
+    except OSError:
+        return process > 0 and not Path("/proc/self").exists()
+    return b"batch" in words
+
+
+def newest_first(folders: list[Path]) -> Iterator[BatchFolder]:
+    """Yield the batches, the one that was written last first."""
+
+    def written(folder: Path) -> float:
+        with suppress(OSError):
+            return (folder / RESULTS_FILE).stat().st_mtime
+        return 0.0
+
+    for folder in sorted(folders, key=written, reverse=True):
+        with suppress(PicktreeError):
+            yield BatchFolder(folder)
+
+
+KEYS: Final = (
+    *("name", "missions", "scenes", "robots", "faults", "seeds", "set"),
+    *("backend", "verify", "limit", "wall_limit", "memory", "disk", "keep"),
+)
+"""Keys of a plan in the order in which the form writes new ones."""
+_PLAIN: Final = re.compile(r"[A-Za-z_][\w./ -]*|\d+:\d+")
+_WORDS: Final = frozenset({"true", "false", "null", "yes", "no", "on", "off"})
+
+
+def form_of(text: str) -> Mapping[str, JsonValue]:
+    """Return the keys of a plan with their values. Raises FileError for a text that is no YAML."""
+    value = read(text, "plan").root.value
+    given = value if isinstance(value, dict) else {}
+    return {key: given[key] for key in KEYS if key in given}  # type: ignore[misc]
+
+
+def with_key(text: str, key: str, value: JsonValue) -> str:
+    """Return the text with one key changed; None takes it out. All other lines stay as they are.
+
+    Raises FileError for a text that is no YAML, PicktreeError for one whose keys cannot be told by lines.
+    """
+    if key not in KEYS:
+        raise PicktreeError(f"a plan has no key {key!r}")
+    root = read(text, "plan").root
+    lines = text.splitlines(keepends=True)
+    written = [] if value is None else [f"{key}: {_yaml(value)}\n"]
+    if key in root.keys:
+        first, last = _lines_of(root, key, lines)
+        return "".join([*lines[:first], *written, *lines[last:]])
+    if lines and not lines[-1].endswith("\n"):
+        lines[-1] += "\n"
+    place = max(
+        (_lines_of(root, each, lines)[1] for each in _before(key) if each in root.keys), default=len(lines)
+    )
+    return "".join([*lines[:place], *written, *lines[place:]])
+
+
+def _before(key: str) -> tuple[str, ...]:
+    return ("picktree", "kind", *KEYS[: KEYS.index(key)])
+
+
+def _lines_of(root: YamlNode, key: str, lines: list[str]) -> tuple[int, int]:
+    """Return the lines of a key with its value; comments and empty lines behind it are not among them."""
+    marks = sorted(mark.line for mark in root.keys.values())
+    first = root.keys[key].line - 1
+    if marks.count(first + 1) > 1 or root.keys[key].column != 1:
+        raise PicktreeError("write one key a line, then the form can change it")
+    last = next((line - 1 for line in marks if line > first + 1), len(lines))
+    while last > first + 1 and (not lines[last - 1].strip() or lines[last - 1].startswith("#")):
+        last -= 1
+    return first, last
+
+
+def _yaml(value: JsonValue) -> str:
+    """Return a value in the flow style, on one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{_yaml(key)}: {_yaml(each)}" for key, each in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_yaml, value)) + "]"
+    if isinstance(value, str) and _PLAIN.fullmatch(value) and value.lower() not in _WORDS:
+        return value.strip()
+    return orjson.dumps(value).decode()
+
 
 PATIENCE: Final = 120.0
 """Longest time that a question to a command may take, wall s."""

@@ -11,23 +11,21 @@ from typing import Final
 
 import yaml
 
-from ...authoring.drawing.chart import symbol_of
+from ...authoring.editor.cursor import read_repaired
+from ...authoring.editor.mission_outline import Outline, outline
 from ...authoring.editor.open_file import OpenFile, library_trees
-from ...authoring.editor.outline import Outline, outline
 from ...authoring.editor.syntax import Source, Syntax, source_of
-from ...authoring.editor.text_repair import read_repaired
 from ...authoring.file_kinds import file_schema
+from ...authoring.mission_chart import symbol_of
 from ...authoring.schema.schema_parts import Schema
-from ...files.errors import PicktreeError
-from ...files.marks import FileError
+from ...files.errors import FileError, PicktreeError
 from ...files.yaml.document import Document, read_document
 from ...trees.declaration import NodeDeclaration
-from ...trees.fault_collector import MissionDiagnostics
+from ...trees.loading.loader import IncludeReader
 from ...trees.loading.plugin import PLUGINS_VARIABLE
+from ...trees.loading.port_reader import TreePorts
 from ...trees.loading.registry import NodeRegistry, installed_entries
-from ...trees.loading.tree_ports import TreePorts
-from ...trees.loading.tree_set import IncludeReader
-from ...trees.mission import LIBRARY, MAIN, FilesOnDisk, path_of
+from ...trees.mission import LIBRARY, MAIN, FilesOnDisk, MissionDiagnostics, path_of
 
 _KEPT: Final = 16
 

@@ -12,7 +12,7 @@ from typing import Final
 from starlette.routing import BaseRoute
 
 from ...files.errors import PicktreeError
-from ...files.shipped_files import ROOT
+from ...files.file_system import ROOT
 from .calls import JsonValue, call
 from .slice import Studio
 

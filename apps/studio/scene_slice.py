@@ -3,23 +3,127 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from starlette.routing import BaseRoute
 
-from ...authoring.editor.pieces import scalar
 from ...authoring.editor.syntax import NotEditable, Source
-from ...authoring.editor.text_changes import changes
-from ...authoring.editor.text_edits import replace_value
+from ...authoring.editor.text_edits import changes, replace_value, scalar
 from ...files.errors import PicktreeError
-from ...world.scene.scene_loading import scene_names
-from . import scenes
+from ...files.yaml.document import read_document
+from ...world.colours import COLOURS
+from ...world.scene.description import SceneDescription
+from ...world.scene.scene_loading import SHIPPED, check_scene, load_scene, scene_names
+from ...world.values import Pose
 from .answers import Places, change_values
 from .calls import JsonValue, call
 from .slice import Studio
 from .worker import Worker
+
+if TYPE_CHECKING:
+    from ...logs.triangle_meshes import Mesh
+
+_GREY = (0.6, 0.6, 0.6)
+
+
+def spawned(name: str, beside: Path, seed: int, text: str | None) -> dict[str, Any]:
+    """Return what stands in a scene when a run with this seed begins, before items settle.
+
+    `beside`: folder of the mission; `text`: the scene file's text where it is not saved.
+    """
+    # The server names these functions, but only its worker loads what they need.
+    from ...logs.triangle_meshes import part_mesh, shape_mesh
+    from ...simulation.spawn import displace_fixtures, spawn_items
+
+    scene = _scene(name, beside, text)
+    bodies: list[dict[str, Any]] = []
+    for fixture in displace_fixtures(scene, seed).fixtures:
+        mesh = part_mesh(fixture.shape, fixture.holes)
+        bodies.append(_body(str(fixture.id), "fixture", mesh, fixture.pose, fixture.colour))
+    for each in scene.bins:
+        parts = [shape_mesh(box).placed(each.pose.inverse() @ pose) for box, pose in each.parts()]
+        bodies += [_body(str(each.id), "bin", part, each.pose, each.colour) for part in parts]
+    for item in spawn_items(scene, seed):
+        bodies.append(_body(str(item.id), "item", shape_mesh(item.entry.shape), item.pose, item.colour))
+    file = Path(scene.source)
+    return {
+        "name": scene.name,
+        "file": "" if file.parent == SHIPPED else str(file),
+        "bodies": bodies,
+        "cameras": [
+            {"name": camera.name, "fov": camera.fov, "size": list(camera.size), **_pose(camera.pose)}
+            for camera in scene.cameras
+            if camera.on == "world"
+        ],
+        "views": [camera.name for camera in scene.cameras],
+    }
+
+
+def robot(name: str, beside: Path, text: str | None) -> dict[str, Any]:
+    """Return the collision geometry of the scene's robot at `home`."""
+    scene = _scene(name, beside, text)
+    return _robot(scene.robot, str(Path(scene.source).parent))
+
+
+@lru_cache(maxsize=2)
+def _robot(name: str, beside: str) -> dict[str, Any]:
+    from ...analysis.render.snapshots import home_mesh
+    from ...world.robot_model.robot_file import load_robot
+
+    return {"robot": name, **_mesh(home_mesh(load_robot(name, Path(beside))))}
+
+
+def camera_view(name: str, beside: Path, seed: int, camera: str, text: str | None) -> dict[str, Any]:
+    """Return what a camera sees when a run with this seed begins in physics, as pictures (data URLs)."""
+    import cv2
+    import numpy as np
+
+    from ...session.cell import CellSession
+
+    if text is not None:
+        raise PicktreeError("the scene is not saved: save it, and the camera sees it")
+    scene = _scene(name, beside, None)
+    with CellSession(scene.source, backend="physics", seed=seed) as cell:
+        image = cell.capture(camera)
+    depth = image.depth
+    seen = depth[depth > 0]
+    near, far = (float(seen.min()), float(seen.max())) if seen.size else (0.0, 1.0)
+    grey = np.where(depth > 0, 255 - 215 * (depth - near) / max(far - near, 1e-6), 0).astype(np.uint8)
+    pictures = {"colour": cv2.cvtColor(image.colour, cv2.COLOR_RGB2BGR), "depth": grey}
+    values: dict[str, Any] = {"near": near, "far": far}
+    for kind, pixels in pictures.items():
+        written, data = cv2.imencode(".png", pixels)
+        if not written:
+            raise PicktreeError("the picture cannot be encoded")
+        values[kind] = f"data:image/png;base64,{base64.b64encode(data.tobytes()).decode()}"
+    return values
+
+
+def _scene(name: str, beside: Path, text: str | None) -> SceneDescription:
+    if text is None:
+        return load_scene(name, beside)
+    return check_scene(read_document(beside / name, "scene", text)).required()
+
+
+def _body(name: str, kind: str, mesh: Mesh, pose: Pose, colour: str) -> dict[str, Any]:
+    paint = list(COLOURS.get(colour, _GREY))
+    return {"name": name, "kind": kind, "colour": paint, **_pose(pose), **_mesh(mesh)}
+
+
+def _pose(pose: Pose) -> dict[str, Any]:
+    return {"position": list(map(float, pose.position)), "quaternion": list(map(float, pose.orientation))}
+
+
+def _mesh(mesh: Mesh) -> dict[str, Any]:
+    return {
+        "vertices": [round(float(value), 5) for value in mesh.vertices.ravel()],
+        "faces": [int(value) for value in mesh.faces.ravel()],
+    }
 
 
 class SceneSlice:
@@ -39,13 +143,13 @@ class SceneSlice:
     async def show(self, mission: str, scene: str, seed: int, text: str | None = None) -> JsonValue:
         """Return what a scene holds when a run with a seed begins; `text`: its file's, where not saved."""
         beside = self._beside(mission, scene)
-        found = await self._worker.run(scenes.spawned, scene, beside, seed, text)
+        found = await self._worker.run(spawned, scene, beside, seed, text)
         return {**found, "file": "" if scene in scene_names() else self._below(beside / scene)}
 
     @call("scene.robot")
     async def robot(self, mission: str, scene: str, text: str | None = None) -> JsonValue:
         """Return the scene's robot at `home` as a mesh."""
-        return await self._worker.run(scenes.robot, scene, self._beside(mission, scene), text)
+        return await self._worker.run(robot, scene, self._beside(mission, scene), text)
 
     @call("scene.camera")
     async def camera(
@@ -53,7 +157,7 @@ class SceneSlice:
     ) -> JsonValue:
         """Return what a camera sees when a run with a seed begins in physics, as data URLs."""
         beside = self._beside(mission, scene)
-        return await self._worker.run(scenes.camera_view, scene, beside, seed, camera, text)
+        return await self._worker.run(camera_view, scene, beside, seed, camera, text)
 
     @call("scene.move")
     async def move(self, text: str, fixture: str, x: float, y: float) -> JsonValue:

@@ -1,4 +1,4 @@
-"""Server of the studio: the page, the files that it may show, and the WebSocket of calls."""
+"""Server of the studio: the page, the files that it may show, its slices, and the WebSocket of calls."""
 
 from __future__ import annotations
 
@@ -20,14 +20,34 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket
 
-from ...authoring.drawing import shapes
+from ...authoring import svg_drawing
 from ...files.errors import PicktreeError
+from .batch_slice import BatchSlice
 from .calls import Registry, Viewer
+from .folder_slice import FolderSlice
 from .jobs import Jobs
+from .live_slice import LiveSlice
+from .mission_slice import MissionSlice
+from .run_slice import RunSlice
+from .scene_slice import SceneSlice
 from .security import MAX_MESSAGE, SANDBOXED, Guard
 from .slice import Slice, Studio
-from .slices import slices
 from .workspace import Workspace
+
+MAKERS: Final[tuple[Callable[[Studio], Slice], ...]] = (
+    FolderSlice,
+    MissionSlice,
+    SceneSlice,
+    RunSlice,
+    LiveSlice,
+    BatchSlice,
+)
+
+
+def slices(studio: Studio) -> tuple[Slice, ...]:
+    """Return the slices of a server."""
+    return tuple(make(studio) for make in MAKERS)
+
 
 HOST: Final = "127.0.0.1"
 FIRST_PORT: Final = 8420
@@ -107,15 +127,15 @@ async def _colour_sheet(_: Request) -> Response:
         return " ".join(f"--{name}: {value};" for name, value in colours.items())
 
     text = (
-        f":root {{ color-scheme: light; {variables(shapes.LIGHT_COLOURS)} }}\n"
-        f':root[data-theme="dark"] {{ color-scheme: dark; {variables(shapes.DARK_COLOURS)} }}\n'
+        f":root {{ color-scheme: light; {variables(svg_drawing.LIGHT_COLOURS)} }}\n"
+        f':root[data-theme="dark"] {{ color-scheme: dark; {variables(svg_drawing.DARK_COLOURS)} }}\n'
     )
     return Response(text, media_type="text/css")
 
 
 async def _symbol_sheet(_: Request) -> Response:
     """Return the symbols of nodes in drawn trees, for `use` by their names."""
-    symbols = shapes.definitions(shapes.ALL_ICONS)
+    symbols = svg_drawing.definitions(svg_drawing.ALL_ICONS)
     text = f'<svg xmlns="http://www.w3.org/2000/svg">{symbols}</svg>'
     return Response(text, media_type="image/svg+xml")
 

@@ -12,8 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from typing import Final, ParamSpec, TypeVar
 
-from ...files.errors import PicktreeError
-from ...files.marks import Diagnostic, FileError
+from ...files.errors import Diagnostic, FileError, PicktreeError
 from ...trees.loading.plugin import PLUGINS_VARIABLE
 
 P = ParamSpec("P")

@@ -1,26 +1,27 @@
-"""Completion: what may be written at the cursor, by the schema of the file and the keys of its tree."""
+"""Completion: what may be written at the cursor, by the file's schema and the keys of its tree, and
+skeletons for an empty text.
+"""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, cast
+from typing import Final, Literal, TypeAlias, cast
 
-from ...files.marks import Location
+from ...files.errors import Location
+from ...files.yaml.document import KINDS
 from ...files.yaml.reader import resolve
 from ...trees.declaration import PRECONDITIONS
 from ...trees.references import ATTRIBUTES
-from ...world.belief.facts import FACTS
-from ..schema.schema_parts import Schema, schema
-from .cursor import Cursor
+from ...world.world_facts import FACTS
+from ..schema.schema_parts import Schema, header, schema
+from .cursor import CURSOR, Cursor, Place, Span
 from .schema_walk import SchemaWalk, markdown_of, node_ids, types_of
-from .text_repair import CURSOR
 from .tree_keys import assigns, key_places, tree_of
 
 ProposalKind: TypeAlias = Literal["node", "tree", "key", "value", "blackboard", "skeleton"]
-
 _OPEN_REFERENCE = re.compile(rf"\{{(?P<written>@?[\w.]*){CURSOR}")
 _PLAIN = re.compile(r"[A-Za-z_][\w ./-]*")
 
@@ -74,9 +75,6 @@ def proposals(cursor: Cursor, walk: SchemaWalk, library: Iterable[tuple[str, str
     return list(found.values())
 
 
-# Keys of the blackboard.
-
-
 def _keys(cursor: Cursor, walk: SchemaWalk, written: str, *, braces: bool) -> Iterator[Proposal]:
     close = _closing(cursor) if braces else ""
     if "." in written:
@@ -104,9 +102,6 @@ def _closing(cursor: Cursor) -> str:
         return ""
     quoted = cursor.before.rstrip("{").endswith('"')
     return "}" + ('"' if quoted and not cursor.behind.startswith('"') else "")
-
-
-# Nodes and sub-trees.
 
 
 def _nodes(
@@ -154,9 +149,6 @@ def _stop(number: int, properties: Schema, key: str) -> str:
     """Return a tab stop with a usual value of the key."""
     usual = _examples(schema(properties.get(key)))
     return f"${{{number}:{escaped(_yaml(usual[0]))}}}" if usual else f"${number}"
-
-
-# Keys and values.
 
 
 def _mapping_keys(cursor: Cursor, walk: SchemaWalk, parts: list[Schema]) -> Iterator[Proposal]:
@@ -210,3 +202,98 @@ def _yaml(value: object) -> str:
 def escaped(text: str) -> str:
     """Return a text in which a snippet's signs stand for themselves."""
     return re.sub(r"[\\$}]", r"\\\g<0>", text)
+
+
+SKELETONS: Final[Mapping[str, str]] = {
+    "mission": """\
+picktree: 1
+kind: mission
+name: my mission
+scene: sort_small
+trees:
+  Main:
+    Sequence:
+      - Observe: {camera: overhead, objects: "{items}"}
+      - ForEach: {in: "{items}", out: "{item}", on_failure: continue, do: {SortOne: {item: "{item}"}}}
+      - Fallback: [{GoTo: {pose: home}}, SafeRetreat]
+  SortOne:
+    ports: {item: {type: object}}
+    Recover:
+      attempts: 3
+      do:
+        Sequence:
+          - Grasp: {object: "{item}"}
+          - Place: {object: "{item}", into: "{item.destination}"}
+      otherwise: [SafeRetreat, {Observe: {camera: overhead}}]
+      give_up: [{SafeRetreat: {hand: open}}]
+""",
+    "scene": """\
+picktree: 1
+kind: scene
+base: sort_small
+spawn:
+  - of: {block: 2, ball: 2}
+    colours: [red, blue]
+    area: {min: [0.38, -0.20], max: [0.62, 0.20]}
+""",
+    "faults": """\
+picktree: 1
+kind: faults
+scene: sort_small
+faults:
+  - {fault: slip, when: {node: Place, delay: 300 ms}, lasts: 400 ms}
+""",
+    "cases": """\
+picktree: 1
+kind: cases
+mission: ../mission.yaml
+objects:
+  near: {kind: block, colour: red}
+cases:
+  one_item:
+    expect: {status: SUCCESS}
+""",
+    "plan": """\
+picktree: 1
+kind: plan
+missions: [mission.yaml]
+seeds: 0:20
+""",
+}
+"""Shortest useful file of each kind; a robot file is proposed by `picktree robot new`."""
+
+
+def _head() -> Schema:
+    keys = header(KINDS[0])
+    kind: Schema = {"enum": list(KINDS), "description": keys["kind"]["description"]}
+    return {"type": "object", "properties": keys | {"kind": kind}}
+
+
+_HEAD = SchemaWalk(_head())
+_WORD = re.compile(r"[\w ]*")
+
+
+def skeletons(text: str, place: Place) -> tuple[Span, list[Proposal]] | None:
+    """Return the skeletons for a text of at most one word, and the word; None for another text.
+
+    Comments do not count.
+    """
+    lines = text.split("\n")
+    content = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
+    word = lines[place.line].rstrip("\r") if place.line < len(lines) else ""
+    if content not in ([], [lines[place.line]]) or not _WORD.fullmatch(word):
+        return None
+    span = Span(Place(place.line, 0), Place(place.line, len(word)))
+    return span, list(_proposed())
+
+
+def _proposed() -> Iterator[Proposal]:
+    for kind, text in SKELETONS.items():
+        doc = f"Skeleton of a {kind} file.\n\n```yaml\n{text}```"
+        yield Proposal(f"picktree {kind}", "skeleton", f"{escaped(text)}$0", doc)
+
+
+def head_proposals(cursor: Cursor) -> list[Proposal]:
+    """Return the keys and values at the top of a file without a kind; empty where other keys stand."""
+    known = set(cursor.root.entries) - {cursor.scalar} <= {"picktree", "kind"}
+    return proposals(cursor, _HEAD) if known else []

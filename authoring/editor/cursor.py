@@ -1,14 +1,184 @@
-"""Cursor in a YAML text: the key or value in which it stands, also in a text that is being written."""
+"""Cursor in a YAML text that is being written: its key or value, and repair of the text for the reader."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Final
 
-from ...files.marks import Location, Mark
-from ...files.yaml.reader import YamlNode
-from .text_repair import CURSOR, read_repaired
+from ...files.errors import FileError, Location, Mark
+from ...files.yaml.reader import YamlNode, YamlReadResult, read
+
+CURSOR: Final = "\ue000"
+"""Sign of the cursor, of the private use area: YAML reads it as a letter, and no file contains it."""
+MAX_BLANKED: Final = 8
+"""Maximum number of unreadable lines that are left out, one after the other."""
+_CLOSERS = {"{": "}", "[": "]"}
+_ENTRY = re.compile(r"[ ]*(?:- |-$|[\w.*-]+:(?: |$))")
+_BARE = re.compile(rf"(?P<indent> *)(?P<dashes>(?:- +)*)[\w{CURSOR}][^:#{{}}\[\]\"',&|>]*")
+_KEY = re.compile(r"(?P<indent> *)(?P<dashes>(?:- +)*)(?:[\w.*]+|\"[^\"]*\")[ ]*:(?: |$)")
+_REFERENCE = re.compile(rf"\{{(?:=[^\"'#}}]*|[@\w.{CURSOR}]*)\}}?")
+_BEFORE_QUOTE = " \t[{,:-"
+
+
+@dataclass(slots=True)
+class _Open:
+    """An open bracket: its character, and the indent of the line in which it stands."""
+
+    bracket: str
+    indent: int
+
+
+@dataclass(slots=True)
+class _Repair:
+    """State of one repair: finished lines, and the brackets that are open behind them."""
+
+    lines: list[str] = field(default_factory=list[str])
+    open: list[_Open] = field(default_factory=list[_Open])
+    ends: list[int] = field(default_factory=list[int])
+    """Index behind the last character of each line that is no comment."""
+
+    def close(self) -> None:
+        """Close all open brackets at the end of the last line with content."""
+        closers = "".join(_CLOSERS[each.bracket] for each in reversed(self.open))
+        self.open.clear()
+        at = next(
+            (n for n in reversed(range(len(self.lines))) if self.lines[n][: self.ends[n]].strip()), None
+        )
+        if at is not None and closers:
+            line, end = self.lines[at], self.ends[at]
+            self.lines[at] = (
+                line[:end].rstrip() + closers + " " + line[end:] if line[end:] else line + closers
+            )
+
+    def add(self, line: str) -> None:
+        indent = len(line) - len(line.lstrip(" "))
+        if self.open and line.strip() and not line.lstrip().startswith("#"):
+            outside = indent <= self.open[0].indent and line.lstrip()[:1] not in "]}"
+            if outside or line.lstrip().startswith("- "):
+                self.close()
+        line, end = self._scan(line, indent)
+        self.lines.append(line)
+        self.ends.append(end)
+
+    def _scan(self, line: str, indent: int) -> tuple[str, int]:
+        """Follow brackets and quotes through a line; return it repaired, and where its comment begins."""
+        at, flow = 0, bool(self.open)
+        while at < len(line):
+            letter = line[at]
+            before = line[at - 1] if at else " "
+            if letter == "#" and before in " \t":
+                return line, at
+            if letter in "\"'" and before in _BEFORE_QUOTE:
+                line, at = self._quoted(line, at)
+                continue
+            if letter in _CLOSERS and (self.open or before in _BEFORE_QUOTE):
+                self.open.append(_Open(letter, indent))
+                flow = True
+            elif letter in "]}" and flow:
+                line, at = self._closed(line, at)
+            at += 1
+        return line, len(line)
+
+    def _closed(self, line: str, at: int) -> tuple[str, int]:
+        """Match a closing bracket; missing ones are put before it, one without an opener is blanked."""
+        missing = ""
+        for depth, opened in enumerate(reversed(self.open)):
+            if _CLOSERS[opened.bracket] == line[at]:
+                del self.open[len(self.open) - depth - 1 :]
+                return line[:at] + missing + line[at:], at + len(missing)
+            missing += _CLOSERS[opened.bracket]
+        return f"{line[:at]} {line[at + 1 :]}", at
+
+    def _quoted(self, line: str, at: int) -> tuple[str, int]:
+        """Return the line with this quoted text closed, and the index behind it."""
+        quote, end = line[at], at + 1
+        while end < len(line) and line[end] != quote:
+            end += 2 if quote == '"' and line[end] == "\\" else 1
+        if end < len(line):
+            return line, end + 1
+        reference = _REFERENCE.match(line, at + 1)
+        if reference is None:
+            comment = line.find(" #", at)
+            stop = comment if comment >= 0 else len(line)
+            return f"{line[:stop]}{quote}{line[stop:]}", stop + 1
+        stop = reference.end()
+        closed = line[:stop] + ("" if line[stop - 1] == "}" else "}") + quote
+        return closed + line[stop:], len(closed)
+
+
+def repaired(text: str) -> str:
+    """Return the text with closed brackets and quotes, and with colons behind bare keys."""
+    repair = _Repair()
+    for line in text.split("\n"):
+        repair.add(line)
+    repair.close()
+    return "\n".join(_with_colons(repair.lines))
+
+
+def _with_colons(lines: list[str]) -> list[str]:
+    return [_with_colon(lines, number) for number in range(len(lines))]
+
+
+def _with_colon(lines: list[str], number: int) -> str:
+    """Return a line with a colon where its neighbours show that a bare word in it is a key."""
+    line = lines[number]
+    bare = _BARE.fullmatch(line.rstrip())
+    if bare is None:
+        return line
+    column = bare.end("dashes")
+    below = next((each for each in lines[number + 1 :] if each.strip()), "")
+    key = _KEY.match(below)
+    if key is not None and key.end("indent") == column and not key["dashes"]:
+        return line.rstrip() + ":"
+    if len(below) - len(below.lstrip()) > column:
+        return line.rstrip() + ":"
+    if bare["dashes"]:
+        return line
+    for above in reversed(lines[:number]):
+        indent = len(above) - len(above.lstrip())
+        if above.strip() and not above.lstrip().startswith("#") and indent <= column:
+            key = _KEY.match(above)
+            same = key is not None and key.end("dashes") == column
+            return line.rstrip() + ":" if same else line
+    return line
+
+
+def with_key_at_cursor(text: str) -> str:
+    """Return the text with a colon behind the cursor's word, where that word is a key of a block."""
+    lines = text.split("\n")
+    for number, line in enumerate(lines):
+        if CURSOR in line:
+            lines[number] = _with_colon(lines, number)
+    return "\n".join(lines)
+
+
+def read_repaired(text: str, file: str) -> tuple[YamlReadResult, str] | None:
+    """Read a text as far as it can be read; return also the text that was read. None: nothing is left."""
+    for attempt in (with_key_at_cursor(text), repaired(text), repaired(_cut_behind_cursor(text))):
+        try:
+            return read(attempt, file), attempt
+        except FileError as error:
+            fault = error.faults[0]
+    lines = repaired(_cut_behind_cursor(text)).split("\n")
+    for _ in range(MAX_BLANKED):
+        wrong = min(fault.mark.line, len(lines)) - 1
+        while wrong > 0 and not lines[wrong].strip():
+            wrong -= 1
+        lines[wrong] = ""
+        attempt = repaired("\n".join(lines))
+        try:
+            return read(attempt, file), attempt
+        except FileError as error:
+            fault = error.faults[0]
+    return None
+
+
+def _cut_behind_cursor(text: str) -> str:
+    """Return the text without the rest of the cursor's line behind its word."""
+    return re.sub(rf"({CURSOR}[\w.]*[\"'}}]*)[^\n]*", r"\1", text)
+
 
 _WORD_BEFORE = re.compile(r"[\w.*/+-]*\Z")
 _WORD_BEHIND = re.compile(r"[\w*/+-]*")

@@ -9,23 +9,29 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TypeAlias
 
-from ...files.errors import PicktreeError
-from ...files.marks import Mark
+from ...files.errors import Mark, PicktreeError
 from ...files.yaml.document import KINDS, Document, read_document
 from ...files.yaml.reader import YamlNode
 from ...trees.loading.registry import NodeRegistry
 from ...trees.mission import IN_LIBRARY, LIBRARY, MAIN, FilesOnDisk, library_names, path_of
-from ..schema.mission_context import any_mission, mission_files, one_mission
-from ..schema.mission_schema import MissionSpecifics, mission_schema
+from ..schema.mission import MissionSpecifics, any_mission, mission_files, mission_schema, one_mission
 from ..schema.schema_parts import Schema
-from .completion import Proposal, is_expression, proposals
-from .cursor import Cursor, Place, Span, cursor_at, cursor_on
-from .definitions import called_name, calls_of, definition, key_references, tree_mark
-from .document_symbols import DocumentSymbol, document_symbols
-from .file_start import head_proposals, skeletons
-from .navigation import Edit, hover, rename, renamed_span, written_span
+from .completion import Proposal, head_proposals, is_expression, proposals, skeletons
+from .cursor import Cursor, Place, Span, cursor_at, cursor_on, read_repaired
+from .navigation import (
+    Edit,
+    called_name,
+    calls_of,
+    definition,
+    hover,
+    key_references,
+    rename,
+    renamed_span,
+    tree_mark,
+    written_span,
+)
 from .schema_walk import SchemaWalk
-from .text_repair import read_repaired
+from .symbols import DocumentSymbol, document_symbols
 from .tree_keys import key_places
 
 SchemaOf: TypeAlias = Callable[[str], Schema]

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from typing import cast
 
-from ...files.marks import Location
+from ...files.errors import Location
 from ..schema.schema_parts import Schema, schema, schemas
 
 _NODE = "#/definitions/node."

@@ -14,8 +14,7 @@ from typing import Literal, TypeAlias
 
 import yaml
 
-from ...files.errors import PicktreeError
-from ...files.marks import Location
+from ...files.errors import Location, PicktreeError
 from ...files.yaml.reader import resolve
 
 SyntaxKind: TypeAlias = Literal["scalar", "mapping", "list", "alias"]

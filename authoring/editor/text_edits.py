@@ -1,17 +1,182 @@
-"""Changes of a YAML text at one place: an item or entry added, replaced or removed.
-
-Each function returns the whole new text. Its other lines are the same, unless brackets that stand in one line
-grow too long for it: then they become a block.
+"""Edits of a YAML text at one place: an item or entry added, replaced or removed, and the pieces of text
+that are put there.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from difflib import SequenceMatcher
+from typing import Literal, TypeAlias
 
-from ...files.marks import Location
-from .pieces import ROOM, Piece, block_piece, entry_lines, listing, mapping, piece_of, scalar
+from ...files.errors import Location
+from ...files.yaml.writer import MAX_LINE_LENGTH, scalar_text
 from .syntax import Lines, NotEditable, Source, Syntax, source_of
+
+PieceKind: TypeAlias = Literal["scalar", "mapping", "list", "raw"]
+_UNSAFE_IN_FLOW = re.compile(r"[\[\]{},]|: |:$|\s#")
+
+
+@dataclass(slots=True)
+class Piece:
+    """Value that can be placed. `inline`: its text in one line; None where it cannot be written so."""
+
+    kind: PieceKind
+    inline: str | None
+    entries: list[tuple[str, Piece]] = field(default_factory=list["tuple[str, Piece]"])
+    items: list[Piece] = field(default_factory=list["Piece"])
+    raw: tuple[str, ...] = ()
+    """Lines of a block, as they stand in the source, at column 0."""
+    above: tuple[str, ...] = ()
+    """Comments that stand above it as an item of a block."""
+    block: bool = False
+    """Whether it was a block, and remains one where a block can stand."""
+
+    def fits(self, room: int) -> bool:
+        """Whether it is to be written in one line with `room` characters."""
+        if self.inline is None:
+            return False
+        return self.kind == "scalar" or (not self.block and len(self.inline) <= room)
+
+    def lines(self, room: int) -> list[str]:
+        """Return its lines as a block at column 0; `room`: characters of a line."""
+        match self.kind:
+            case "raw":
+                return list(self.raw)
+            case "mapping" if self.entries:
+                return [line for key, value in self.entries for line in entry_lines(key, value, room)]
+            case "list" if self.items:
+                return [line for item in self.items for line in (*item.above, *item.item_lines(room))]
+            case _:
+                return [self.inline or ""]
+
+    def item_lines(self, room: int, dash: str = "- ") -> list[str]:
+        """Return its lines as an item of a block list."""
+        single = self.kind == "mapping" and len(self.entries) == 1
+        if not single and self.kind != "raw" and self.inline is not None and len(self.inline) <= room - 2:
+            lines = [self.inline]
+        else:
+            lines = self.lines(room - len(dash))
+        blank = " " * len(dash)
+        return [f"{dash}{lines[0]}", *(f"{blank}{line}" if line.strip() else line for line in lines[1:])]
+
+
+def entry_lines(key: str, value: Piece, room: int, comment: str = "") -> list[str]:
+    """Return the lines of an entry of a block mapping; `key` is its text, and `comment` stands behind it."""
+    if value.fits(room - len(key) - 2):
+        return [f"{key}: {value.inline}{comment}" if value.inline else f"{key}:{comment}"]
+    return [f"{key}:{comment}", *(f"  {line}" if line.strip() else line for line in value.lines(room - 2))]
+
+
+def key_text(key: str) -> str:
+    """Return a key as a file writes it: keys are texts, so a number needs no quotes."""
+    return key if re.fullmatch(r"\w+", key, re.ASCII) else scalar_text(key)
+
+
+def scalar(text: str) -> Piece:
+    """Return the piece of a value's text in one line, as it is to be written."""
+    return Piece("scalar", text)
+
+
+def mapping(entries: list[tuple[str, Piece]], *, block: bool = False) -> Piece:
+    parts = [None if value.inline is None else f"{key}: {value.inline}".rstrip() for key, value in entries]
+    return Piece("mapping", _joined("{", parts, "}"), entries=entries, block=block)
+
+
+def listing(items: list[Piece], *, block: bool = False) -> Piece:
+    return Piece("list", _joined("[", [item.inline for item in items], "]"), items=items, block=block)
+
+
+def _joined(opening: str, parts: list[str | None], closing: str) -> str | None:
+    if any(part is None for part in parts):
+        return None
+    return f"{opening}{', '.join(part or '' for part in parts)}{closing}"
+
+
+def call(identity: str, body: Piece | None) -> Piece:
+    """Return a node: its ID alone, or with its body."""
+    if body is None:
+        return scalar(identity)
+    return mapping([(identity, body)], block=body.block)
+
+
+def piece_of(source: Source, node: Syntax) -> Piece:
+    """Return a value of the source as a piece, without the comments around it."""
+    if node.kind in ("scalar", "alias"):
+        if node.flow and "\n" not in source.slice(node):
+            return scalar(source.slice(node))
+        return Piece("raw", scalar_text(node.text), raw=_dedented(source, node.start, node.end), block=True)
+    if node.flow:
+        return _flow_piece(source, node)
+    return block_piece(source, node, source.line_of(node.end - 1))
+
+
+def block_piece(source: Source, node: Syntax, last_line: int) -> Piece:
+    """Return a block collection as a piece, up to the end of a line."""
+    lines = _dedented(source, node.start, source.end_of(last_line))
+    inline = _one_line(source, node, lines)
+    return Piece("raw", inline, raw=lines, block=inline is None or len(lines) > 1)
+
+
+def _flow_piece(source: Source, node: Syntax) -> Piece:
+    text = source.slice(node)
+    braces = text[:1] in ("{", "[")
+    if node.kind == "mapping":
+        entries = [(source.slice(key), piece_of(source, value)) for key, value in node.entries]
+        piece = mapping(entries)
+    else:
+        piece = listing([piece_of(source, item) for item in node.items])
+    if "\n" in text:
+        if any(" #" in line for line in text.split("\n")):
+            return Piece("raw", None, raw=_dedented(source, node.start, node.end), block=True)
+    elif braces:
+        piece.inline = text
+    if text[:1] == "&":  # an anchor belongs to the whole value
+        return Piece("raw", text if "\n" not in text else None, raw=_dedented(source, node.start, node.end))
+    return piece
+
+
+def _one_line(source: Source, node: Syntax, lines: tuple[str, ...]) -> str | None:
+    """Return a block collection in one line; None where a comment or a text of several lines stands in it."""
+    if any(line.lstrip().startswith("#") or " #" in line for line in lines):
+        return None
+    return _flowed(source, node)
+
+
+def _flowed(source: Source, node: Syntax) -> str | None:
+    text = source.slice(node)
+    if text.startswith("&"):
+        return None
+    if node.kind == "alias":
+        return text
+    if node.kind == "scalar":
+        if not node.flow or "\n" in text:
+            return scalar_text(node.text)
+        return scalar_text(node.text) if node.plain and _UNSAFE_IN_FLOW.search(text) else text
+    if node.flow:
+        return _flow_piece(source, node).inline
+    parts: list[str | None] = []
+    if node.kind == "list":
+        parts = [_flowed(source, item) for item in node.items]
+        return _joined("[", parts, "]")
+    for key, value in node.entries:
+        below = _flowed(source, value)
+        name = _flowed(source, key)
+        parts.append(None if below is None or name is None else f"{name}: {below}".rstrip())
+    return _joined("{", parts, "}")
+
+
+def _dedented(source: Source, start: int, end: int) -> tuple[str, ...]:
+    """Return a part of the text as lines, moved to column 0 by the column at which it begins."""
+    column = source.column(start)
+    first, *rest = source.text[start:end].split("\n")
+    moved = [line[min(column, len(line) - len(line.lstrip(" "))) :] for line in rest]
+    return (first.rstrip(), *(line.rstrip() for line in moved))
+
+
+ROOM = MAX_LINE_LENGTH
+"""Maximum length of a line that an edit writes."""
 
 
 def fragment(source: Source, loc: Location) -> Piece:
@@ -199,9 +364,6 @@ def rename_key(text: str, loc: Location, written: str) -> str:
     return _with(source, found[0].start, found[0].end, written)
 
 
-# Brackets.
-
-
 def _in_brackets(source: Source, loc: Location, change: Callable[[Piece], Piece]) -> str:
     """Lay out the outermost brackets around a location again, with a changed value in them."""
     outer = next(place for place, node in source.trail(loc) if node.flow)
@@ -260,9 +422,6 @@ def _without(source: Source, starts: list[int], ends: list[int], index: int, nod
     return _with(source, ends[index - 1], ends[index], "")
 
 
-# Lines.
-
-
 def _with(source: Source, start: int, end: int, written: str) -> str:
     return source.text[:start] + written + source.text[end:]
 
@@ -286,9 +445,6 @@ def _indented(line: str, column: int) -> str:
 def _plain(key: str) -> str:
     """Return a key's value from its text."""
     return key[1:-1] if key[:1] in ("'", '"') and key[-1:] == key[:1] and len(key) > 1 else key
-
-
-# Entries as nodes: `Inverter: {Condition: …}`, and the root of a tree.
 
 
 def entry_fragment(source: Source, loc: Location, key: str) -> Piece:
@@ -332,3 +488,50 @@ def _exchanged(old: Piece, index: int, piece: Piece) -> Piece:
     if piece.kind != "mapping":
         raise NotEditable("what is written in brackets here is too long: break its lines first")
     return mapping([*old.entries[:index], *piece.entries, *old.entries[index + 1 :]])
+
+
+@dataclass(frozen=True, slots=True)
+class TextChange:
+    """Replacement of the part of a text from `start` to `end`, in code points from 0."""
+
+    start: int
+    end: int
+    text: str
+
+
+def changes(old: str, new: str) -> list[TextChange]:
+    """Return replacements of whole lines, narrowed to the letters that differ, that make `new` of `old`."""
+    before, after = old.splitlines(keepends=True), new.splitlines(keepends=True)
+    head = 0
+    while head < min(len(before), len(after)) and before[head] == after[head]:
+        head += 1
+    tail = 0
+    while tail < min(len(before), len(after)) - head and before[-1 - tail] == after[-1 - tail]:
+        tail += 1
+    middle_old, middle_new = before[head : len(before) - tail], after[head : len(after) - tail]
+    starts = [0]
+    for line in before:
+        starts.append(starts[-1] + len(line))
+    found: list[TextChange] = []
+    matcher = SequenceMatcher(None, middle_old, middle_new, autojunk=False)
+    for tag, a, b, c, d in matcher.get_opcodes():
+        if tag != "equal":
+            start, end = starts[head + a], starts[head + b]
+            found.append(_narrowed(old, start, end, "".join(middle_new[c:d])))
+    return found
+
+
+def _narrowed(old: str, start: int, end: int, written: str) -> TextChange:
+    """Leave out equal letters at both ends."""
+    replaced = old[start:end]
+    head = _common(replaced, written)
+    replaced, written = replaced[head:], written[head:]
+    tail = _common(replaced[::-1], written[::-1])
+    return TextChange(start + head, end - tail, written[: len(written) - tail])
+
+
+def _common(one: str, other: str) -> int:
+    """Return the number of equal letters at the beginning of two texts."""
+    return next(
+        (at for at, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), min(len(one), len(other))
+    )

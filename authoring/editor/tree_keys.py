@@ -10,12 +10,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ...files.marks import Location, Mark
+from ...files.errors import Location, Mark
 from ...files.yaml.reader import YamlNode
 from ...trees.declaration import POSTCONDITIONS, PRECONDITIONS
 from ...trees.mission import MAIN
 from ...trees.references import ROOT_KEY
-from .text_repair import CURSOR
+from .cursor import CURSOR
 
 IsExpression: TypeAlias = Callable[[Location], bool]
 """Whether an expression may stand at a location."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from ...files.marks import Diagnostic
+from ...files.errors import Diagnostic
 from ...trees.loading.loader import SceneNames
 from ...trees.mission import Mission
 from .arm_use import at_the_same_time, cleaning_arm, left_in_hand, nothing_held, started_anew

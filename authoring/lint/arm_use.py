@@ -6,17 +6,17 @@ from collections.abc import Iterator, Mapping
 from itertools import combinations
 from typing import TypeAlias
 
-from ...files.marks import Diagnostic
-from ...trees.controls import (
+from ...files.errors import Diagnostic
+from ...trees.control_nodes import (
+    ParallelNode,
     PipelineSequence,
-    RateController,
     ReactiveFallback,
     ReactiveSequence,
     Sequence,
+    TryCatch,
 )
-from ...trees.controls.interruptible import TryCatch
-from ...trees.controls.parallel import ParallelNode
 from ...trees.declaration import Resource
+from ...trees.decorators import RateController
 from ...trees.flow import IDLE, AtOnce, ChildFlow, Choice, Flow, Loop, Once, Resumed, Turns
 from ...trees.mission import NodeSpec
 from .mission_survey import LintModel

@@ -5,24 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from ...files.expressions.expression import Expression
-from ...files.marks import Diagnostic
-from ...trees.controls import (
-    ForEach,
-    KeepRunningUntilFailure,
-    Parallel,
-    ParallelAll,
-    ReactiveFallback,
-    ReactiveSequence,
-    Repeat,
-    RetryUntilSuccessful,
-    Timeout,
-)
+from ...files.errors import Diagnostic
+from ...files.expressions import Expression
+from ...trees.control_nodes import Parallel, ParallelAll, ReactiveFallback, ReactiveSequence
+from ...trees.data_flow import uses_of
+from ...trees.decorators import ForEach, KeepRunningUntilFailure, Repeat, RetryUntilSuccessful, Timeout
 from ...trees.flow import AGAIN, ChildFlow, LeafFlow, Loop, Recovery
-from ...trees.key_writers import uses_of
 from ...trees.mission import MAIN, NodeSpec, TreeSpec
 from ...trees.node import Node
-from ...world.belief.facts import FACTS
+from ...world.world_facts import FACTS
 from .mission_survey import LintModel
 
 _BY_ITSELF = "time"

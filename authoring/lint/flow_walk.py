@@ -9,27 +9,29 @@ from functools import reduce
 from math import inf
 from typing import cast
 
-from ...files.expressions.expression import Expression
+from ...files.expressions import Expression
 from ...trees.flow import FAILURE, ChildFlow, Loop, Recovery
 from ...trees.mission import NodeSpec
 from ...trees.ports import Required
 from ...trees.references import Constant, PortExpression, Reference
-from ...world.belief.facts import FACTS
 from ...world.causes import perception
 from ...world.causes import tree as tree_causes
 from ...world.causes import world as world_causes
-from .failure_reasons import CauseBits, FailureReasons, joined
+from ...world.world_facts import FACTS
 from .keys import ExpressionShape, KeyBits, shape
 from .outcomes import (
     EMPTY,
     FIRST_FILLER,
     NOTHING,
     SHARED,
+    CauseBits,
     ConcurrentEffect,
+    FailureReasons,
     Failures,
     FlowState,
     Outcomes,
     States,
+    joined,
     tidy,
 )
 

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain
 
-from ...files.expressions.expression import Expression, ExpressionError
-from ...files.expressions.syntax_tree import (
+from ...files.expression_syntax import (
     Attribute,
     ComparisonChain,
     Conditional,
+    ExpressionError,
     ListOf,
     LiteralValue,
     Logic,
@@ -19,9 +19,10 @@ from ...files.expressions.syntax_tree import (
     Part,
     walk,
 )
-from ...files.expressions.syntax_tree import children as parts_of
+from ...files.expression_syntax import children as parts_of
+from ...files.expressions import Expression
+from ...trees.data_flow import KeyUse, uses_of
 from ...trees.flow import Once, Pipeline, Resumed, Turns
-from ...trees.key_writers import KeyUse, uses_of
 from ...trees.mission import MAIN, NodeSpec, TreeSpec
 from ...trees.references import ROOT_KEY, Reference
 

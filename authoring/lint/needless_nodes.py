@@ -6,15 +6,15 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ...files.marks import Diagnostic
-from ...trees.controls import Switch, Timeout
-from ...trees.controls.decorator import Decorator
-from ...trees.key_writers import PlacedNode
+from ...files.errors import Diagnostic
+from ...trees.control_nodes import Switch
+from ...trees.data_flow import PlacedNode
+from ...trees.decorators import Decorator, Timeout
 from ...trees.mission import NodeSpec
 from ...trees.references import ATTRIBUTE_TYPES, Constant, Reference
 from ...world.causes import internal, tree
-from .failure_reasons import UNREPORTED, joined
 from .mission_survey import LintModel
+from .outcomes import UNREPORTED, joined
 
 
 @dataclass(slots=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import posixpath
 from collections.abc import Iterable, Iterator
 
-from ...files.marks import Diagnostic
+from ...files.errors import Diagnostic
 from ...files.value_wording import suggest_name
 from ...files.yaml.document import Document
-from ...trees.key_writers import KeyUse
+from ...trees.data_flow import KeyUse
 from ...trees.mission import IN_LIBRARY, MAIN, TreeSpec, called_by
 from ...trees.ports import PortDeclaration
 from ...trees.references import ROOT_KEY

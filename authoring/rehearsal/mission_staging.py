@@ -9,20 +9,18 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from typing import Any, ClassVar, TypeAlias, cast
 
-from ...files.expressions.expression import Attributes, Expression
-from ...trees.flow import LeafFlow
+from ...files.expressions import Attributes, Expression
+from ...trees.flow import LeafFlow, NodeStatus
 from ...trees.mission import Mission, NodeSpec, TreeSpec
 from ...trees.node import Node
-from ...trees.port_types import convert_literal
-from ...trees.ports import PortDeclaration
+from ...trees.ports import PortDeclaration, convert_literal
 from ...trees.references import Binding, Constant
 from ...trees.runner import BehaviourTree, build
-from ...trees.status import NodeStatus
 from ...world.causes import Failure, cause_named
 from ...world.journal import Plain
 from ...world.scene.description import SceneDescription
 from ...world.scene.scene_loading import load_scene
-from .cases_schema import LeafAnswer, RehearsalCase
+from .cases import LeafAnswer, RehearsalCase
 from .rehearsal_world import Contradiction, MissingOutput, RehearsalWorld
 from .trace import NodeRoles, ScriptedAnswers, Trace, follows_from_belief, is_stubbed, roles_of
 

@@ -11,18 +11,19 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NoReturn
 
-from ...trees.declaration import Hand, NodeDeclaration, Resource
-from ...world.belief.facts import TAKEN_AWAY, AttemptMemory, facts, items_to_do
-from ...world.belief.hole_matching import fitting_hole, named_holes
-from ...world.belief.planning_scene import BeliefObject, PlanningScene
+from ...trees.declaration import NodeDeclaration, Resource
+from ...trees.flow import Hand
 from ...world.causes import Cause, Failure, matches, safety, world
 from ...world.causes import grasp as grasp_causes
+from ...world.holes import fitting_hole, named_holes
 from ...world.journal import Entry, Journal, JournalEvent
+from ...world.planning_scene import BeliefObject, PlanningScene
 from ...world.scene.description import CatalogueEntry, SceneDescription
 from ...world.scene.destinations import destination_rule, unknown_traits
 from ...world.shapes import Box
 from ...world.values import ObjectId, Pose
-from .cases_schema import EMPTY_HAND, Effects, LeafAnswer, ObjectFile, Objects
+from ...world.world_facts import TAKEN_AWAY, AttemptMemory, facts, items_to_do
+from .cases import EMPTY_HAND, Effects, LeafAnswer, ObjectFile, Objects
 from .trace import ScriptedAnswers, Trace
 
 TABLE = "table"

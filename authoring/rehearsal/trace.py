@@ -6,20 +6,19 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
-from ...files.marks import Location
+from ...files.errors import Location
 from ...files.node_patterns import node_matches
 from ...trees.blackboard import BlackboardWrite
-from ...trees.controls import NODES
+from ...trees.control_nodes import NODES
 from ...trees.declaration import Resource
-from ...trees.flow import NEXT, ChildFlow, CleanUp, Recovery
+from ...trees.flow import NEXT, ChildFlow, CleanUp, NodeStatus, Recovery
 from ...trees.mission import Mission, NodeSpec
 from ...trees.node import Node
 from ...trees.ports import PortDeclaration
-from ...trees.status import NodeStatus
 from ...world.causes import Cause, FailureReport, Family, perception
+from ...world.events import HandledEvent, InternalErrorEvent, RecoveryEvent
 from ...world.journal import JournalEvent, Plain
-from ...world.run_events import HandledEvent, InternalErrorEvent, RecoveryEvent
-from .cases_schema import LeafAnswer, LeafScript
+from .cases import LeafAnswer, LeafScript
 
 _LANGUAGE_NODES = frozenset(NODES)
 

@@ -6,23 +6,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from ...files.marks import Location, Mark, where
+from ...files.errors import Location, Mark, where
 from ...files.node_patterns import node_matches
 from ...files.yaml.document import Document
 from ...trees.blackboard import Namespace
-from ...trees.port_types import show
+from ...trees.flow import NodeStatus
+from ...trees.ports import show
 from ...trees.references import Reference, attribute
 from ...trees.runner import BehaviourTree, SubTree
-from ...trees.status import NodeStatus
 from ...world.causes import FailureReport, matches
-from .cases_schema import (
-    ANY_LEAVES,
-    OUTCOMES,
-    Expectation,
-    ExpectedHandling,
-    ExpectedStart,
-    RehearsalCase,
-)
+from .cases import ANY_LEAVES, OUTCOMES, Expectation, ExpectedHandling, ExpectedStart, RehearsalCase
 from .rehearsal_world import RehearsalWorld
 from .trace import LeafRun
 

@@ -1,21 +1,127 @@
-"""Entries of the node reference: the single source of the terminal's page, of JSON, and of docs/nodes.md."""
+"""Reference of nodes: the single source of the terminal's page, of JSON and of docs/nodes.md, with the
+wording of ports.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+import textwrap
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain, combinations
 from typing import Final
 
-from ...trees.declaration import Kind, NodeDeclaration
+from ...files.quantities import example
+from ...files.value_wording import listed
+from ...trees.control_nodes import NODES
+from ...trees.declaration import COMMON_KEYS, Kind, NodeDeclaration
 from ...trees.node import Node
-from ...trees.port_types import PortValues
-from ...trees.ports import PortDeclaration, Required, SlotDeclaration
+from ...trees.ports import Name, PortDeclaration, PortValues, Required, SlotDeclaration
 from ...trees.skill import Skill
 from ...world.causes import Cause
 from ...world.journal import Plain
-from .port_wording import default_words, expression_words, hand_words, type_words, unwrapped
+from ...world.world_facts import FACTS
+
+_TYPE_WORDS: dict[Name, str] = {
+    "string": "text", "int": "whole number", "float": "number", "bool": "true or false",
+    "object": "id of an object", "expression": "expression", "any": "any value",
+}  # fmt: skip
+_LIST_TYPE_WORDS: dict[Name, str] = {
+    "string": "list of texts", "int": "list of whole numbers", "float": "list of numbers",
+    "bool": "list of true or false", "object": "list of ids of objects", "expression": "list of expressions",
+    "any": "list",
+}  # fmt: skip
+_NAME_WORDS = {
+    "camera": "name of a camera of the scene",
+    "pose": "name of a pose of the robot",
+    "bin": "name of a bin of the scene",
+    "tote": "name of a tote of the scene, or of a fixture with a heap on it",
+    "hole": "name of a hole of the scene, or of a fixture with holes",
+    "fixture": "name of a fixture or bin of the scene",
+    "kind": "name of a kind of the scene's catalogue",
+    "colour": "name of a colour",
+    "planner": "name of a planner",
+}
+_ASSIGNMENTS = "Assignments, as `tries := tries + 1`, several with `;`: made when the node "
+COMMON_DOCS: Mapping[str, str] = {
+    "name": "What the node is called in pictures, logs and paths; its ID unless given.",
+    "_failureIf": "An expression: when it holds as the node would start, it is FAILURE instead.",
+    "_successIf": "An expression: when it holds as the node would start, it is SUCCESS instead.",
+    "_skipIf": "An expression: when it holds as the node would start, it is SKIPPED, as if it were absent.",
+    "_while": "An expression, asked at every tick: when it does not hold, the node is halted and SKIPPED.",
+    "_onHalted": _ASSIGNMENTS + "is halted while it runs.",
+    "_onFailure": _ASSIGNMENTS + "ends in FAILURE.",
+    "_onSuccess": _ASSIGNMENTS + "ends in SUCCESS.",
+    "_post": _ASSIGNMENTS + "ends, whatever the outcome.",
+    "breakpoint": "Where `picktree run --debug` stops: `before` the node starts, or `after` its end.",
+}
+"""Documentation of the keys that every node may have."""
+
+
+def type_words(port: PortDeclaration) -> str:
+    """Return a port's type in words: `number in m, or as "30 mm"`, `name of a camera of the scene`."""
+    if port.names is not None and not port.type.many:
+        words = _NAME_WORDS[port.names]
+    else:
+        words = (_LIST_TYPE_WORDS if port.type.many else _TYPE_WORDS)[port.type.name]
+    if port.unit:
+        words += f" in {port.unit}"
+        words += f', or as "{unit_example(port.unit)}"' if port.direction == "in" else ""
+    elif port.type.name == "float" and not port.type.many and port.direction == "in":
+        words += ', or as "50 %"'
+    return f"{words}, or null" if port.type.optional else words
+
+
+def unit_example(unit: str) -> str:
+    """Return an example of a quantity with a unit, where a bare number is in `unit`."""
+    return "2 s" if unit == "ms" else example(unit)
+
+
+def default_words(port: PortDeclaration) -> str:
+    """Return the default as a file writes it; `none` when it means "not given", empty when there is none."""
+    match port.default:
+        case Required():
+            return ""
+        case None | "" | []:
+            return "none"
+        case bool() as flag:
+            return str(flag).lower()
+        case int() | float() as number:
+            return f"{number:g} {port.unit}" if port.unit else f"{number:g}"
+        case other:
+            return str(other)
+
+
+def expression_words(port: PortDeclaration) -> str:
+    """Return the names that an expression may use; empty for other ports."""
+    if port.type.name != "expression":
+        return ""
+    return f"of the blackboard's keys and the facts {', '.join(FACTS)}"
+
+
+def uses_words(node: NodeDeclaration) -> str:
+    """Return the used resources, as `arm and gripper`; empty for none."""
+    return listed([str(resource.value) for resource in node.uses])
+
+
+def hand_words(node: NodeDeclaration) -> str:
+    """Return a sentence about the hand after success; empty when the node does not change it."""
+    match node.hand_after:
+        case "full":
+            return "After success the hand holds the object."
+        case "empty":
+            return "After success the hand is empty."
+        case "kept":
+            return "What the hand holds after success is in a safe place."
+        case "unchanged":
+            return ""
+
+
+def unwrapped(doc: str) -> str:
+    """Return a docstring without line breaks inside its paragraphs."""
+    paragraphs = re.split(r"\n\s*\n", doc)
+    return "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
+
 
 _MAX_COMBINED_KEYS = 10
 """Maximum number of a node's optional keys whose combinations are all tried."""
@@ -147,9 +253,9 @@ def node_entry(node: NodeDeclaration, causes: Iterable[Cause], of: type[Node] | 
         node.kind,
         _first_sentence(doc),
         doc,
-        tuple(_port(port) for port in node.ports),
-        tuple(_slot(slot) for slot in node.slots),
-        tuple(_cause(cause, known) for cause in node.causes),
+        tuple(_port_entry(port) for port in node.ports),
+        tuple(_slot_entry(slot) for slot in node.slots),
+        tuple(_cause_or_family(cause, known) for cause in node.causes),
         tuple(str(resource.value) for resource in node.uses),
         hand_words(node),
         of.limit_words() if of is not None and issubclass(of, Skill) else "",
@@ -162,7 +268,7 @@ def cause_entry(cause: Cause) -> CauseEntry:
     return CauseEntry(cause.name, cause.sentence, cause.remedy)
 
 
-def _port(port: PortDeclaration) -> PortEntry:
+def _port_entry(port: PortDeclaration) -> PortEntry:
     choices: Iterable[Plain] = port.choices or ()
     return PortEntry(
         port.key,
@@ -179,7 +285,7 @@ def _port(port: PortDeclaration) -> PortEntry:
     )
 
 
-def _slot(slot: SlotDeclaration) -> SlotEntry:
+def _slot_entry(slot: SlotDeclaration) -> SlotEntry:
     match slot.arity:
         case "one":
             form = "a node, or a list of nodes that is run as a Sequence"
@@ -196,7 +302,7 @@ def _slot(slot: SlotDeclaration) -> SlotEntry:
     return SlotEntry(slot.key, form, slot.doc, slot.required)
 
 
-def _cause(cause: object, known: tuple[Cause, ...]) -> CauseEntry:
+def _cause_or_family(cause: object, known: tuple[Cause, ...]) -> CauseEntry:
     if isinstance(cause, Cause):
         return cause_entry(cause)
     prefix = f"{cause}".removesuffix("*")
@@ -207,3 +313,191 @@ def _cause(cause: object, known: tuple[Cause, ...]) -> CauseEntry:
 def _first_sentence(doc: str) -> str:
     found = re.match(r".*?[.!?](?=\s|$)", doc)
     return found[0] if found else doc.partition("\n")[0]
+
+
+TEXT_WIDTH = 100
+
+
+def table(nodes: Iterable[NodeEntry]) -> str:
+    """Return all nodes by kind, one per line."""
+    entries = tuple(nodes)
+    width = max((len(node.id) for node in entries), default=0)
+    lines: list[str] = []
+    for kind, title in TITLES.items():
+        of_kind = [node for node in entries if node.kind == kind]
+        if of_kind:
+            lines += ["", title] if lines else [title]
+            lines += [f"  {node.id:<{width}}  {node.summary}" for node in of_kind]
+    return "\n".join(lines) + "\n"
+
+
+def page(node: NodeEntry) -> str:
+    """Return the full text about one node."""
+    parts = [f"{node.id} ({node.kind})", _wrapped(node.doc)]
+    for title, ports in (("Inputs", node.inputs), ("Outputs", node.outputs)):
+        if ports:
+            parts.append("\n".join((title, *(line for port in ports for line in _port_text(port)))))
+    if node.slots:
+        lines = (line for slot in node.slots for line in _slot_text(slot))
+        parts.append("\n".join(("Children", *lines)))
+    if node.rule:
+        parts.append(_wrapped(node.rule))
+    if node.causes:
+        lines = (line for cause in node.causes for line in _cause_lines(cause, 2))
+        parts.append("\n".join(("Fails with", *lines)))
+    if node.uses:
+        parts.append(f"Uses {listed(list(node.uses))}.")
+    if node.hand_after:
+        parts.append(node.hand_after)
+    if node.limit:
+        parts.append(node.limit)
+    if node.example:
+        parts.append("Example\n" + textwrap.indent(node.example, "  "))
+    parts.append(_wrapped(f"As every node it also takes {listed(list(COMMON_KEYS))}."))
+    return "\n\n".join(parts) + "\n"
+
+
+def facts(port: PortEntry) -> str:
+    """Return the accepted values of a port in one line."""
+    if port.direction == "out":
+        return f"{port.type}; written to a key of the blackboard"
+    choices = "one of " + ", ".join(port.choices) if port.choices else port.type
+    default = "required" if port.required else f"default {port.default}"
+    return "; ".join(filter(None, (choices, port.bounds, default)))
+
+
+def _port_text(port: PortEntry) -> Iterator[str]:
+    yield f"  {port.key}: {facts(port)}"
+    yield _wrapped(port.doc, 6)
+    if port.may_use:
+        yield _wrapped(port.may_use, 6)
+
+
+def _slot_text(slot: SlotEntry) -> Iterator[str]:
+    yield f"  {slot.key}: {slot.form}" + ("" if slot.required else "; may be left out")
+    yield _wrapped(slot.doc, 6)
+
+
+def _cause_lines(cause: CauseEntry, indent: int) -> Iterator[str]:
+    said = f"{cause.sentence} First remedy: {cause.remedy}." if cause.remedy else cause.sentence
+    yield " " * indent + f"{cause.name}: {said}"
+    for member in cause.members:
+        yield from _cause_lines(member, indent + 2)
+
+
+def _wrapped(text: str, indent: int = 0) -> str:
+    space = " " * indent
+    return "\n\n".join(
+        textwrap.fill(paragraph, TEXT_WIDTH, initial_indent=space, subsequent_indent=space)
+        for paragraph in text.split("\n\n")
+    )
+
+
+_LANGUAGE = frozenset(node.declaration.id for node in NODES)
+_HEAD = (
+    "# Nodes",
+    "What may stand in a mission: each node with its ports, its children, and the causes with which it "
+    "may fail. This page is written by `make docs` from the declarations in the code; `picktree nodes NAME` "
+    "shows the same in a terminal, also of plug-ins' nodes and of a mission's sub-trees (`--mission FILE`).",
+    "A node is a mapping with one key, its ID, and its ports below: `GoTo: {pose: home}`. One that needs no "
+    "port may stand as the bare ID: `GoTo`. Children stand as a list below the node, or at `do:` where it "
+    "has ports as well; a single child may stand below it by itself: `Inverter: {Condition: {if: holding}}`. "
+    'A value is a literal, or a reference to a key of the blackboard: `"{item}"`, or to an attribute of the '
+    'object whose id is there: `"{item.colour}"`.',
+)
+
+
+def markdown(nodes: Iterable[NodeEntry], causes: Iterable[Cause]) -> str:
+    """Return the whole reference as Markdown."""
+    entries = tuple(nodes)
+    lines = ["\n\n".join(_HEAD), ""]
+    for kind, title in TITLES.items():
+        of_kind = [node for node in entries if node.kind == kind]
+        if of_kind:
+            lines += [f"**{title}**: " + ", ".join(f"[{n.id}](#{n.id.lower()})" for n in of_kind), ""]
+    lines += ["## Every node", "", "What may stand under any node, sub-trees included.", ""]
+    lines += ["| key | what it is |", "|---|---|"]
+    lines += [f"| `{key}` | {_cell(doc)} |" for key, doc in COMMON_DOCS.items()]
+    for kind, title in TITLES.items():
+        of_kind = [node for node in entries if node.kind == kind]
+        if of_kind:
+            lines += ["", f"## {title}"]
+        for node in of_kind:
+            lines += ["", *_node(node)]
+    lines += ["", "## Causes", "", *_causes(cause_entry(cause) for cause in causes)]
+    return "\n".join(lines) + "\n"
+
+
+def _node(node: NodeEntry) -> Iterator[str]:
+    yield f"### {node.id}"
+    yield ""
+    yield node.doc
+    if node.kind in ("control", "decorator") or node.id in _LANGUAGE:
+        yield ""
+        yield f"Tick by tick: [{node.id}](control-nodes.md#{node.id.lower()})."
+    if node.ports:
+        yield ""
+        yield "| port | takes | default | what it is |"
+        yield "|---|---|---|---|"
+        yield from (_port_row(port) for port in node.ports)
+    if node.slots:
+        yield ""
+        yield "| children | are | what they do |"
+        yield "|---|---|---|"
+        yield from (_slot_row(slot) for slot in node.slots)
+    if node.rule:
+        yield ""
+        yield node.rule
+    if node.causes:
+        yield ""
+        yield "Fails with " + listed([_linked(cause) for cause in node.causes]) + "."
+    said = [f"Uses {listed(list(node.uses))}."] if node.uses else []
+    said += [node.hand_after] if node.hand_after else []
+    said += [node.limit] if node.limit else []
+    if said:
+        yield ""
+        yield " ".join(said)
+    if node.example:
+        yield ""
+        yield "```yaml"
+        yield node.example
+        yield "```"
+
+
+def _port_row(port: PortEntry) -> str:
+    takes = port.type if not port.choices else "one of " + ", ".join(f"`{choice}`" for choice in port.choices)
+    takes = "; ".join(filter(None, (takes, port.bounds, port.may_use)))
+    default = "*required*" if port.required else "*output*" if port.direction == "out" else port.default
+    return f"| `{port.key}` | {_cell(takes)} | {_cell(default)} | {_cell(port.doc)} |"
+
+
+def _slot_row(slot: SlotEntry) -> str:
+    form = slot.form if slot.required else f"{slot.form}; may be left out"
+    return f"| `{slot.key}` | {_cell(form)} | {_cell(slot.doc)} |"
+
+
+def _linked(cause: CauseEntry) -> str:
+    family = cause.name.split(".")[0]
+    return f"[`{cause.name}`](#family-{family})"
+
+
+def _causes(causes: Iterable[CauseEntry]) -> Iterator[str]:
+    yield (
+        "Why a node fails. A cause may stand under `when:` of a [Recover](#recover); so may its family, as "
+        "`grasp.*`, and `*` for all but `internal.error`."
+    )
+    family = ""
+    for cause in causes:
+        first = cause.name.split(".")[0]
+        if first != family:
+            family = first
+            yield ""
+            yield f"### Family {family}"
+            yield ""
+            yield "| cause | what it means | first remedy |"
+            yield "|---|---|---|"
+        yield f"| `{cause.name}` | {_cell(cause.sentence)} | {_cell(cause.remedy)} |"
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")

@@ -18,7 +18,7 @@ from types import ModuleType
 from typing import Any, Literal, TypeAlias, TypedDict, Unpack
 
 from picktree.trees.node import Node
-from picktree.trees.tree_definition import TreeDefinition as Tree
+from picktree.trees.description import TreeDefinition as Tree
 
 Child: TypeAlias = Node | Iterable[Node]
 """

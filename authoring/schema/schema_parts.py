@@ -9,7 +9,7 @@ from typing import Final, TypeAlias, cast
 
 from ...files.quantities import example, spellings
 from ...files.yaml.document import FORMAT, KINDS
-from ...trees.port_types import Range
+from ...trees.ports import Range
 from ...trees.references import ATTRIBUTES
 
 NULL: Schema = {"type": "null"}

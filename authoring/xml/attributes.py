@@ -7,19 +7,18 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-from ...files.expressions.syntax_tree import LiteralValue, Name, walk
-from ...files.marks import Mark
+from ...files.errors import Mark
+from ...files.expression_syntax import LiteralValue, Name, walk
 from ...files.value_wording import suggest_name
 from ...files.yaml.writer import MarkedValue, Scalar, from_value
 from ...trees.declaration import POSTCONDITIONS, PRECONDITIONS
-from ...trees.port_types import PortType
+from ...trees.ports import PortType
 from . import btcpp_vocabulary
 from .element import Element, one_line
-from .import_faults import ImportFaults
 from .literal_text import is_pointer, read_value
 from .renaming import MAX_NAME_LENGTH, node_name
-from .script_export import expression_text
-from .script_import import ScriptError, Statement, read_expression, read_parts
+from .scripts import ScriptError, Statement, expression_text, read_expression, read_parts
+from .source import ImportFaults
 
 CONDITIONS = (*PRECONDITIONS, *POSTCONDITIONS)
 

@@ -7,9 +7,8 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from ...files.errors import PicktreeError
-from ...files.marks import FileError
-from ...files.shipped_files import is_folder
+from ...files.errors import FileError, PicktreeError
+from ...files.file_system import is_folder
 from ...files.yaml.document import read_document
 from ...files.yaml.file_text import read_text
 from ...trees.loading.loader import examine

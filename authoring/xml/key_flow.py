@@ -6,15 +6,15 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias
 
-from ...files.expressions.syntax_tree import ComparisonChain, LiteralValue, Name, Part, walk
-from ...files.marks import Mark
+from ...files.errors import Mark
+from ...files.expression_syntax import ComparisonChain, LiteralValue, Name, Part, walk
 from ...trees.declaration import AUTOREMAP, POSTCONDITIONS, PRECONDITIONS
-from ...trees.port_types import PortType
+from ...trees.ports import PortType
 from ...trees.references import ROOT_KEY, Reference
 from . import btcpp_vocabulary
 from .element import Element
 from .literal_text import is_pointer, type_name
-from .script_import import ScriptError, read_parts
+from .scripts import ScriptError, read_parts
 
 Direction: TypeAlias = Literal["in", "out"]
 LOOPS: Final[Mapping[str, PortType]] = {

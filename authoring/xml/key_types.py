@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Final, cast
 
-from ...files.marks import Diagnostic
+from ...files.errors import Diagnostic
 from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec, bottom_up
 from ...trees.node import Node
 from ...trees.ports import PortDeclaration

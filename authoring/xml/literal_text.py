@@ -11,10 +11,9 @@ import math
 import re
 from typing import Final, cast
 
-from ...files.expressions.expression import Expression
+from ...files.expressions import Expression
 from ...files.yaml.reader import Value
-from ...trees.port_types import PortType
-from ...trees.ports import PortDeclaration
+from ...trees.ports import PortDeclaration, PortType
 from ...world.journal import Plain
 
 JSON: Final = "json:"

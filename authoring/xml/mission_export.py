@@ -1,29 +1,101 @@
-"""Exporter: converts a mission to the elements of a BehaviorTree.CPP 4 file."""
+"""Places for the comments behind the last part of a list, a tree or the file."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import cast
+from functools import cached_property
+from graphlib import CycleError
+from typing import Final, cast
 
-from ...files.expressions.expression import Expression
-from ...files.marks import Diagnostic, FileError, Mark
+from ...files.errors import Diagnostic, FileError, Mark
+from ...files.expressions import Expression
+from ...trees.data_flow import FACT_TYPES, TreeKeys, ValueFlow
 from ...trees.declaration import AUTOREMAP, POSTCONDITIONS
 from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec
 from ...trees.node import Node
-from ...trees.port_types import PortType
-from ...trees.ports import PortDeclaration
+from ...trees.ports import PortDeclaration, PortType
 from ...trees.references import Assignment, Binding, Constant, PortExpression, Reference
 from . import btcpp_vocabulary, tree_nodes_model
 from .btcpp_vocabulary import SlotRow, indexes_text, table_text
-from .element import Comments, Element
+from .element import Comments, Element, LooseComment, to_text, unfit
 from .key_types import KeyTypes, fits
 from .literal_text import is_pointer, value_text
-from .loose_comments import with_loose_comments
-from .script_export import NotExpressible, assignments_script, constant_script, expression_text, script
-from .switch_export import TRUTH_LABELS, TruthSwitches
-from .xml_text import to_text, unfit
+from .scripts import NotExpressible, assignments_script, constant_script, expression_text, script
+
+
+def with_loose_comments(
+    trees: tuple[Element, ...], comments: Iterable[LooseComment]
+) -> tuple[tuple[Element, ...], tuple[str, ...]]:
+    """Return the trees with the comments as far as they belong to one, and those below all trees.
+
+    A comment belongs to the innermost element before it that is indented less.
+    """
+    done, below = list(trees), list[str]()
+    for comment in comments:
+        before = [index for index, tree in enumerate(done) if 0 < tree.mark.line < comment.line]
+        home = max(before, key=lambda index: done[index].mark.line, default=None)
+        placed = _placed(done[home], comment) if home is not None and comment.indent else None
+        if home is None or placed is None:
+            below.append(comment.text)
+        else:
+            done[home] = placed
+    return tuple(done), tuple(below)
+
+
+def _placed(element: Element, comment: LooseComment) -> Element | None:
+    """Return the element with the comment in it, or in one below it; None when it stands outside."""
+    before = [index for index, child in enumerate(element.children) if 0 < child.mark.line < comment.line]
+    if not before:
+        return None
+    last = before[-1]
+    child = element.children[last]
+    inner = _placed(child, comment)
+    if inner is not None:
+        return replace(element, children=(*element.children[:last], inner, *element.children[last + 1 :]))
+    if comment.indent + 1 <= element.mark.column:
+        return None
+    if last + 1 < len(element.children):
+        after = element.children[last + 1]
+        after = replace(after, comments=(comment.text, *after.comments))
+        return replace(
+            element, children=(*element.children[: last + 1], after, *element.children[last + 2 :])
+        )
+    return replace(element, end_comments=(*element.end_comments, comment.text))
+
+
+TRUTH_LABELS: Final = {"true": "1", "false": "0"}
+
+
+class TruthSwitches:
+    """Finder of the Switches of a mission that a truth value decides."""
+
+    def __init__(self, mission: Mission) -> None:
+        self._mission = mission
+
+    def decides(self, spec: NodeSpec) -> bool | None:
+        """Return whether a truth value decides a Switch; None where it may be one, or something else."""
+        bound = spec.ports["variable"]
+        if isinstance(bound, Constant):
+            return isinstance(bound.value, bool)
+        keys = self._keys.get(id(spec))
+        if keys is None or not isinstance(bound, Reference):
+            return False
+        kinds = {source.type.kind for source in keys.reference(bound)}
+        if kinds == {"bool"}:
+            return True
+        return None if "bool" in kinds else False
+
+    @cached_property
+    def _keys(self) -> dict[int, TreeKeys]:
+        """Return the keys of a node's tree, by `id` of the node's spec."""
+        try:
+            flow = ValueFlow(self._mission.trees, FACT_TYPES)
+        except CycleError:
+            return {}
+        return {place: keys for keys in flow.keys.values() for place in keys.places}
+
 
 _DELETE = "\x7f"
 

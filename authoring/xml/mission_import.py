@@ -1,4 +1,4 @@
-"""Importer: converts BehaviorTree.CPP 4 files to the text of a mission file."""
+"""Labels of Switches that truth values decide, which are numbers in BehaviorTree.CPP."""
 
 from __future__ import annotations
 
@@ -9,28 +9,56 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Final, cast
 
-from ...files.errors import PicktreeError
-from ...files.marks import Diagnostic, FileError
+from ...files.errors import Diagnostic, FileError, Mark, PicktreeError
 from ...files.yaml.document import Document, read_document
 from ...files.yaml.reader import Value
 from ...files.yaml.writer import MarkedValue, mission_text
-from ...trees.loading.foreign_words import foreign_word
+from ...trees.loading.grammar import foreign_word
 from ...trees.loading.loader import MissionReadResult, examine
 from ...trees.loading.registry import NodeRegistry
 from ...trees.mission import Mission
+from ...trees.references import Reference
 from ..check import check_mission
 from . import btcpp_vocabulary
 from .attributes import NodeDraft, alone
 from .element import Element, one_line
-from .import_faults import ImportFaults
 from .mission_export import XmlExporter
 from .node_import import ImportContext, XmlNodeReader
 from .port_import import PortsOfTrees, TreePort, fill_in_wires
 from .renaming import rename_keys, rename_trees
-from .source import XmlText, read_source
-from .stub_text import stub_text
-from .stubs import StubFinder, StubNode, stub_missing_trees
-from .switch_labels import label_switches
+from .source import ImportFaults, XmlText, read_source
+from .stubs import StubFinder, StubNode, stub_missing_trees, stub_text
+
+_LABELS = {"1": "true", "0": "false"}
+
+
+def label_switches(
+    reading: MissionReadResult, tables: Mapping[Mark, MarkedValue], faults: ImportFaults
+) -> bool:
+    """Rename the cases 1 and 0 of Switches over truth values; return whether any was renamed.
+
+    `tables`: the cases by the place of the Switch. A case `true` is never chosen by BehaviorTree.CPP.
+    """
+    changed = False
+    if reading.circuit is None:
+        return False
+    for keys in reading.circuit.keys.values():
+        for placed in keys.places.values():
+            table, bound = tables.get(placed.spec.mark), placed.spec.ports.get("variable")
+            if placed.spec.id != "Switch" or table is None or not isinstance(bound, Reference):
+                continue
+            kinds = {source.type.kind for source in keys.reference(bound)}
+            if kinds != {"bool"}:
+                continue
+            for entry in table.entries or ():
+                if entry.key in _LABELS:
+                    entry.key, changed = _LABELS[entry.key], True
+                elif entry.key in _LABELS.values():
+                    message = f"{bound} is a truth value, which is never {entry.key!r} in BehaviorTree.CPP"
+                    number = "1" if entry.key == "true" else "0"
+                    faults.fault(entry.value.mark, placed.path, message, f"write {number!r}", code="P911")
+    return changed
+
 
 _ONE = ("name", "scene", "goal")
 _MANY = ("include", "plugins")

@@ -6,18 +6,17 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from ...files.marks import Mark
+from ...files.errors import Mark
 from ...files.yaml.writer import MarkedValue, from_value
 from ...trees.declaration import AUTOREMAP
 from ...trees.mission import MAIN
-from ...trees.port_types import PortType
-from ...world.belief.facts import FACTS
+from ...trees.ports import PortType
+from ...world.world_facts import FACTS
 from . import tree_nodes_model
 from .element import Element
-from .import_faults import ImportFaults
 from .key_flow import TRUE_WORDS, KeyFlow
 from .literal_text import is_pointer, read_value, type_name
-from .source import XmlSource
+from .source import ImportFaults, XmlSource
 
 _PORTS: Mapping[str, Literal["in", "out"]] = {"input_port": "in", "output_port": "out", "inout_port": "in"}
 

@@ -10,18 +10,17 @@ import unicodedata
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
-from ...files.marks import Mark
+from ...files.errors import Mark
 from ...trees.declaration import IDENTIFIER, POSTCONDITIONS, PRECONDITIONS
 from ...trees.loading.registry import NodeRegistry
 from ...trees.mission import MAIN
 from ...trees.references import ATTRIBUTES
-from ...world.belief.facts import FACTS
+from ...world.world_facts import FACTS
 from . import btcpp_vocabulary
 from .element import Element
-from .import_faults import ImportFaults
 from .literal_text import is_pointer
-from .script_import import OUR_WORDS, names_in, with_names
-from .source import XmlSource
+from .scripts import OUR_WORDS, names_in, with_names
+from .source import ImportFaults, XmlSource
 
 MAX_NAME_LENGTH = 60
 _KEY_PORTS = ("output_key", "entry", "key")

@@ -8,8 +8,7 @@ from typing import Final
 
 from ...trees.declaration import NodeDeclaration
 from ...trees.mission import Mission, TreeSpec
-from ...trees.port_types import PortType
-from ...trees.ports import PortDeclaration
+from ...trees.ports import PortDeclaration, PortType
 from . import btcpp_vocabulary
 from .element import Element
 from .literal_text import JSON, default_text, type_text

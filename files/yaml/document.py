@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
-from ..marks import Diagnostic, FileError, Location, Mark, Severity, where
+from ..errors import Diagnostic, FileError, Location, Mark, Severity, where
 from ..value_wording import describe, suggest_name
 from .file_text import read_text
 from .reader import Value, YamlNode, read

@@ -10,11 +10,11 @@ from typing import Any, Literal, TypeVar, cast, get_args, get_origin
 import pydantic
 from pydantic import BaseModel
 
-from ..marks import MAX_FAULTS, SPOILING_CODES, CheckedFile, Diagnostic, Location, Severity, too_many
+from ..errors import MAX_FAULTS, SPOILING_CODES, CheckedFile, Diagnostic, Location, Severity, too_many
 from ..value_wording import describe, listed, suggest_boolean, suggest_name, suggest_number
 from .document import Document
 from .file_models import InvalidValue, UnreadPart, bare, check_name, partial_model
-from .slips import structure_hint
+from .syntax_faults import structure_hint
 
 HEADER = ("picktree", "kind")
 MAX_ENTRIES = 1000

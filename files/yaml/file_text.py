@@ -9,8 +9,7 @@ from bisect import bisect_right
 from pathlib import Path
 from typing import Final, cast
 
-from ..errors import PicktreeError
-from ..marks import Diagnostic, FileError, Mark
+from ..errors import Diagnostic, FileError, Mark, PicktreeError
 from ..value_wording import MOST_NEAR, suggest_name
 
 MAX_BYTES: Final = 1_000_000

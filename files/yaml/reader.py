@@ -12,10 +12,9 @@ from typing import NoReturn, TypeAlias
 
 import yaml
 
-from ..marks import MAX_FAULTS, Diagnostic, FileError, Location, Mark, too_many, where
+from ..errors import MAX_FAULTS, Diagnostic, FileError, Location, Mark, too_many, where
 from .file_text import check_characters
-from .slips import COMMA, PlainText, joined_key, look_alike, spoilt_key
-from .syntax_faults import syntax_faults
+from .syntax_faults import COMMA, PlainText, joined_key, look_alike, spoilt_key, syntax_faults
 
 Value: TypeAlias = "dict[str, Value] | list[Value] | str | int | float | bool | None"
 

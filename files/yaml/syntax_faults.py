@@ -1,16 +1,305 @@
-"""Faults of texts that libyaml cannot read, in words of our own."""
+"""Syntax faults of YAML in words of our own: typing slips, as look-alike characters and missing blanks,
+and texts that libyaml cannot read.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import yaml
 
-from ..marks import Diagnostic, Mark
+from ..errors import Diagnostic, Mark
 from .file_text import PositionIndex
-from .slips import slips_behind
+
+LOOK_ALIKE: Final = "P127"
+NO_BLANK: Final = "P128"
+COMMA: Final = "a ',' in a number ends the value"
+"""Message of a decimal comma in braces."""
+_BLANKS: Final = "\u00a0\u1680\u2000-\u200a\u202f\u205f\u3000"
+_WIDTHLESS: Final = "\u200b-\u200d\u2060\u00ad"
+_STRANGE = re.compile(f"[{_BLANKS}{_WIDTHLESS}]+")
+_OPENING, _CLOSING = "“”„‟‘’‚‛«»", "“”‟‘’‛«»"
+_CURLY = re.compile(rf"[{_OPENING}](?P<inner>[^“”„‟«»]*)[{_CLOSING}]")
+_JOINED_KEY = re.compile(
+    rf"(?P<key>[\w.]+)(?:(?P<colon>:)[{_BLANKS}{_WIDTHLESS}]*|(?P<wide>：)\s*)(?P<value>[^\s/].*)"
+)
+_OPENED_KEY = re.compile(rf"(?P<key>[\w.]+):(?=[\[{{\"'{_OPENING}])")
+_MARKS: Final[Mapping[str, str]] = {"：": ": ", "，": ", ", "｛": "{", "｝": "}", "［": "[", "］": "]"}
+_NAMES: Final[Mapping[str, str]] = {
+    "\u00a0": "no-break space", "\u202f": "narrow no-break space", "\u2009": "thin space",
+    "\u3000": "ideographic space", "\u200b": "zero width space", "\u00ad": "soft hyphen",
+}  # fmt: skip
+_DASHES: Final = "–—−‐•"
+MAX_LENGTH: Final = 100_000
+"""Number of characters from which the cause of a fault of form is no longer searched."""
+MAX_SLIPS: Final = 10
+"""Maximum number of slips that are reported for one file that cannot be read."""
+_MAX_ATTEMPTS: Final = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Slip:
+    """Characters `start` … `end` (from 0) in whose place `meant` was meant."""
+
+    start: int
+    end: int
+    meant: str
+    message: str
+    hint: str
+    code: str
+
+    def repair(self, text: str) -> str:
+        return text[: self.start] + self.meant + text[self.end :]
+
+    def moved(self, characters: int) -> Slip:
+        start, end = self.start + characters, self.end + characters
+        return Slip(start, end, self.meant, self.message, self.hint, self.code)
+
+
+@dataclass(frozen=True, slots=True)
+class PlainText:
+    """A text without quotes, read as it is meant; `value` where a key holds its value, too.
+
+    `quoted`: what is meant is a text in quotes, never a number.
+    """
+
+    text: str
+    slip: Slip
+    value: str | None = None
+    quoted: bool = False
+
+
+def look_alike(text: str, *, is_key: bool) -> PlainText | None:
+    """Return what a text without quotes means, where look-alikes begin it, end it or stand in a key."""
+    curly = _CURLY.fullmatch(text)
+    if curly is not None:
+        return PlainText(curly["inner"], _curly(curly), quoted=True)
+    found = _STRANGE.search(text) if is_key else _at_an_edge(text)
+    if found is None:
+        return None
+    return PlainText(_without_strange(text), _strange(found, text))
+
+
+def joined_key(text: str) -> PlainText | None:
+    """Return key and value of a key in braces without a value, as `pose:home`; None where none is joined."""
+    found = _JOINED_KEY.fullmatch(text)
+    if found is None:
+        return None
+    blank = _STRANGE.search(text)
+    if blank is not None:
+        slip = _strange(blank, text)
+    elif found["wide"]:
+        slip = _wide(text, found.end("key"))
+    else:
+        slip = _unspaced(found)
+    return PlainText(found["key"], slip, found["value"])
+
+
+def spoilt_key(text: str) -> Slip | None:
+    """Return the slip of a key that hides how the file is nested: `Observe:{camera`, or a blank before it."""
+    found = _OPENED_KEY.match(text)
+    if found is not None:
+        return _unspaced(found)
+    blank = _STRANGE.match(text)
+    return _strange(blank, text) if blank is not None else None
+
+
+def structure_hint(text: str) -> str:
+    """Return what is meant by a text that stands for a node or a mapping; "" for an unknown one.
+
+    >>> structure_hint("pose:home"), structure_hint("a text")
+    ("a blank is missing behind the ':': write 'pose: home'", '')
+    >>> structure_hint("-Observe")
+    "a blank is missing behind the '-': write '- Observe'"
+    """
+    word = text.split()[0] if text.split() else ""
+    if entry := re.match(rf"(?P<dash>[-{_DASHES}])\s*(?P<rest>\w+)", text):
+        dash = entry["dash"]
+        reason = f"the {dash!r} is no '-'" if dash != "-" else "a blank is missing behind the '-'"
+        return f"{reason}: write '- {entry['rest']}'"
+    if joined := re.match(r"(?P<key>\w+)(?P<colon>[:：])", word if ":" in word else text):
+        rest = (word if ":" in word else text)[joined.end() :].strip()
+        reason = (
+            f"the {joined['colon']!r} is no ':'"
+            if joined["colon"] != ":"
+            else "a blank is missing behind the ':'"
+        )
+        shown = rest if rest and not rest.startswith("-") else "…"
+        return f"{reason}: write '{joined['key']}: {shown}'" if len(shown) <= 40 else reason
+    return ""
+
+
+def _at_an_edge(text: str) -> re.Match[str] | None:
+    """Return strange blanks at the start or at the end."""
+    edge = rf"^[{_BLANKS}{_WIDTHLESS}]+|[{_BLANKS}{_WIDTHLESS}]+$"
+    return re.search(edge, text)
+
+
+def _without_strange(text: str) -> str:
+    return re.sub(f"[{_BLANKS}]", " ", re.sub(f"[{_WIDTHLESS}]", "", text)).strip()
+
+
+def _curly(found: re.Match[str]) -> Slip:
+    inner = found["inner"]
+    quote = "'" if '"' in inner or "\\" in inner else '"'
+    meant = f"{quote}{inner}{quote}"
+    shown = f"write {meant}" if len(inner) <= 40 else f"write {quote} on both sides"
+    return Slip(found.start(), found.end(), meant, "curly quotes are letters in YAML", shown, LOOK_ALIKE)
+
+
+def _strange(found: re.Match[str], text: str) -> Slip:
+    first = found[0][0]
+    name = _NAMES.get(first, "space" if re.match(f"[{_BLANKS}]", first) else "invisible character")
+    message = f"the {name} U+{ord(first):04X} is no blank in YAML"
+    blank = re.search(f"[{_BLANKS}]", found[0]) is not None
+    meant = " " * len(found[0]) if blank else ""
+    hint = (
+        "write a blank, or put a text with it in quotes"
+        if blank
+        else "leave it out, or put a text with it in quotes"
+    )
+    return Slip(found.start(), found.end(), meant, message, hint, LOOK_ALIKE)
+
+
+def _wide(text: str, at: int) -> Slip:
+    meant = _MARKS[text[at]]
+    return Slip(
+        at, at + 1, meant, f"{text[at]!r} is no {meant.strip()!r}", f"write {meant.strip()!r}", LOOK_ALIKE
+    )
+
+
+def _unspaced(found: re.Match[str]) -> Slip:
+    key, at = found["key"], found.end("key") + 1
+    value = found.groupdict().get("value") or "…"
+    value = value if len(value) <= 40 else "…"
+    message = f"a blank is missing behind the ':' of {key!r}"
+    return Slip(at, at, " ", message, f"write '{key}: {value}'", NO_BLANK)
+
+
+_QUOTED = re.compile(r"(?<![^\s\[{,:-])(?:\"(?:[^\"\\]|\\.)*\"|'(?:[^']|'')*')")
+_HALF_CURLY = re.compile(
+    rf"(?<=[\s\[{{,:])(?:[\"'](?P<a>[^\"'{_CLOSING}]*)[{_CLOSING}]|[{_OPENING}](?P<b>[^\"']*)[\"'])"
+)
+_JOINED = re.compile(r"(?<![\w\"'/.])(?P<key>[A-Za-z_][\w.]*):(?=[^\s/,}\]])(?P<value>[\w.%]+)?")
+_NO_DASH_BLANK = re.compile(r"^\s*(?:- +)*-(?=[A-Za-z{\[\"'])")
+_ENTRY_START = re.compile(r"(?P<indent> *)(?P<entry>[A-Za-z_]\w*:?)")
+
+
+def slips_behind(text: str, error: yaml.YAMLError) -> Iterator[Slip]:
+    """Yield the slips that keep a text from being read.
+
+    Places are those of the text in which the former slips are mended.
+    """
+    attempts = _MAX_ATTEMPTS
+    found: Slip | None = None
+    current: yaml.YAMLError | None = error
+    for _ in range(MAX_SLIPS):
+        if len(text) > MAX_LENGTH or not isinstance(current, yaml.MarkedYAMLError):
+            return
+        before = _index(current)
+        found, after = None, None
+        for slip in _candidates(text, current):
+            attempts -= 1
+            after = _first_error(slip.repair(text))
+            if after is None or _index(after) > before + len(slip.meant):
+                found = slip
+                break
+            if attempts <= 0:
+                return
+        if found is None:
+            return
+        yield found
+        text, current = found.repair(text), after
+
+
+def slip_at(lines: Sequence[str], row: int, column: int, message: str) -> Slip | None:
+    """Return the slip of that message at a place, with its columns in that line; None where its repair takes
+    more than one line. All count from 0.
+    """
+    line = lines[row]
+    found = [slip for slip in _slips_of_line(line) if (slip.start, slip.message) == (column, message)]
+    if not found and message == COMMA and line[column : column + 1] == ",":
+        return Slip(column, column + 1, ".", message, "", LOOK_ALIKE)
+    if not found:
+        below = next((each for each in lines[row + 1 :] if each.strip()), "")
+        inside = len(below) - len(below.lstrip()) > column
+        before = sum(map(len, lines[:row]))
+        found = [] if inside else [slip.moved(-before) for slip in _missing_dash(list(lines), row)]
+        found = [slip for slip in found if (slip.start, slip.message) == (column, message)]
+    return found[0] if found else None
+
+
+def _index(error: yaml.YAMLError) -> int:
+    """Return where an error stands: a quote that is never closed, where it opens."""
+    if not isinstance(error, yaml.MarkedYAMLError):
+        return 0
+    opens = "quoted scalar" in str(error.context or "")
+    mark = (error.context_mark if opens else None) or error.problem_mark or error.context_mark
+    return int(mark.index) if mark is not None else 0
+
+
+def _first_error(text: str) -> yaml.YAMLError | None:
+    try:
+        for _ in yaml.parse(text, yaml.CSafeLoader):
+            pass
+    except yaml.YAMLError as error:
+        return error
+    return None
+
+
+def _candidates(text: str, error: yaml.MarkedYAMLError) -> Iterator[Slip]:
+    """Yield what may be wrong in the lines up to the error: from its construct, or from the line above."""
+    at = error.problem_mark or error.context_mark
+    if at is None:
+        return
+    lines = text.splitlines(keepends=True)
+    last = min(at.line, len(lines) - 1)
+    opened = error.context_mark.line if error.context_mark is not None else last
+    above = next((n for n in range(last - 1, -1, -1) if lines[n].strip()), 0)
+    first = max(min(opened, above), last - 3)
+    start = sum(map(len, lines[:first]))
+    for line in lines[first : last + 1]:
+        yield from (slip.moved(start) for slip in _slips_of_line(line.rstrip("\r\n")))
+        start += len(line)
+    if "'-' indicator" in str(error.problem):
+        yield from _missing_dash(lines, last)
+    elif "expected ':'" in str(error.problem):
+        yield from _missing_dash(lines, min(opened, last))
+
+
+def _slips_of_line(line: str) -> list[Slip]:
+    """Return all possible slips of one line, outside of its quoted texts and its comment."""
+    masked = _QUOTED.sub(lambda quoted: '"' + "\0" * (len(quoted[0]) - 2) + '"', line)
+    comment = re.search(r"(?:^|[ \t])#", masked)
+    masked = masked[: comment.start()] if comment is not None else masked
+    code = line[: len(masked)]
+    found = [_curly(match) for match in _CURLY.finditer(code) if masked[match.start()] != "\0"]
+    for half in _HALF_CURLY.finditer(code):
+        inner = half["a"] if half["a"] is not None else half["b"]
+        message, hint = "one of the two quotes is a curly one", f'write "{inner}"'
+        found.append(Slip(half.start(), half.end(), f'"{inner}"', message, hint, LOOK_ALIKE))
+    found += [_strange(match, line) for match in _STRANGE.finditer(code)]
+    found += [_wide(line, at) for at, letter in enumerate(masked) if letter in _MARKS]
+    found += [
+        _unspaced(match)
+        for match in _JOINED.finditer(code)
+        if "\0" not in masked[match.start() : match.end()]
+    ]
+    if dash := _NO_DASH_BLANK.match(line):
+        message = "a blank is missing behind the '-'"
+        found.append(Slip(dash.end(), dash.end(), " ", message, "write '- ' before the entry", NO_BLANK))
+    return sorted(found, key=lambda slip: slip.start)
+
+
+def _missing_dash(lines: list[str], row: int) -> Iterator[Slip]:
+    entry = _ENTRY_START.match(lines[row])
+    if entry is not None:
+        at = sum(map(len, lines[:row])) + entry.end("indent")
+        message = "a '-' is missing before this entry of the list above"
+        yield Slip(at, at, "- ", message, f"write '- {entry['entry']}'", NO_BLANK)
 
 
 def syntax_faults(error: yaml.YAMLError, text: str, file: str) -> Iterator[Diagnostic]:

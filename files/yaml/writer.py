@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from ..marks import Mark
+from ..errors import Mark
 from .reader import Value, YamlNode, resolve
 
 Scalar = str | int | float | bool | None

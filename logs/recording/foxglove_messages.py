@@ -1,10 +1,13 @@
-"""Foxglove messages: encoding of picktree's values, and decoding back into them."""
+"""Foxglove messages: encoding of picktree's values and images, and decoding back into them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
+from pathlib import Path
 
+import cv2
+import numpy as np
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.Color_pb2 import Color
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
@@ -26,14 +29,15 @@ from foxglove_schemas_protobuf.SpherePrimitive_pb2 import SpherePrimitive
 from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3 as VectorMessage
 from google.protobuf.timestamp_pb2 import Timestamp
+from numpy.typing import NDArray
 
+from ...files.errors import PicktreeError
 from ...world.colours import COLOURS, Rgb
 from ...world.protocols import Intrinsics
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Pose, Vector3
 from ..binary_gltf import parts_of
-from ..schema.json_records import decode, encode
-from ..schema.records import (
+from ..records import (
     BodyRecord,
     Joints,
     LinkMesh,
@@ -42,12 +46,70 @@ from ..schema.records import (
     Scene,
     ThingRecord,
     Transform,
+    decode,
+    encode,
 )
 from ..triangle_meshes import Mesh, part_mesh, shape_mesh
 
+_PNG_SETTINGS = (
+    *(cv2.IMWRITE_PNG_COMPRESSION, 0),
+    *(cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP),
+)
+_JPEG_SETTINGS = (
+    cv2.IMWRITE_JPEG_QUALITY,
+    92,
+    cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
+    cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
+)
+
+
+def encode_colour(image: NDArray[np.uint8]) -> bytes:
+    """Encode RGB (h, w, 3) as JPEG."""
+    return _encoded(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), _JPEG_SETTINGS)
+
+
+def encode_depth(depth: NDArray[np.float32]) -> bytes:
+    """Encode depth (h, w) in m as 16-bit PNG in mm; 0 where unknown."""
+    millimetres = np.clip(np.nan_to_num(depth) * 1000.0 + 0.5, 0, 65535)
+    return _encoded(".png", millimetres.astype(np.uint16), _PNG_SETTINGS)
+
+
+def decode_colour(data: bytes) -> NDArray[np.uint8]:
+    """Decode RGB (h, w, 3). Raises ValueError for data that is no image."""
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise ValueError("not an image")
+    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8)
+
+
+def decode_depth(data: bytes) -> NDArray[np.float32]:
+    """Decode depth (h, w) in m, 0 where unknown. Raises ValueError for data that is no image."""
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None or image.ndim != 2:
+        raise ValueError("not a depth image")
+    return image.astype(np.float32) / np.float32(1000.0)
+
+
+def write_picture(path: str, image: NDArray[np.uint8]) -> None:
+    """Write RGB (h, w, 3) into a file in the format of its suffix. Raises OSError when that fails."""
+    Path(path).write_bytes(_encoded(Path(path).suffix, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), ()))
+
+
+def require_picture_name(path: Path) -> None:
+    """Raise PicktreeError when the suffix of the path is not that of a picture format."""
+    if not cv2.haveImageWriter(path.name):
+        raise PicktreeError(f"{path}: the picture cannot be written: name it {path.stem}.png")
+
+
+def _encoded(ending: str, image: NDArray[np.uint16] | cv2.typing.MatLike, settings: tuple[int, ...]) -> bytes:
+    done, data = cv2.imencode(ending, image, settings)
+    if not done:
+        raise ValueError("the image cannot be encoded")
+    return data.tobytes()
+
+
 WORLD = "world"
 UNKNOWN_COLOUR: Rgb = (0.6, 0.6, 0.65)
-
 _BODY_KEY = "picktree.body"
 _PART_KEY = "picktree.part"
 """Keys of an entity's metadata with the whole record, which primitives cannot hold."""

@@ -11,15 +11,13 @@ from typing import Final, Protocol
 import orjson
 
 from ...simulation.truth import TrueBody as SimulatedBody
-from ...world.belief.planning_scene import BeliefChange, BeliefObject
 from ...world.journal import CandidateSearchEntry, PlanEntry
-from ...world.scene.calibration_results import tile_body
-from ...world.scene.description import Bin, Fixture
+from ...world.planning_scene import BeliefChange, BeliefObject
+from ...world.scene.description import Bin, Fixture, tile_body
 from ...world.shapes import ConvexMesh, Shape, greatest_length
 from ...world.values import GripperState, JointState, ObjectId, Pose
-from ..schema.event_records import BeliefEvent
-from ..schema.json_records import encode
-from ..schema.records import (
+from ..event_records import BeliefEvent
+from ..records import (
     FORMAT,
     BlockRecord,
     BodyRecord,
@@ -33,6 +31,7 @@ from ..schema.records import (
     StageCount,
     ThingRecord,
     Tick,
+    encode,
 )
 
 _TICK_FIELDS: Final = tuple(field.name for field in fields(Tick))

@@ -13,7 +13,7 @@ from typing import Any, Final, cast
 
 import orjson
 
-from ..schema.records import TrueState
+from ..records import TrueState
 
 STATE_PERIOD: Final = 0.2
 """Period of the messages, simulated s."""

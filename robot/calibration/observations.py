@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...world.events import CalibrationShotEvent, CalibrationTouchEvent
 from ...world.protocols import Intrinsics
-from ...world.skill_events import CalibrationShotEvent, CalibrationTouchEvent
 from ...world.values import Array, Pose, Vector3
 
 VIEW_TILTS = (0.12, 0.5, 0.68)

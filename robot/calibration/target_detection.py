@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...world.protocols import Intrinsics, RgbdImage
-from ...world.scene.calibration_results import TargetTile
+from ...world.scene.description import TargetTile
 from ...world.values import Array, Pose
 from ..perception import segmentation
 from ..perception.segmentation import connected_patches

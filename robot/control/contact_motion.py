@@ -13,9 +13,8 @@ from ...world.causes import Failure, control, safety
 from ...world.protocols import Clock
 from ...world.robot_model.model import RobotModel
 from ...world.values import Array, Pose
-from .compliant_motion import CartesianStiffness, CompliantMotion
+from .compliant_motion import CartesianStiffness, CompliantMotion, GuardedMove, GuardedMoveResult
 from .control_loop import ControlLoop
-from .guarded_move import GuardedMove, GuardedMoveResult
 from .impedance import CartesianImpedance
 from .joint_controllers import HoldController
 from .motion_lease import Lease

@@ -6,6 +6,7 @@ sensor's bias, `ContactGuard` guards the motion, and `ArmDrive` commands and bra
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,19 +15,286 @@ from time import perf_counter
 import numpy as np
 
 from ...files.errors import PicktreeError
-from ...world.causes import Failure, safety
+from ...world.causes import Failure, control, safety
 from ...world.computing_time import Stopwatch
 from ...world.protocols import Hardware
 from ...world.robot_model.model import RobotModel
-from ...world.values import Array, JointState, Pose, Wrench
-from .arm_drive import ArmDrive, ArmSampler
-from .bias_estimation import WRIST_WINDOW, BiasEstimator
-from .commands import Controller
-from .impedance import CartesianImpedance
-from .joint_controllers import HoldController
+from ...world.values import GRAVITY, Array, JointState, Pose, Vector3, Wrench
+from .commands import Controller, JointCommand
+from .external_torque import MIN_EXPLAINED_SHARE
+from .impedance import CartesianImpedance, ContactReflex
+from .joint_controllers import BrakeController, HoldController
 from .motion_lease import ContactGuard, ForceGuard, Lease
 from .safety_monitor import MonitorState, SafetyMonitor
-from .supervision import REST_TIME, TOUCH_FORCE, Supervision, Watchdog
+from .wrist_wrench import MAX_QUIET_DEVIATION, WRIST_WINDOW, BiasEstimator, WristWrench
+
+REST_SPEED = 0.02
+"""Speed over all joints below which the arm counts as standing, rad/s."""
+
+
+class ArmSampler:
+    """Reader of encoders and wrist sensor, once in each control period."""
+
+    def __init__(self, hardware: Hardware, model: RobotModel) -> None:
+        self._hardware = hardware
+        self._arm = hardware.arm
+        self._model = model
+        self.wrist = WristWrench(hardware.wrench, model, hardware.clock)
+        self.state: JointState = self._arm.read()
+        """Last encoder reading."""
+        self.standing = 0
+        """Number of control periods for which the held arm has stood still."""
+        self._velocity: Array = self.state.velocity
+        self._placed: tuple[JointState, Pose] | None = None
+
+    def sample(self, held: bool) -> JointState:
+        """Read all sensors, and return the encoder reading. `held`: no motion runs."""
+        self._velocity = self.state.velocity
+        self.state = state = self._arm.read()
+        self.wrist.sample()
+        v = state.velocity
+        # The slow end of a motion does not count: the wrist still feels the braking.
+        self.standing = self.standing + 1 if held and float(v @ v) < REST_SPEED * REST_SPEED else 0
+        return state
+
+    def rested(self, time: float) -> bool:
+        """Whether the arm has stood still for `time` s."""
+        return self.standing * self._hardware.period >= time - 1e-9
+
+    @property
+    def acceleration(self) -> Array:
+        """Joint accelerations (n,) over the last control period, rad/s²."""
+        return (self.state.velocity - self._velocity) / self._hardware.period
+
+    @property
+    def tcp(self) -> Pose:
+        """TCP pose in the world by the last encoder reading, computed once for each."""
+        if self._placed is None or self._placed[0] is not self.state:
+            self._placed = (self.state, self._model.tcp(self.state.position))
+        return self._placed[1]
+
+    def restore(self, standing: int) -> None:
+        """Read the encoders of restored hardware; the arm has stood still for `standing` periods."""
+        self.state, self.standing = self._arm.read(), standing
+        self._velocity = self.state.velocity
+
+
+MAX_HOLD_ERROR = 0.01
+"""Joint error at the end of a motion above which the arm holds its actual configuration, rad. The obstruction
+may give way at any time."""
+
+
+class ArmDrive:
+    """Executor of one controller at a time. At the end of each motion it holds the arm by itself."""
+
+    def __init__(self, hardware: Hardware, model: RobotModel, state: JointState) -> None:
+        """Hold the arm where it stands; `state` is the encoder reading."""
+        self._hardware, self._model = hardware, model
+        self._arm, self._clock = hardware.arm, hardware.clock
+        self.servo = True
+        """Whether the last command was a set-point of the servo, not a torque."""
+        self.setpoint = JointCommand(state.position.copy(), np.zeros(model.n))
+        """Last command of the servo."""
+        self.braking = False
+        """Whether the motion was stopped or its lease returned, and nothing has begun since."""
+        self.carried = np.zeros(6)
+        """Wrench (6,) of the payload when the motion began, world axes, N and Nm."""
+        self.begin(HoldController(), state)
+
+    def begin(self, controller: Controller, state: JointState) -> None:
+        """Let `controller` command the arm from the next control period on."""
+        if not self.servo:
+            self.setpoint = JointCommand(state.position.copy(), state.velocity.copy())
+        self.controller = controller
+        self.held = isinstance(controller, HoldController)
+        controller.start(self._clock.now, state, self.setpoint)
+
+    @property
+    def reference(self) -> Array | None:
+        """Configuration (n,) that the servo was commanded, rad; None under torque control."""
+        return self.setpoint.position if self.servo else None
+
+    def command(self, state: JointState) -> None:
+        """Send the controller's command for one control period; after its last one, hold or brake."""
+        controller = self.controller
+        command = controller.update(self._clock.now, state)
+        if isinstance(command, JointCommand):
+            self.setpoint = command
+            self.servo = True
+            self._arm.follow(command.position, command.velocity)
+        else:
+            self.servo = False
+            self._arm.apply_torque(command.torque)
+        if controller.done:
+            self.begin(HoldController() if self.servo else self._brake_controller(), state)
+
+    def brake(self, state: JointState) -> None:
+        """Bring the motion to rest on its path, or where the arm stands when it stands off the set-point."""
+        self.braking = True
+        if self._stands_beside(state):
+            self.servo = False
+            self.begin(self._brake_controller(), state)
+            return
+        braking = self.controller.brake()
+        if braking is not self.controller:
+            self.begin(braking, state)
+
+    def stop_at_once(self, state: JointState, *, pushed: bool) -> None:
+        """Stop from the present state: comply when something has `pushed` the arm, else brake each joint as
+        fast as it can."""
+        self.braking = True
+        self.servo = False
+        if pushed:
+            self.begin(ContactReflex(self._model, self._hardware.period, self.carried), state)
+        else:
+            self.begin(self._brake_controller(), state)
+
+    def restore(self, hold: Array, state: JointState, carried: Array) -> None:
+        """Hold the configuration `hold` (n,), rad, after a checkpoint was restored."""
+        self.setpoint = JointCommand(hold, np.zeros_like(hold))
+        self.servo = True
+        self.carried = carried
+        self.begin(HoldController(hold), state)
+
+    def _brake_controller(self) -> BrakeController:
+        return BrakeController(self._model, self._hardware.period)
+
+    def _stands_beside(self, state: JointState) -> bool:
+        """Whether the arm stands off the servo's set-point: it would jump there when the obstruction gives
+        way."""
+        if not self.servo or float(np.abs(self.setpoint.velocity).max()) > REST_SPEED:
+            return False
+        standing = float(state.velocity @ state.velocity) < REST_SPEED * REST_SPEED
+        return standing and float(np.abs(self.setpoint.position - state.position).max()) > MAX_HOLD_ERROR
+
+
+TOOL_CHECK_PERIODS = 4
+"""Control periods between two checks of the TCP against the workspace."""
+TOUCH_FORCE = 20.0
+"""Force above which the wrist counts as touched, not only loaded, N."""
+REST_TIME = 0.1
+"""Time at rest before a tare or a load is read, s."""
+EFFORT_CHECK_TIME = 0.05
+"""Time between two checks of the joints' efforts, s. One check costs as much as a control step by itself."""
+MAX_UNATTENDED_MOTION = 0.2
+"""Longest motion without attention of its holder, s: four ticks. A jog and a motion that was handed over
+brake by themselves before."""
+
+
+class Watchdog:
+    """Timer of the motion without attention. The holder of the lease restarts it in each tick."""
+
+    def __init__(self) -> None:
+        self.attended = False
+        """Whether the holder has attended to its motion since the last tick."""
+        self._alone = 0.0
+
+    def expired(self, tick: float, moving: bool) -> bool:
+        """Count a tick of `tick` s, and return whether the arm has moved unattended for too long."""
+        self._alone = 0.0 if self.attended or not moving else self._alone + tick
+        self.attended = False
+        return self._alone > MAX_UNATTENDED_MOTION
+
+    def restart(self) -> float:
+        """Set the timer to zero, and return the time that it had counted, s."""
+        alone, self._alone = self._alone, 0.0
+        return alone
+
+
+class Supervision:
+    """Supervisor of what the sensors read: it reports to the safety monitor, whose stop is latched."""
+
+    def __init__(
+        self,
+        hardware: Hardware,
+        model: RobotModel,
+        monitor: SafetyMonitor,
+        sampler: ArmSampler,
+        bias: BiasEstimator,
+    ) -> None:
+        self._hardware, self._clock = hardware, hardware.clock
+        self._model, self._monitor = model, monitor
+        self._sampler, self._wrist = sampler, sampler.wrist
+        self._bias = bias
+        self.periods = 0
+        """Number of control periods since the run began."""
+        self._looked = self._clock.now
+        """Time of the last check of the efforts, simulated s."""
+        monitor.age_of_joints(lambda: self._clock.now - hardware.stamps.joints)
+
+    def check(self, state: JointState, commanded: Array | None, force: Vector3, period: float) -> bool:
+        """Check one control period, and return whether a stop was latched; see `SafetyMonitor.check`."""
+        stopped = self._monitor.check(state, commanded, force, period)
+        self.periods += 1
+        if self.periods % TOOL_CHECK_PERIODS == 0:
+            stopped = self._check_rarely(state) or stopped
+        return stopped
+
+    def off_its_way(self) -> bool:
+        """Whether the stop just latched is a tracking error, a force or a torque: braking on the path would
+        prolong it."""
+        stop = self._monitor.stopped
+        return stop is not None and stop.cause in (control.TRACKING, safety.FORCE_LIMIT, safety.TORQUE_LIMIT)
+
+    def pushed(self, force: Vector3) -> bool:
+        """Return whether something pushes the arm: `force`, N, at the wrist, or efforts that nothing
+        explains."""
+        return math.hypot(*force) > TOUCH_FORCE or self._monitor.pushed
+
+    def restore(self, periods: int) -> None:
+        """Continue from a checkpoint that was taken after `periods` control periods."""
+        self.periods, self._looked = periods, self._clock.now
+
+    def _check_rarely(self, state: JointState) -> bool:
+        """Run the checks that are not needed in each period, and return whether a stop was latched."""
+        monitor, wrist, now = self._monitor, self._wrist, self._clock.now
+        tool = self._sampler.tcp
+        wrist.turned(tool)
+        stopped = monitor.check_tool(tool.position)
+        stopped = monitor.check_sensors(now, self._hardware.stamps, wrist.repeats_since) or stopped
+        if self._sampler.standing * self._hardware.period >= REST_TIME:
+            stopped = self._check_load(state) or stopped
+        elapsed = now - self._looked
+        if elapsed >= EFFORT_CHECK_TIME - 1e-9:
+            self._looked = now
+            if self._hardware.feels_effort:
+                stopped = self._check_efforts(state, self._sampler.acceleration, elapsed) or stopped
+        return stopped
+
+    def _check_load(self, state: JointState) -> bool:
+        """Check the payload at rest, and return whether a stop was latched. A bias that has jumped is learnt
+        first."""
+        mass = -self._wrist.force[2] / GRAVITY
+        doubtful = self._monitor.overburdened(mass) and self._hardware.feels_effort
+        if doubtful and (self._wrist.unrest(WRIST_WINDOW) > MAX_QUIET_DEVIATION or self._bias.learn(state)):
+            return False
+        return self._monitor.check_load(mass)
+
+    def _check_efforts(self, state: JointState, acceleration: Array, elapsed: float) -> bool:
+        monitor, bias = self._monitor, self._bias
+        if monitor.blind:
+            # A retreat is slow: the hand's inertial force is small against the limit.
+            left = self._without_wrist(state, acceleration)
+            return monitor.check_efforts(monitor.explained(left, elapsed))
+        turn = self._sampler.tcp.rotation()
+        left = bias.efforts.unexplained(state, acceleration, self._wrist.unbiased(turn))
+        explained = monitor.explained(left, elapsed)
+        if not explained and self._fits_without_wrist(state, acceleration, left):
+            bias.doubtful = explained = True
+        return monitor.check_efforts(explained)
+
+    def _without_wrist(self, state: JointState, acceleration: Array) -> Array:
+        """Return the unexplained efforts (n,), Nm, if nothing but the payload acts on the hand."""
+        return self._bias.efforts.without_wrist(state, acceleration, self._bias.known_load(state))
+
+    def _fits_without_wrist(self, state: JointState, acceleration: Array, left: Array) -> bool:
+        """Return whether the efforts fit better without the wrist reading: then the wrist sensor is wrong."""
+        otherwise = self._without_wrist(state, acceleration)
+        limit = self._model.torque_limit
+        return float(np.linalg.norm(otherwise / limit)) < MIN_EXPLAINED_SHARE * float(
+            np.linalg.norm(left / limit)
+        )
+
 
 CONTACT_RATE = 500
 """Rate of physics and control in contact, Hz."""

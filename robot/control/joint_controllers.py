@@ -8,8 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...world.robot_model.model import RobotModel
-from ...world.trajectory import Trajectory
-from ...world.values import Array, JointState
+from ...world.values import Array, JointState, Trajectory
 from .commands import Controller, JointCommand
 
 OFFSET_FADE_TIME = 0.25

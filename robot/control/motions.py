@@ -18,19 +18,16 @@ from ...world.causes import Failure, control
 from ...world.journal import Journal
 from ...world.protocols import Clock
 from ...world.robot_model.model import RobotModel
-from ...world.trajectory import Trajectory
-from ...world.values import Array, Vector3
+from ...world.values import Array, Trajectory, Vector3
 from .commands import ContactThresholds, JointImpedanceResult
-from .compliant_motion import FIRM_STIFFNESS, CartesianStiffness, CompliantMotion
+from .compliant_motion import FIRM_STIFFNESS, CartesianStiffness, CompliantMotion, GuardedMoveResult
 from .contact_motion import CompliantMotionResult, CompliantMotionRunner
 from .control_loop import ControlLoop
 from .external_torque import static_external_torque
-from .guarded_move import GuardedMoveResult
+from .impedance import YIELD_TIME, GravityCompensationController, JointImpedanceController, slowed_trajectory
 from .jog_motion import JogMotion, JogResult, Lookout, Twists
 from .joint_controllers import HoldController
 from .motion_lease import ForceGuard
-from .slowed_trajectory import slowed_trajectory
-from .soft_controller import YIELD_TIME, GravityCompensationController, JointImpedanceController
 from .trajectory_motion import Doing, TrajectoryCheck, TrajectoryMotion
 
 if TYPE_CHECKING:

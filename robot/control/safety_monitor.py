@@ -1,4 +1,8 @@
-"""Safety monitor: the one check of every control period; its stop is latched."""
+"""Safety monitor: the one check of every control period; its stop is latched until it is acknowledged.
+
+Persisting violations are then tolerated for the retreat alone. A sensor that gives no new reading is a
+violation.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +12,186 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ...world.causes import FailureReport, control, safety
+from ...world.causes import Cause, FailureReport, control, safety
+from ...world.events import SafetyStopEvent
 from ...world.journal import Journal, JournalEvent
 from ...world.protocols import SensorStamps
 from ...world.robot_model.joint_limits import joint_excesses
 from ...world.robot_model.model import RobotModel
 from ...world.scene.description import SafetyLimits
 from ...world.values import Array, JointState, Vector3, workspace_excess
-from .sensor_silence import STALE_SENSOR_NAME, check_silence
-from .stop_latch import Latch, LatchState
+
+
+@dataclass(frozen=True, slots=True)
+class LatchState:
+    """State of the latch between two control periods."""
+
+    stopped: FailureReport | None
+    stops: int
+    tolerated: tuple[tuple[str, float], ...]
+    """Violations that were acknowledged and persist: name and level."""
+    levels: tuple[tuple[str, float], ...]
+    """Violations that persist: name and level."""
+    retreats: str = ""
+    """Node path of the retreat that acknowledged. Violations are tolerated for its motions alone."""
+    standing: tuple[tuple[str, FailureReport], ...] = ()
+    """Failure report of each persisting violation."""
+    latched: str = ""
+    """Name of the violation that latched the stop."""
+
+
+class Latch:
+    """Latch of safety stops. Each violation has a name and a level: the excess over its limit.
+
+    `violated` reports a violation, `within` its end. The first one latches the stop. After acknowledgement a
+    persisting violation is tolerated as long as it does not grow; otherwise the way out would trip the same
+    stop. It is tolerated only while the acknowledging retreat moves the arm (`moves`).
+    """
+
+    def __init__(self, journal: Journal) -> None:
+        self._journal = journal
+        self.stopped: FailureReport | None = None
+        self.stops = 0
+        """Number of stops since the run began."""
+        self._tolerated: dict[str, float] = {}
+        self._levels: dict[str, float] = {}
+        self._standing: dict[str, FailureReport] = {}
+        self._retreats = ""
+        self._latched = ""
+        self._fresh = False
+
+    @property
+    def busy(self) -> bool:
+        """Whether a violation persists or is tolerated."""
+        return bool(self._levels or self._tolerated)
+
+    def stands(self, name: str) -> bool:
+        """Return whether `name` is violated now, tolerated or not."""
+        return name in self._levels
+
+    def tolerates(self, name: str) -> bool:
+        return name in self._tolerated
+
+    def acknowledge(self, by: str) -> None:
+        """Allow motion again: for the node path `by` in spite of persisting violations."""
+        if self.stopped is not None:
+            # The violation may be just within its limit by now, and must not stop the retreat by flickering.
+            self._tolerated = {self._latched or self.stopped.cause.name: 0.0, **self._levels}
+            self._retreats = by
+            self.stopped = None
+
+    def moves(self, owner: str) -> None:
+        """Register that `owner` begins to move the arm. Violations tolerated for another owner stop it."""
+        if not self._tolerated or owner == self._retreats:
+            return
+        self._tolerated.clear()
+        for name, report in self._standing.items():
+            self._latch(name, report)
+
+    def take_fresh(self) -> bool:
+        """Return whether a stop was latched since the last call."""
+        fresh, self._fresh = self._fresh, False
+        return fresh
+
+    def within(self, name: str, room: float, slack: float) -> None:
+        """Report no violation, with a margin of `room`. Tolerance ends when the margin exceeds `slack`."""
+        if self._levels.pop(name, None) is not None:
+            self._standing.pop(name, None)
+        if room > slack:
+            self._tolerated.pop(name, None)
+
+    def violated(
+        self,
+        name: str,
+        cause: Cause,
+        level: float,
+        slack: float,
+        message: str,
+        **evidence: str | float | list[float],
+    ) -> None:
+        self._levels[name] = level
+        report = self._standing[name] = FailureReport(cause, message, evidence)
+        tolerated = self._tolerated.get(name)
+        if tolerated is not None and level <= tolerated + slack:
+            self._tolerated[name] = min(tolerated, level)
+            return
+        self._latch(name, report)
+
+    def _latch(self, name: str, report: FailureReport) -> None:
+        if self.stopped is not None:
+            return
+        self.stopped, self._latched = report, name
+        self._tolerated.clear()
+        self.stops += 1
+        self._fresh = True
+        cause, evidence = report.cause.name, dict(report.evidence)
+        self._journal.note(SafetyStopEvent(report.message, cause=cause, extra=evidence))
+
+    def state(self) -> LatchState:
+        return LatchState(
+            self.stopped,
+            self.stops,
+            tuple(self._tolerated.items()),
+            tuple(self._levels.items()),
+            self._retreats,
+            tuple(self._standing.items()),
+            self._latched,
+        )
+
+    def restore(self, saved: LatchState) -> None:
+        self.stopped, self.stops = saved.stopped, saved.stops
+        self._tolerated, self._levels = dict(saved.tolerated), dict(saved.levels)
+        self._standing, self._retreats = dict(saved.standing), saved.retreats
+        self._latched = saved.latched
+        self._fresh = False
+
+
+MAX_JOINTS_SILENCE = 0.05
+"""Longest silence of the encoders, s. At full speed the arm moves 0.1 rad in that time."""
+MAX_WRENCH_SILENCE = 0.1
+"""Longest silence of the wrist sensor, s. A guarded move travels 3 to 10 mm in that time."""
+MAX_GRIPPER_SILENCE = 0.5
+"""Longest silence of the gripper, s. Grippers send their opening some ten times a second; fingers are
+slow."""
+STALE_SENSOR_NAME = safety.STALE_SENSOR.name
+_SENSORS = (
+    ("joints", "the encoders of the joints have", MAX_JOINTS_SILENCE),
+    ("gripper", "the gripper has", MAX_GRIPPER_SILENCE),
+    ("wrench", "the wrist sensor has", MAX_WRENCH_SILENCE),
+)
+
+
+def check_silence(latch: Latch, now: float, stamps: SensorStamps, repeats_since: float | None) -> bool:
+    """Report silent sensors at `now`, s, to the latch. Returns False when none is silent and the latch is not
+    busy.
+
+    `repeats_since`: time since which the noisy wrist sensor repeats its reading exactly, s. None: it does
+    not.
+    """
+    repeating = repeats_since is not None and now - repeats_since > MAX_WRENCH_SILENCE
+    if (
+        now - stamps.joints <= MAX_JOINTS_SILENCE
+        and now - stamps.wrench <= MAX_WRENCH_SILENCE
+        and now - stamps.gripper <= MAX_GRIPPER_SILENCE
+        and not repeating
+        and not latch.busy
+    ):
+        return False
+    for (sensor, words, longest), stamp in zip(
+        _SENSORS, (stamps.joints, stamps.gripper, stamps.wrench), strict=True
+    ):
+        name, what, since = f"{STALE_SENSOR_NAME}/{sensor}", "given no new reading", stamp
+        if sensor == "wrench" and repeating and repeats_since is not None and repeats_since < stamp:
+            what, since = "repeated itself bit by bit", repeats_since
+        if now - since > longest:
+            message = f"{words} {what} since {since:.2f} s"
+            latch.violated(
+                name, safety.STALE_SENSOR, 1.0, 0.0, message, sensor=sensor, since=since, longest=longest
+            )
+        elif latch.busy:
+            latch.within(name, 1.0, 0.0)
+    return True
+
 
 MAX_TRACKING_ERROR = 0.05
 """Greatest deviation of a joint from its command, rad."""
@@ -42,12 +217,10 @@ LOAD_TOLERANCE = 0.1
 """Tolerance of the payload limit, kg. The wrist's measurement at rest is off by up to half of that."""
 BLIND_SPEED_SHARE = 0.5
 """Joint speeds of a retreat while the wrist sensor is silent, as a share of their limits."""
-
 FORCE_SLACK, TOOL_SLACK, JOINT_SLACK = 5.0, 0.005, 0.01
 """Growth that an acknowledged violation may have, and margin at which it is over: N, m, rad and rad/s."""
 TORQUE_SLACK, MASS_SLACK = 0.1, 0.1
 """The same for efforts, as a share of the joint's limit, and for the payload, kg."""
-
 TORQUE_LIMIT_NAME = safety.TORQUE_LIMIT.name
 UNEXPLAINED_NAME = f"{TORQUE_LIMIT_NAME}/unexplained"
 

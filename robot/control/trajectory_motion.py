@@ -13,8 +13,7 @@ from ...files.errors import PicktreeError
 from ...world.causes import Failure, FailureReport, control, safety, world
 from ...world.protocols import Clock
 from ...world.robot_model.model import RobotModel
-from ...world.trajectory import Trajectory
-from ...world.values import Array, Vector3
+from ...world.values import Array, Trajectory, Vector3
 from .contact_motion import ZERO_TIME
 from .control_loop import ControlLoop
 from .joint_controllers import TrajectoryController, reversed_trajectory

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...world.events import CentredEvent
 from ...world.robot_model.description import GripperDescription
 from ...world.scene.description import MIN_FELT_MASS, CatalogueEntry
-from ...world.skill_events import CentredEvent
 from ...world.values import GRAVITY, Array
 from ..control.compliant_motion import CartesianStiffness, CompliantMotion, ContactState
 from ..control.contact_detection import ContactDetector

@@ -15,12 +15,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.belief.height_map import Heap, HeightMap
+from ...world.heaps import Heap, HeightMap
 from ...world.robot_model.description import GripperDescription
 from ...world.values import Array, Pose
 from ..perception.segmentation import LABEL_NAMES
-from .grasp_candidates import GraspCandidate
-from .hand_shape import Block, HandShape
+from .grasps import Block, GraspCandidate, HandShape
 from .heap_views import CONTACT_LEVEL, FAR_BELOW, HeapView, Heights, Profile, heap_view, surfaces
 
 OPENING_SHARES = (1.0, 0.75, 0.5, 0.3)

@@ -9,22 +9,22 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.belief.height_map import BarredPlace, Heap, HeightMap, heap_id
-from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, grasp, perception
 from ...world.causes import world as world_causes
+from ...world.events import PickEvent
+from ...world.heaps import BarredPlace, Heap, HeightMap, heap_id
+from ...world.planning_scene import BeliefObject
 from ...world.shapes import ConvexMesh, convex_hull, top
-from ...world.skill_events import PickEvent
 from ...world.values import Array, ObjectId, Pose
 from ..perception.heap_mapping import put_heap
 from ..planning.requests import NamedGoal, OffsetGoal
 from .compliant_closing import GripForce, close, grip_force
 from .heap_grasps import colour_between, grasps
-from .hold_check import GripCheck, measure_grip
+from .held_object import GripCheck, measure_grip
 from .pick_candidates import PickPlaceCandidate, count_rejections, describe_rejections
+from .pick_place_motions import LIFT_GUARD_FORCE, lift
 from .pick_stream import CandidateSearch
 from .replanning import plan_after_stop
-from .straight_lines import LIFT_GUARD_FORCE, lift
 from .weighing import register_payload, update_payload_mass
 
 if TYPE_CHECKING:

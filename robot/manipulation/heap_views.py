@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.belief.height_map import WALL_SHADOW, HeightMap
+from ...world.heaps import WALL_SHADOW, HeightMap
 from ...world.values import Array
 
 FAR_BELOW = np.float32(-1.0)

@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.belief.hole_matching import find_hole
 from ...world.causes import Failure
+from ...world.events import ServoEvent
+from ...world.holes import find_hole
 from ...world.protocols import Intrinsics
 from ...world.shapes import corners
-from ...world.skill_events import ServoEvent
 from ...world.values import Array, ObjectId, Pose
 from ..perception.hole_mouths import detect_hole
 from ..planning.requests import PoseGoal, Request

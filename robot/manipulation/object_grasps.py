@@ -10,14 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...world.belief.height_map import Heap, HeightMap
-from ...world.belief.planning_scene import BeliefObject
+from ...world.heaps import Heap, HeightMap
 from ...world.pad_contacts import top_heights
+from ...world.planning_scene import BeliefObject
 from ...world.robot_model.description import GripperDescription
 from ...world.shapes import CompoundMesh, extents
 from ...world.values import Array, Pose
-from .grasp_candidates import GRASP_YAWS, GraspCandidate, grasp_candidates, heading_of, leaning_grasps
-from .hand_shape import contacts_at
+from .grasps import GRASP_YAWS, GraspCandidate, contacts_at, grasp_candidates, heading_of, leaning_grasps
 
 CELL = 0.002
 """Edge length of a cell of the map, m: that of a heap's."""

@@ -6,27 +6,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, grasp, place, planning
 from ...world.causes import world as world_causes
+from ...world.planning_scene import BeliefObject
 from ...world.scene.description import Bin
 from ...world.shapes import bottom, top
 from ...world.values import ObjectId, Pose
 from ..planning.requests import LegFailure, MotionPlan, PoseGoal, Request, Scaling
-from .hold_check import (
-    check_held_object,
-    confirm_release,
-    drop_held_object,
-    release_held_object,
-)
+from .held_object import check_held_object, confirm_release, drop_held_object, release_held_object
+from .pick_place_motions import lower, lower_request, withdraw
 from .release_poses import bin_target, blocked, levels, opens_freely, place_candidates, put_down_poses
 from .replanning import PlaceWatch, PutDownWatch, ReplanBudget, plan_after_stop
-from .straight_lines import lower, withdraw
-from .transfer_requests import lower_request
 from .weighing import GripMonitor, is_fragile, payload_force, update_payload_mass
 
 if TYPE_CHECKING:
-    from ...world.trajectory import Trajectory
+    from ...world.values import Trajectory
     from ..control.trajectory_motion import Doing
     from ..world import Handover, PlaceCandidate, World
 

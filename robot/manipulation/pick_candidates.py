@@ -1,4 +1,4 @@
-"""Pick-place candidates: one grasp and one place each, with their stages, rejections and travel times.
+"""Pick-place candidates: one grasp and one place each, with their stages and rejections.
 
 The stages in order: geometry and kinematics of the grasp, then of the place, the cheapest first, and then
 planning.
@@ -6,26 +6,20 @@ planning.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-
 from ...world.causes import Failure
 from ...world.journal import CandidateEntry, CandidateSearchEntry
 from ...world.values import Array, ObjectId, Pose
-from ..planning.configuration_cost import configuration_cost
 from ..planning.requests import ContactPair, MotionPlan
 from ..world import PlaceCandidate
-from .grasp_candidates import GraspCandidate
+from .grasps import GraspCandidate
 
 if TYPE_CHECKING:
-    from ...world.robot_model.model import RobotModel
-    from ..planning.reachability import ReachResult
-
+    from ..planning.solver import ReachResult
 
 RANKED_STAGE = "ranked"
 HAND_STAGE = "hand fits"
@@ -45,8 +39,6 @@ STAGES = (
     APPROACH_STAGE,
     TRANSFER_STAGE,
 )
-
-
 ACCEPTED_VERDICT = "accepted"
 
 
@@ -213,50 +205,6 @@ def _named_bodies(failure: Failure) -> Iterator[str]:
         match = _CONTACT_PATTERN.search(str(pair))
         if match:
             yield match.group(1)
-
-
-CONFIGURATION_COST_WEIGHT = 0.4
-"""Weight of a configuration's cost (`configuration_cost`), s for each radian."""
-
-
-def joint_travel_time(robot: RobotModel, a: Array, b: Array) -> float:
-    """Return the least time from a to b (n,), plus the weighted cost of configuration b, s."""
-    return float(
-        np.max(np.abs(b - a) / robot.velocity_limit)
-    ) + CONFIGURATION_COST_WEIGHT * configuration_cost(robot, b)
-
-
-def known_travel_time(robot: RobotModel, a: Pose, x: float, y: float) -> float:
-    """Return the part of `estimated_travel_time` to a point that does not depend on the hand's direction
-    there, s."""
-    base = robot.description.base_in_world.inverse()
-    there = base.apply(np.array([x, y, 0.0]))
-    facing = math.atan2(float(there[1]), float(there[0]))
-    return abs(_wrapped(facing - _turns(base @ a)[0])) / float(robot.velocity_limit[0])
-
-
-def estimated_travel_time(robot: RobotModel, a: Pose, b: Pose) -> float:
-    """Return the estimated time between two TCP poses before any configuration is known, s.
-
-    It only orders the search. An arm on an upright base turns its first joint to face a point, and its last
-    to turn the hand.
-    """
-    base = robot.description.base_in_world.inverse()
-    (facing_a, yaw_a), (facing_b, yaw_b) = (_turns(base @ pose) for pose in (a, b))
-    slew = _wrapped(facing_b - facing_a) / float(robot.velocity_limit[0])
-    turn = _wrapped((yaw_b - facing_b) - (yaw_a - facing_a)) / float(robot.velocity_limit[-1])
-    return max(abs(slew), abs(turn))
-
-
-def _turns(tcp: Pose) -> tuple[float, float]:
-    """Return the azimuth of a position, and the direction of the TCP's y axis seen from above, rad."""
-    x, y, _ = tcp.position
-    closing = tcp.rotation()[:, 1]
-    return math.atan2(y, x), math.atan2(float(closing[1]), float(closing[0]))
-
-
-def _wrapped(angle: float) -> float:
-    return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
 @dataclass(frozen=True, slots=True, eq=False)

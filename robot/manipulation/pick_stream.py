@@ -17,27 +17,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.belief.hole_matching import fitting_hole
-from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, planning
+from ...world.holes import fitting_hole
+from ...world.planning_scene import BeliefObject
 from ...world.values import Array, Pose
 from ..planning.requests import HeldObject, PoseGoal, Request
 from ..world import PlaceCandidate
 from . import pick_candidates
-from .grasp_candidates import GraspCandidate
-from .grasp_opening import widened
+from .grasps import GraspCandidate, widened
 from .insertion import fingertips_too_low, hover_poses
-from .pick_candidates import (
-    CandidateTrail,
-    PickPlaceCandidate,
-    StageRefusal,
-    estimated_travel_time,
-    joint_travel_time,
-    known_travel_time,
-    planned,
-    touching,
-    unreached,
-)
+from .pick_candidates import CandidateTrail, PickPlaceCandidate, StageRefusal, planned, touching, unreached
+from .pick_place_motions import SLOW_DESCENT_COST, approach, touchable
 from .release_poses import (
     MAX_PLACE_PENETRATION,
     BinTarget,
@@ -47,12 +37,12 @@ from .release_poses import (
     opens_freely,
     place_candidates,
 )
-from .transfer_requests import SLOW_DESCENT_COST, approach, touchable
+from .travel_time import estimated_travel_time, joint_travel_time, known_travel_time
 
 if TYPE_CHECKING:
     from ...world.scene.description import Hole
     from ..control.trajectory_motion import Doing
-    from ..planning.reachability import ReachResult
+    from ..planning.solver import ReachResult
     from ..world import World
 
 GRASP_SCORE_WEIGHT = 3.0

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, grasp, perception, planning
+from ...world.events import PresentEvent
+from ...world.planning_scene import BeliefObject
 from ...world.scene.destinations import unknown_traits
 from ...world.shapes import ConvexMesh, convex_hull
-from ...world.skill_events import PresentEvent
 from ...world.values import Array, ObjectId, Pose
 from ..perception import segmentation
 from ..perception.held_thing import HeldView
 from ..planning.requests import MotionPlan, PoseGoal
-from .hold_check import check_held_object
+from .held_object import check_held_object
 from .weighing import GripMonitor, payload_force
 
 if TYPE_CHECKING:

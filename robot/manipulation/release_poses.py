@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.belief.planning_scene import BeliefObject
+from ...world.planning_scene import BeliefObject
 from ...world.scene.description import Bin
 from ...world.shapes import Shape, Sphere, corners, extents, top
 from ...world.values import Array, ObjectId, Pose
 from ..world import PlaceCandidate
-from .straight_lines import lowering
+from .pick_place_motions import lowering
 
 if TYPE_CHECKING:
     from ..planning.scene_queries import SceneQueries

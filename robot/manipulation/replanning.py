@@ -6,15 +6,15 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
-from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Cause, Failure, place, planning
 from ...world.causes import world as world_causes
-from ...world.skill_events import ReplannedEvent
+from ...world.events import ReplannedEvent
+from ...world.planning_scene import BeliefObject
 from ...world.values import Pose
 from ..planning.requests import MotionPlan
 from ..world import PlaceCandidate
-from .clearing import escape_contact
 from .release_poses import bin_target, blocked, free_drop_height
+from .retreat import escape_contact
 
 if TYPE_CHECKING:
     from ..control.trajectory_motion import Doing, Watch

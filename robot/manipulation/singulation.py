@@ -15,20 +15,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.belief.facts import PUSH
-from ...world.belief.planning_scene import BeliefObject
 from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, outline_distance, planar
+from ...world.planning_scene import BeliefObject
 from ...world.quasi_static_pushing import PlanarPushModel
 from ...world.robot_model.description import tool_outline
 from ...world.scene.description import Fixture
 from ...world.shapes import Shape, bottom, extents, top
 from ...world.values import ObjectId, Pose
+from ...world.world_facts import PUSH
 from ..planning.requests import PoseGoal, Request
-from .grasp_candidates import GraspCandidate, distinct_grasps
+from .grasps import GraspCandidate, distinct_grasps
 from .object_grasps import object_grasps
-from .push_arcs import PushSide, height, push_sides, straight
-from .push_stroke import SUPPORT_EDGE_MARGIN, placed, support_of, within
-from .stroke_planning import PushStroke, straight_stroke
+from .stroke_execution import SUPPORT_EDGE_MARGIN, placed, support_of, within
+from .stroke_planning import PushSide, PushStroke, height, push_sides, straight, straight_stroke
 
 if TYPE_CHECKING:
     from ..world import World

@@ -18,14 +18,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, perception
-from ...world.skill_events import ServoEvent
+from ...world.events import ServoEvent
+from ...world.planning_scene import BeliefObject
 from ...world.values import ObjectId, Pose
 from ..planning.requests import LineGoal, Request
-from .grasp_candidates import GraspCandidate
+from .grasps import GraspCandidate
 from .pick_candidates import PickPlaceCandidate
-from .transfer_requests import descend_request
+from .pick_place_motions import descend_request
 
 if TYPE_CHECKING:
     from ..control.trajectory_motion import Doing, Watch

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...world.causes import Failure, grasp
+from ...world.events import SlipEvent
 from ...world.scene.description import MIN_FELT_MASS, CatalogueEntry
-from ...world.skill_events import SlipEvent
 from ...world.values import GRAVITY, Array, Pose, cross
 from ..control.payload_estimate import (
     CENTRE_PRIOR_SIGMA,
@@ -28,7 +28,7 @@ from ..control.payload_estimate import (
 )
 from ..planning.requests import CARRYING_ACCELERATION
 from .compliant_closing import SLIP_GRIP_FACTOR, GripForce, required_force
-from .hold_check import MAX_EMPTY_WIDTH, MIN_HELD_LOAD, GripCheck, check_grip
+from .held_object import MAX_EMPTY_WIDTH, MIN_HELD_LOAD, GripCheck, check_grip
 
 if TYPE_CHECKING:
     from ..world import World

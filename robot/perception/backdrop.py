@@ -1,5 +1,4 @@
-"""Background model: expected depth of fixtures and bins without any item, support surfaces, and levelling of
-cameras by the table."""
+"""Background model: expected depth of fixtures and bins without any item, and support surfaces."""
 
 from __future__ import annotations
 
@@ -9,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...world.heaps import HeapRegion
 from ...world.scene.description import NO_UNCERTAINTY, Bin, Fixture, SceneDescription
-from ...world.scene.heap_regions import HeapRegion
 from ...world.shapes import Box, Shape, corners, ray_hits, top
-from ...world.values import Array, Pose, cross
+from ...world.values import Array, Pose
 from . import segmentation
-from .camera_geometry import PosedCamera, rays_of
-from .resting_poses import spread
+from .camera_geometry import PosedCamera
+from .hole_mouths import spread
 
 WALL_MARGIN = 0.012
 """Distance from a bin's wall within which depth cannot be told from the wall, m."""
@@ -238,61 +237,3 @@ def table_of(description: SceneDescription) -> Fixture | None:
         key=lambda f: f.shape.size[0] * f.shape.size[1] if isinstance(f.shape, Box) else 0.0,
         default=None,
     )
-
-
-MIN_LEVEL_PIXELS = 400
-"""Least number of table pixels for a correction of the camera."""
-LEVEL_STRIDE, LEVEL_WIDTH = 5, 320
-"""Step between the rows and columns that are used, and width of the picture for which it holds. Smaller
-pictures use more of them."""
-MAX_LEVEL_SHIFT, MAX_LEVEL_TILT = 0.03, 0.052
-"""Greatest correction of height and tilt, m and rad. A larger one is no error of the mounting and is not
-applied."""
-
-
-def level_camera(
-    sight: PosedCamera,
-    depth: Array,
-    backdrop: BackgroundModel,
-    table_z: float,
-    clutter: NDArray[np.bool_] | None = None,
-) -> PosedCamera:
-    """Move and tilt the camera so that the measured table lies where the scene file says.
-
-    `clutter` (h, w) marks pixels that are known to show something else. Only height and tilt show on a plane;
-    they shift every height above the table. Without enough table, or beyond the limits, the camera is
-    returned unchanged.
-    """
-    every = max(1, min(LEVEL_STRIDE, depth.shape[1] // (LEVEL_WIDTH // LEVEL_STRIDE)))
-    grid = slice(None, None, every), slice(None, None, every)
-    picked = backdrop.table[grid] & (depth[grid] > 0)
-    if clutter is not None:
-        picked &= ~clutter[grid]
-    points = rays_of(sight.intrinsics)[grid][picked] @ sight.rotation.T
-    points *= depth[grid][picked][:, None]
-    off = points[:, 2] + sight.origin[2] - table_z
-    design = np.column_stack([points[:, :2], np.ones(len(points))])
-    near = np.abs(off) < 2 * MAX_LEVEL_SHIFT
-    plane = np.zeros(3)
-    for _ in range(3):
-        if int(near.sum()) < MIN_LEVEL_PIXELS:
-            return sight
-        a = design[near]
-        plane = np.asarray(np.linalg.solve(a.T @ a, a.T @ off[near]), dtype=np.float64)
-        left = off - design @ plane
-        near = np.abs(left) < 2.5 * max(1e-3, 1.5 * float(np.median(np.abs(left))))
-    tilt = float(np.hypot(plane[0], plane[1]))
-    if tilt > MAX_LEVEL_TILT or abs(float(plane[2])) > MAX_LEVEL_SHIFT:
-        return sight
-    normal = np.array([-plane[0], -plane[1], 1.0]) / np.sqrt(1.0 + tilt**2)
-    rotation = _turning(normal, np.array([0.0, 0.0, 1.0])) @ sight.rotation
-    above = (sight.origin[2] - table_z - float(plane[2])) * normal[2]
-    origin = np.array([sight.origin[0], sight.origin[1], table_z + above])
-    return PosedCamera.along(sight.intrinsics, origin, rotation)
-
-
-def _turning(a: Array, b: Array) -> Array:
-    """Compute the smallest rotation (3, 3) that takes the unit vector a to b (not opposite)."""
-    axis = cross(a, b)
-    skew = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    return np.eye(3) + skew + skew @ skew / (1.0 + float(a @ b))

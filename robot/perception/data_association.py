@@ -11,12 +11,19 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from ...files.library_parts import library_part
-from ...world.belief.facts import ASIDE
-from ...world.belief.planning_scene import FALLEN_SIGMA, BeliefObject, PlanningScene
+from ...world.planning_scene import FALLEN_SIGMA, BeliefObject, PlanningScene
 from ...world.shapes import inside
 from ...world.values import ObjectId, Pose
-from .obstacle_volumes import update_volumes
-from .space_carving import Keys, cell_centres, cells_in_body, cells_of, points_of, retained_cells
+from ...world.world_facts import ASIDE
+from .obstacle_volumes import (
+    Keys,
+    cell_centres,
+    cells_in_body,
+    cells_of,
+    points_of,
+    retained_cells,
+    update_volumes,
+)
 from .view import Detection, PerceivedView, UnexplainedPatch
 
 if TYPE_CHECKING:

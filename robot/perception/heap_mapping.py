@@ -1,7 +1,7 @@
-"""Height map of a heap from one depth picture.
+"""Height maps of heaps and bins from one depth picture.
 
-A 5 × 5 median, back-projection, and for each cell the greatest height of its points. Between a high and a low
-neighbour the picture shows nothing: the cells there are filled as solid columns.
+Map of a heap: a 5 × 5 median, back-projection, and for each cell the greatest height of its points. Between a
+high and a low neighbour the picture shows nothing: the cells there are filled as solid columns.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.belief.height_map import Heap, HeightMap, MapTag, heap_id
-from ...world.belief.planning_scene import BeliefObject, ObstacleBlock, PlanningScene
-from ...world.scene.description import SceneDescription
+from ...world.heaps import Heap, HeapRegion, HeightMap, MapTag, heap_id, heap_regions
+from ...world.planning_scene import BeliefObject, ObstacleBlock, PlanningScene
+from ...world.scene.description import Bin, SceneDescription
 from ...world.scene.destinations import asks_for
-from ...world.scene.heap_regions import HeapRegion, heap_regions
 from ...world.shapes import Box
 from ...world.values import Array, ObjectId, Pose
 from .camera_geometry import PosedCamera, rays_of
 from .segmentation import SegmentationInput
 from .tag_reading import read_tags
+from .view import BinView
 
 CELL = 0.002
 """Edge length of a cell, m."""
@@ -35,8 +35,6 @@ FLOOR_NOISE = 0.003
 """Height above the floor up to which depth is the floor's, m: noise alone would lift the finger tips."""
 HOLE_ROUNDS = 2
 """Rounds in which single missing cells get the height of their highest neighbour."""
-
-
 COARSE, HEIGHT_STEP = 6, 0.006
 """Edge length in cells, and step of height, m, of the columns that are collision geometry."""
 EMPTY_HEIGHT, EMPTY_AREA = 0.007, 8e-5
@@ -247,3 +245,67 @@ def _without_holes(heights: Array) -> Array:
         around = np.asarray(cv2.dilate(np.where(missing, -1e3, heights), kernel), dtype=np.float64)
         heights = np.where(missing & (around > -1e2), around, heights)
     return heights
+
+
+DEFAULT_CELLS = 3
+CELL_HEIGHT_QUANTILE = 0.9
+"""Quantile of the heights in a cell that counts as its height."""
+QUANTILE_SIGMAS = 1.28
+"""Sigmas of depth noise by which that quantile lies above an even surface."""
+WALL_MARGIN = 0.006
+"""Distance from a wall below which a point may belong to the wall, m."""
+MAX_HEAP_ABOVE_RIM = 0.2
+"""Greatest height of a heap above the rim, m."""
+PIXEL_STRIDE = 2
+"""Step between the rows, and between the columns, of the picture that are used."""
+MIN_CELL_PIXELS = 8
+"""Least number of pixels for the height of a cell; with fewer it stays unknown."""
+
+
+def bin_height_map(
+    picture: SegmentationInput,
+    blocked: NDArray[np.bool_],
+    bin_: Bin,
+    noise: float,
+    cells: int = DEFAULT_CELLS,
+) -> BinView:
+    """Compute the height map of a bin. `blocked` (h, w) marks pixels of the robot; `noise` is the depth's
+    standard deviation at 0.7 m."""
+    heights = np.full((cells, cells), np.nan)
+    low, high = bin_.inside()
+    reach = np.array([high[0], high[1], high[2] + MAX_HEAP_ABOVE_RIM])
+    box = np.array(list(itertools.product((low[0], reach[0]), (low[1], reach[1]), (low[2], reach[2]))))
+    before = picture.sight.before(bin_.pose.apply(box))
+    if not len(before):
+        return BinView(heights)
+    corners = picture.sight.pixels(before)
+    h, w = picture.depth.shape
+    (u0, v0), (u1, v1) = np.floor(corners.min(axis=0)), np.ceil(corners.max(axis=0)) + 1
+    x0, y0 = int(np.clip(u0, 0, w)), int(np.clip(v0, 0, h))
+    x1, y1 = int(np.clip(u1, 0, w)), int(np.clip(v1, 0, h))
+    depth = picture.depth[y0:y1:PIXEL_STRIDE, x0:x1:PIXEL_STRIDE]
+    used = (depth > 0) & ~blocked[y0:y1:PIXEL_STRIDE, x0:x1:PIXEL_STRIDE]
+    depths = depth[used]
+    rays = rays_of(picture.sight.intrinsics)[y0:y1:PIXEL_STRIDE, x0:x1:PIXEL_STRIDE][used]
+    camera_in_bin = bin_.pose.rotation().T @ picture.sight.rotation
+    points = (rays * depths[:, None]) @ camera_in_bin.T + bin_.pose.inverse().apply(picture.sight.origin)
+    inside = (
+        (points[:, 0] > low[0] + WALL_MARGIN)
+        & (points[:, 0] < high[0] - WALL_MARGIN)
+        & (points[:, 1] > low[1] + WALL_MARGIN)
+        & (points[:, 1] < high[1] - WALL_MARGIN)
+        & (points[:, 2] > low[2] - 0.02)
+    )
+    points, depths = points[inside], depths[inside]
+    index = np.zeros(len(points), dtype=np.intp)
+    for axis in (0, 1):
+        share = (points[:, axis] - low[axis]) / (high[axis] - low[axis])
+        index = index * cells + np.clip((share * cells).astype(np.intp), 0, cells - 1)
+    spread = noise * (float(depths.mean()) / 0.7) ** 2 if len(depths) else 0.0
+    for k in range(cells * cells):
+        own = points[index == k, 2]
+        if len(own) >= MIN_CELL_PIXELS:
+            rank = int(CELL_HEIGHT_QUANTILE * len(own))
+            top = float(np.partition(own, rank)[rank]) - QUANTILE_SIGMAS * spread
+            heights[k // cells, k % cells] = max(0.0, top - low[2])
+    return BinView(heights)

@@ -1,23 +1,126 @@
-"""Hole detection: the mouth of a hole in a depth picture, where rays go on below the face around it.
+"""Hole mouths: those of a scene with what protrudes from them, and their detection in a depth picture.
 
-The face is a plane through what is measured around the hole. A ray whose depth goes beyond that plane passed
-through the mouth, and was still between the walls a little below it. These rays have an outline of known form
-and size. Its place and turn on the face are fitted to all pixels at once, those beyond the outline and those
-within it.
+In a hole, rays go on below the face around it. The face is a plane through what is measured around the hole.
+A ray whose depth goes beyond that plane passed through the mouth, and was still between the walls a little
+below it. These rays have an outline of known form and size. Its place and turn on the face are fitted to all
+pixels at once, those beyond the outline and those within it.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...world.holes import fits_hole
 from ...world.protocols import RgbdImage
-from ...world.scene.description import Hole
-from ...world.values import Array, Pose
+from ...world.scene.description import CatalogueEntry, Fixture, Hole
+from ...world.shapes import (
+    Box,
+    Cylinder,
+    Shape,
+    top,
+)
+from ...world.values import Array, ObjectId, Pose
 from .camera_geometry import PosedCamera
+from .resting_poses import StablePose, stable_poses
+
+MAX_HOLE_OFFSET = 0.012
+"""Greatest distance between the middle of an item's visible part, sides included, and its hole, m. The
+uncertainty of the hole's place is added."""
+MIN_PROTRUSION = 0.004
+"""Least protruding height that is recognised, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProtrudingPart:
+    """Part of an item in a hole that protrudes from it."""
+
+    entry: CatalogueEntry
+    """Catalogue entry of the whole item."""
+    rest: StablePose
+    sunk: float
+    """Depth of the item's centre below that of the protruding part, m."""
+
+
+@dataclass(frozen=True, eq=False)
+class HoleMouth:
+    """Hole of the believed scene, with the items that fit."""
+
+    id: ObjectId
+    at: tuple[float, float]
+    """Position x, y in the world, m."""
+    height: float
+    """Height of the surrounding face in the world, m."""
+    reach: float
+    """Distance from the mouth within which an item's visible middle may belong to an item in the hole, m."""
+    sigma: float
+    """Standard deviation of the position along each axis, m."""
+    stubs: tuple[ProtrudingPart, ...]
+    """Protruding parts of all kinds that fit."""
+
+    @property
+    def rests(self) -> tuple[StablePose, ...]:
+        return tuple(stub.rest for stub in self.stubs)
+
+    def stub(self, rest: StablePose) -> ProtrudingPart | None:
+        return next((stub for stub in self.stubs if stub.rest is rest), None)
+
+
+class HoleMouths:
+    """Holes of a believed scene."""
+
+    def __init__(self, fixtures: Iterable[Fixture], catalogue: Iterable[CatalogueEntry]) -> None:
+        entries = tuple(catalogue)
+        self._mouths = [_mouth(fixture, hole, entries) for fixture in fixtures for hole in fixture.holes]
+
+    def near(self, x: float, y: float) -> HoleMouth | None:
+        """Return the nearest hole within whose reach (x, y) is; None without one."""
+        away = [(math.dist((x, y), mouth.at), n) for n, mouth in enumerate(self._mouths)]
+        if not away:
+            return None
+        distance, n = min(away)
+        return self._mouths[n] if distance < self._mouths[n].reach else None
+
+
+def spread(fixture: Fixture) -> float:
+    """Return how far a point of the fixture may be from its believed place, m."""
+    most = fixture.uncertainty
+    if not isinstance(fixture.shape, Box):
+        return most.position
+    x, y, _ = fixture.shape.size
+    return most.position + most.angle * math.hypot(x, y) / 2
+
+
+def _mouth(fixture: Fixture, hole: Hole, entries: Iterable[CatalogueEntry]) -> HoleMouth:
+    x, y, _ = (fixture.pose @ hole.pose).position
+    stubs = tuple(stub for entry in entries if (stub := _protruding_part(entry, hole)) is not None)
+    away = spread(fixture)
+    # It is anywhere within its bounds with equal probability, and nowhere else.
+    sigma = max(1e-3, away / math.sqrt(3.0))
+    return HoleMouth(hole.id, (x, y), top(fixture.shape, fixture.pose), MAX_HOLE_OFFSET + away, sigma, stubs)
+
+
+def _protruding_part(entry: CatalogueEntry, hole: Hole) -> ProtrudingPart | None:
+    if not fits_hole(hole, entry.shape):
+        return None
+    shape: Shape
+    match entry.shape:
+        case Cylinder(radius, height):
+            left, shape = height - hole.depth, Cylinder(radius, height - hole.depth)
+        case Box((x, y, z)):
+            left, shape = z - hole.depth, Box((x, y, z - hole.depth))
+        case _:
+            return None
+    if left < MIN_PROTRUSION:
+        return None
+    # The first stable pose is upright, as in the catalogue.
+    rest = stable_poses(replace(entry, shape=shape))[0]
+    return ProtrudingPart(entry, rest, hole.depth / 2)
+
 
 FACE_RING_WIDTH = 0.015
 """Half width of the ring around the mouth whose points give the plane of the face, m."""

@@ -15,14 +15,22 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.belief.facts import ASIDE
-from ...world.belief.planning_scene import BeliefObject
+from ...world.planning_scene import BeliefObject
 from ...world.values import Array, ObjectId, Pose
+from ...world.world_facts import ASIDE
 from .backdrop import SupportSurface
-from .blob_splitting import MAX_PARTS, OUTSIDE_COST, item_costs
-from .item_fitting import GOOD_MISFIT, POOR_MISFIT, POOR_MISFIT_IN_BIN, Hypothesis, ItemFitter, is_clear
-from .polygons import covered_area
-from .resting_poses import StablePose
+from .item_fitting import (
+    GOOD_MISFIT,
+    MAX_PARTS,
+    OUTSIDE_COST,
+    POOR_MISFIT,
+    POOR_MISFIT_IN_BIN,
+    Hypothesis,
+    ItemFitter,
+    is_clear,
+    item_costs,
+)
+from .resting_poses import StablePose, covered_area
 from .segmentation import (
     Blob,
     PixelPatch,

@@ -5,38 +5,393 @@ A cell is occupied when something unexplained was seen in it or above it, and no
 Cells stay where the picture shows nothing of them: behind the robot, behind nearer bodies, out of the view.
 What is seen for the first time may go on there: cells beside it behind the robot, or out of the view, are
 occupied until rays pass them, or until nothing that was seen is left beside them.
+
+Voxel grid: sets of cells as sorted keys, and the obstacles of the belief that store them. The belief holds
+blocks only. Cells are read back from them exactly, so that no second memory can differ from it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.belief.planning_scene import BeliefObject, PlanningScene
-from ...world.shapes import inside
-from ...world.values import ObjectId
-from .space_carving import (
-    CELL_SIZE,
-    NO_CELLS,
-    Indices,
-    Keys,
-    adjacent_cells,
-    cell_centres,
-    cell_indices,
-    cells_of,
-    in_picture,
-    obstacle_from_cells,
-    occupied_cells,
-    retained_cells,
-    supposed_cells_of,
-    surface_of,
-    unseen_cells,
-)
+from ...world.convex_decomposition import hulls_of
+from ...world.planning_scene import BeliefObject, ObstacleBlock, PlanningScene
+from ...world.shapes import Box, Shape, extents, inside
+from ...world.values import Array, ObjectId, Pose
+from . import segmentation
+from .segmentation import Pixels, SegmentationInput, connected_patches
 from .view import PerceivedView, UnexplainedPatch
+
+CELL_SIZE: Array = np.array([0.01, 0.01, 0.02])
+"""Edge lengths of a cell, m; the world's origin is a corner of one."""
+HALF_DIAGONAL = float(np.linalg.norm(CELL_SIZE)) / 2
+Keys: TypeAlias = NDArray[np.int64]
+"""Cells, each packed into one number; sorted, without duplicates."""
+Indices: TypeAlias = NDArray[np.int64]
+"""Cells (n, 3) as numbers of cells from the origin along x, y, z."""
+NO_CELLS: Keys = np.zeros(0, dtype=np.int64)
+_OFFSET, _BITS = 1 << 19, 20
+_MASK = (1 << _BITS) - 1
+_NEIGHBOUR_OFFSETS = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
+
+
+def cell_keys(cells: Indices) -> Keys:
+    shifted = cells + _OFFSET
+    return np.unique((shifted[:, 0] << (2 * _BITS)) | (shifted[:, 1] << _BITS) | shifted[:, 2])
+
+
+def cell_indices(packed: Keys) -> Indices:
+    parts = (packed >> (2 * _BITS), (packed >> _BITS) & _MASK, packed & _MASK)
+    return np.stack(parts, axis=1) - _OFFSET
+
+
+def cell_centres(packed: Keys) -> Array:
+    """Centres of the cells in the world (n, 3), m."""
+    return (cell_indices(packed) + 0.5) * CELL_SIZE
+
+
+def adjacent_cells(packed: Keys, others: Keys) -> NDArray[np.bool_]:
+    """Select the cells (n,) that are among the others or next to one of them."""
+    around = cell_indices(packed)[:, None, :] + _NEIGHBOUR_OFFSETS[None] + _OFFSET
+    near = (around[..., 0] << (2 * _BITS)) | (around[..., 1] << _BITS) | around[..., 2]
+    return np.any(np.isin(near, others), axis=1)
+
+
+def cells_in_body(shape: Shape, pose: Pose) -> Keys:
+    """Return the cells whose centres lie in a body."""
+    low, high = extents(shape, pose.rotation())
+    first = np.floor((np.array(pose.position) + low) / CELL_SIZE).astype(np.int64)
+    last = np.ceil((np.array(pose.position) + high) / CELL_SIZE).astype(np.int64)
+    cells = _span(first, np.maximum(last, first))
+    return cell_keys(cells[inside(shape, pose, (cells + 0.5) * CELL_SIZE)])
+
+
+def cells_of(o: BeliefObject) -> Keys:
+    """Return the cells of an obstacle of the belief."""
+    if not o.blocks:
+        return cells_in_body(o.shape, o.pose)
+    return _cells_of_blocks(o, o.blocks)
+
+
+def supposed_cells_of(o: BeliefObject) -> Keys:
+    """Return the cells of an obstacle of the belief in which nothing was seen."""
+    return _cells_of_blocks(o, [block for block in o.blocks if block.supposed])
+
+
+def _cells_of_blocks(o: BeliefObject, blocks: Sequence[ObstacleBlock]) -> Keys:
+    if not blocks:
+        return NO_CELLS
+    return cell_keys(np.concatenate([_cells(block, np.array(o.pose.position)) for block in blocks]))
+
+
+def _cells(block: ObstacleBlock, origin: Array) -> Indices:
+    """Return the cells of a block of a body at `origin` (3,)."""
+    middle, half = origin + block.at, np.array(block.size) / 2
+    first = np.round((middle - half) / CELL_SIZE).astype(np.int64)
+    last = np.round((middle + half) / CELL_SIZE).astype(np.int64)
+    return _span(first, last)
+
+
+def obstacle_from_cells(
+    seen: Sequence[tuple[Indices, Indices]], supposed: Sequence[tuple[Indices, Indices]] = ()
+) -> tuple[Shape, Pose, tuple[ObstacleBlock, ...]]:
+    """Build an obstacle: the enclosing shape, its pose in the world, and each box as a block in it.
+
+    In the `supposed` boxes nothing was seen. A box is its first cell and the one after its last, (3,) each.
+    The enclosing shape is the convex hull where that wastes little, otherwise the bounding box.
+    """
+    boxes = [*seen, *supposed]
+    first = np.min([low for low, _ in boxes], axis=0)
+    last = np.max([high for _, high in boxes], axis=0)
+    middle = (first + last) * CELL_SIZE / 2
+    blocks = tuple(
+        ObstacleBlock(
+            _vector((high - low) * CELL_SIZE), _vector((low + high) * CELL_SIZE / 2 - middle), n >= len(seen)
+        )
+        for n, (low, high) in enumerate(boxes)
+    )
+    return _enclosing_shape(blocks), Pose(_vector(middle)), blocks
+
+
+def _enclosing_shape(blocks: Sequence[ObstacleBlock]) -> Shape:
+    """Return the hull where one stands for all blocks, else their bounding box."""
+    hulls = hulls_of(tuple(blocks))
+    if len(hulls) == 1:
+        return hulls[0][0]
+    middles, halves = np.array([block.at for block in blocks]), np.array([block.size for block in blocks]) / 2
+    return Box(_vector((middles + halves).max(axis=0) - (middles - halves).min(axis=0)))
+
+
+def _span(first: Indices, last: Indices) -> Indices:
+    """Return all cells from `first` (3,) to `last` (3,), `last` excluded."""
+    x, y, z = (max(0, int(n)) for n in last - first)
+    return first + np.argwhere(np.ones((x, y, z), dtype=np.bool_)).astype(np.int64)
+
+
+def _vector(numbers: Array) -> tuple[float, float, float]:
+    x, y, z = (round(float(n), 6) for n in numbers)
+    return x, y, z
+
+
+MIN_RAISED_DEPTH = 0.012
+"""Least distance of grey depth in front of the background that counts as something, m."""
+MIN_PATCH_PIXELS = 20
+"""Least number of pixels of a patch; fewer are noise."""
+MIN_OBSTACLE_HEIGHT = 0.004
+"""Least height of an obstacle over its support, m. Anything flatter is a mark on the table."""
+BACKING_DEPTH_TOLERANCE, MIN_BACKING_NEIGHBOURS = 0.02, 3
+"""Difference in depth within which pixels back each other, m, and least number of such neighbours among
+eight."""
+MIN_PIXELS_NEXT_TO_ARM = 60
+"""Least number of pixels of a patch next to the robot: the model's edge leaves slivers."""
+
+
+def unexplained_patches(
+    picture: SegmentationInput,
+    backdrop: Array,
+    robot: NDArray[np.bool_],
+    in_heap: Callable[[Array], NDArray[np.bool_]],
+) -> list[tuple[Pixels, Pixels]]:
+    """Find patches of unsaturated depth in front of the `backdrop` (h, w) that nothing known explains.
+
+    Points (n, 3) of the world that are `in_heap`, in a bin, are left out.
+    """
+    raised = (picture.depth > 0) & np.isfinite(backdrop) & (picture.label == 0)
+    raised &= backdrop - picture.depth > MIN_RAISED_DEPTH
+    raised &= ~picture.blocked
+    if int(raised.sum()) < MIN_PATCH_PIXELS:
+        return []
+    rows, columns = np.nonzero(raised)
+    raised[rows, columns] = ~in_heap(points_of(picture, rows, columns))
+    items = cv2.dilate((picture.owner > 0).astype(np.uint8), np.ones((5, 5), np.uint8))
+    opened = cv2.morphologyEx(
+        (raised & (items == 0) & _pixels_with_backing(picture.depth, raised)).astype(np.uint8),
+        cv2.MORPH_OPEN,
+        np.ones((3, 3), np.uint8),
+    )
+    beside = cv2.dilate(robot.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(np.bool_)
+    return [
+        (rows, columns)
+        for rows, columns in connected_patches(opened.astype(np.bool_), MIN_PATCH_PIXELS)
+        if len(rows) >= MIN_PIXELS_NEXT_TO_ARM or not beside[rows, columns].any()
+    ]
+
+
+def _pixels_with_backing(depth: Array, raised: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Select pixels with enough neighbours of their own depth. At edges a sensor may mix near and far; such a
+    pixel is isolated between the two."""
+    h, w = depth.shape
+    padded = np.pad(np.where(raised, depth, 0.0), 1)
+    backing = np.zeros(depth.shape, dtype=np.int8)
+    for dy in (0, 1, 2):
+        for dx in (0, 1, 2):
+            if (dy, dx) != (1, 1):
+                backing += np.abs(padded[dy : dy + h, dx : dx + w] - depth) < BACKING_DEPTH_TOLERANCE
+    return raised & (backing >= MIN_BACKING_NEIGHBOURS)
+
+
+def bounding_box_of(
+    picture: SegmentationInput, rows: Pixels, columns: Pixels, support: float
+) -> UnexplainedPatch | None:
+    """Return the unexplained patch with its upright bounding box, from its support up; None when it is as
+    flat as the support."""
+    depths = picture.depth[rows, columns]
+    seen = depths > 0
+    if int(seen.sum()) < 4:
+        return None
+    rows, columns, depths = rows[seen], columns[seen], depths[seen]
+    points = points_of(picture, rows, columns)
+    top = float(np.percentile(points[:, 2], 95.0))
+    if top - support < MIN_OBSTACLE_HEIGHT:
+        return None
+    (x, y), (long, wide), turn = cv2.minAreaRect((points[:, :2] * 1000).astype(np.float32))
+    pixel = float(np.median(depths)) / picture.sight.intrinsics.fx
+    size = (long / 1000 + pixel, wide / 1000 + pixel, top - support)
+    middle = (x / 1000, y / 1000, (top + support) / 2)
+    labels = picture.label[rows, columns]
+    label = int(np.bincount(labels).argmax())
+    pose = Pose.from_rpy(middle, (0.0, 0.0, math.radians(turn)))
+    return UnexplainedPatch(Box(size), pose, segmentation.LABEL_NAMES[label] or "grey", rows, columns)
+
+
+def points_of(picture: SegmentationInput | PerceivedView, rows: Pixels, columns: Pixels) -> Array:
+    """Return the points (n, 3) of the world that the pixels show, m."""
+    rays = picture.sight.directions(np.stack([columns, rows], axis=1).astype(np.float64))
+    return picture.sight.origin + rays * picture.depth[rows, columns][:, None]
+
+
+PIXEL_HALF_WIDTH = 1.0
+"""Half width of the square that each pixel stands for, pixels: at edges every second pixel is lost. With 2
+pixels volumes were 5 mm wider all round, with half a pixel 1 % of a post was left out."""
+CLEARING_SIGMAS = 2.5
+"""Sigmas of depth noise by which the surface must lie beyond a cell, so that the ray passes the cell."""
+DEPTH_NOISE = 0.002
+"""Standard deviation of the depth at 0.7 m, m; it grows with the square."""
+MIN_WINDOW_DEPTH_SHARE, MIN_MIDDLE_DEPTH_SHARE = 0.3, 0.01
+"""Least share of pixels with a depth for a statement about a whole cell, and about its middle."""
+MEDIAN_WIDTH = 5
+"""Width of the median filter of the depth, pixels: tops that noise makes uneven would become many boxes."""
+
+
+def occupied_cells(view: PerceivedView, patches: Sequence[UnexplainedPatch]) -> Keys:
+    """Return the cells that the patches occupy, from the seen surface down to its possible support.
+
+    Cells that rays pass through as a whole are left out, as below a suspended bar.
+    """
+    surface = [_surface_points(view, patch) for patch in patches]
+    if not surface:
+        return NO_CELLS
+    columns = _cell_columns(np.concatenate(surface), view)
+    return columns[~_cells_passed_by_rays(view, columns, HALF_DIAGONAL, window=True)]
+
+
+def retained_cells(view: PerceivedView, known: Keys) -> Keys:
+    """Return the known cells that no ray passes: hidden, out of the view, or seen again."""
+    return known[~_cells_passed_by_rays(view, known, 0.0, window=False)] if len(known) else known
+
+
+UNSEEN_REACH = 0.05
+"""Distance over which an obstacle may go on where the picture shows nothing, m."""
+ROBOT_MARGIN = 0.03
+"""Distance from the robot within which nothing else is supposed, m."""
+MIN_CELL_DEPTH = 0.05
+"""Least depth of a cell that a picture shows, m."""
+_SIDES = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
+
+
+def unseen_cells(view: PerceivedView, cells: Keys) -> Keys:
+    """Return the cells in which an obstacle of the given cells may go on: where the picture shows nothing.
+
+    They are at the same heights, hang together with the cells, and are at most UNSEEN_REACH away, behind the
+    robot or beyond the picture's edge. No ray passes them.
+    """
+    reached, front = cells, cells
+    for _ in range(round(UNSEEN_REACH / float(CELL_SIZE[0]))):
+        around = (cell_indices(front)[:, None, :] + _SIDES[None]).reshape(-1, 3)
+        beside = np.setdiff1d(cell_keys(around), reached, assume_unique=True)
+        # A cell and those above and below it: `>>` leaves their place on the table.
+        front = beside[np.isin(beside >> _BITS, beside[_shown_nowhere(view, beside)] >> _BITS)]
+        front = front[~_cells_passed_by_rays(view, front, 0.0, window=False)]
+        front = front[~view.robot(cell_centres(front), ROBOT_MARGIN)]
+        reached = np.union1d(reached, front)
+        if not len(front):
+            break
+    return np.setdiff1d(reached, cells, assume_unique=True)
+
+
+def _shown_nowhere(view: PerceivedView, cells: Keys) -> NDArray[np.bool_]:
+    """Select the cells (n,) behind the robot or beyond the picture's edge, above their supports."""
+    points = cell_centres(cells)
+    depth, pixels, inside = _projected(view, cells)
+    unseen = ~inside
+    within = np.flatnonzero(inside)
+    columns, rows = pixels[within].T
+    # Before the robot a ray passes, too.
+    unseen[within] = (view.reach[rows, columns] == 0) & (depth[within] > view.depth[rows, columns])
+    return unseen & (points[:, 2] > view.supports(points))
+
+
+def _projected(view: PerceivedView, cells: Keys) -> tuple[Array, Indices, NDArray[np.bool_]]:
+    """Return depths (n,) of the cells' middles, m, their pixels (n, 2), and whether the picture has them."""
+    points = cell_centres(cells)
+    depth = (points - view.sight.origin) @ view.sight.rotation[:, 2]
+    pixels = np.round(view.sight.pixels(points)).astype(np.int64)
+    h, w = view.reach.shape
+    inside = (depth > MIN_CELL_DEPTH) & (pixels >= 0).all(axis=1) & (pixels < (w, h)).all(axis=1)
+    return depth, pixels, inside
+
+
+def in_picture(view: PerceivedView, cells: Keys) -> NDArray[np.bool_]:
+    """Select the cells (n,) whose middles are within the picture, hidden or not."""
+    return _projected(view, cells)[2]
+
+
+def surface_of(view: PerceivedView, patch: UnexplainedPatch) -> Keys:
+    """Return the cells in which the patch's surface lies."""
+    return cell_keys(np.floor(_surface_points(view, patch) / CELL_SIZE).astype(np.int64))
+
+
+def _surface_points(view: PerceivedView, patch: UnexplainedPatch) -> Array:
+    """Return points (n, 3) on the patch's surface: the middle and the corners of each pixel."""
+    rows, columns = patch.rows, patch.columns
+    y, x = int(rows.min()), int(columns.min())
+    window = np.zeros((int(rows.max()) - y + 1, int(columns.max()) - x + 1), dtype=np.float32)
+    window[rows - y, columns - x] = view.depth[rows, columns]
+    smooth = np.asarray(cv2.medianBlur(window, MEDIAN_WIDTH), dtype=np.float64)[rows - y, columns - x]
+    raw = view.depth[rows, columns]
+    # At borders the median takes the background's depth.
+    depth = np.where(np.abs(smooth - raw) < 4 * CLEARING_SIGMAS * DEPTH_NOISE, smooth, raw)
+    middle = np.stack([columns, rows], axis=1).astype(np.float64)
+    offsets = np.array(
+        [
+            (0.0, 0.0),
+            (-PIXEL_HALF_WIDTH, -PIXEL_HALF_WIDTH),
+            (-PIXEL_HALF_WIDTH, PIXEL_HALF_WIDTH),
+            (PIXEL_HALF_WIDTH, -PIXEL_HALF_WIDTH),
+            (PIXEL_HALF_WIDTH, PIXEL_HALF_WIDTH),
+        ]
+    )
+    points = [view.sight.origin + view.sight.directions(middle + o) * depth[:, None] for o in offsets]
+    return np.concatenate(points)
+
+
+def _cell_columns(points: Array, view: PerceivedView) -> Keys:
+    """Return the cells that hold the points (n, 3), and those below them down to the supports."""
+    supports = view.supports(points)
+    upper = points[:, 2] > supports
+    cells = np.floor(points[upper] / CELL_SIZE).astype(np.int64)
+    # A cell that holds the support belongs to the obstacle on it.
+    lowest = np.floor(supports[upper] / CELL_SIZE[2] + 1e-6).astype(np.int64)
+    places, column = np.unique(cells[:, :2], axis=0, return_inverse=True)
+    column = column.reshape(-1)
+    tops = np.full(len(places), np.iinfo(np.int64).min)
+    np.maximum.at(tops, column, cells[:, 2])
+    bottoms = np.full(len(places), np.iinfo(np.int64).max)
+    np.minimum.at(bottoms, column, np.minimum(lowest, cells[:, 2]))
+    heights = tops - bottoms + 1
+    stacked: Indices = np.empty((int(heights.sum()), 3), dtype=np.int64)
+    stacked[:, :2] = np.repeat(places, heights, axis=0)
+    starts = np.repeat(np.cumsum(heights) - heights, heights)
+    stacked[:, 2] = np.arange(len(stacked)) - starts + np.repeat(bottoms, heights)
+    return cell_keys(stacked)
+
+
+def _cells_passed_by_rays(
+    view: PerceivedView, cells: Keys, clear: float, *, window: bool
+) -> NDArray[np.bool_]:
+    """Select the cells (n,) that rays pass, to surfaces more than `clear` m behind their middles.
+
+    With `window` all rays of a cell must pass, else those through its middle.
+    """
+    depth, pixels, inside = _projected(view, cells)
+    h, w = view.reach.shape
+    radius = np.ones(len(cells), dtype=np.int64)
+    if window:
+        radius = np.ceil(view.sight.intrinsics.fx * HALF_DIAGONAL / np.maximum(depth, 0.05)).astype(np.int64)
+        radius = np.minimum(radius, max(h, w) // 4)
+    needed = depth + clear + CLEARING_SIGMAS * DEPTH_NOISE * (depth / 0.7) ** 2
+    least = MIN_WINDOW_DEPTH_SHARE if window else MIN_MIDDLE_DEPTH_SHARE
+    measured = view.depth > 0
+    passed = np.zeros(len(cells), dtype=np.bool_)
+    for r in np.unique(radius[inside]).tolist():
+        of = inside & (radius == r)
+        u, v = pixels[of].T
+        # Only the part of the picture with these cells is filtered.
+        y0, y1 = max(int(v.min()) - r, 0), min(int(v.max()) + r + 1, h)
+        x0, x1 = max(int(u.min()) - r, 0), min(int(u.max()) + r + 1, w)
+        size = (2 * r + 1, 2 * r + 1)
+        nearest = cv2.erode(view.reach[y0:y1, x0:x1], np.ones(size, np.uint8))
+        known = cv2.blur(measured[y0:y1, x0:x1].astype(np.float32), size)
+        passed[of] = (nearest[v - y0, u - x0] > needed[of]) & (known[v - y0, u - x0] >= least)
+    return passed
+
 
 Grid = NDArray[np.bool_]
 Span = tuple[Indices, Indices]
@@ -96,7 +451,6 @@ MAX_NOISE_SHARE = 0.03
 """Greatest share of new cells at the surface that is put down to noise."""
 MIN_ITEM_SHARE = 0.4
 """Least share of an obstacle's cells in a recognised item at which the obstacle was that item."""
-
 REASON_FIRST_SEEN = "depth that nothing explains"
 REASON_SEEN_AGAIN = "seen again"
 REASON_GREW = "more of it was seen"

@@ -1,5 +1,6 @@
-"""Perception pipeline: one RGB-D image is masked, segmented and fitted to the catalogue. What no fit explains
-is reported as unexplained."""
+"""Perception pipeline: one RGB-D image is masked, segmented and fitted to the catalogue. What no fit
+explains is reported as unexplained.
+"""
 
 from __future__ import annotations
 
@@ -11,39 +12,41 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.belief.planning_scene import BeliefObject
+from ...world.heaps import heap_regions
+from ...world.planning_scene import BeliefObject
 from ...world.protocols import RgbdImage
 from ...world.scene.description import SceneDescription
 from ...world.scene.destinations import asks_for
-from ...world.scene.heap_regions import heap_regions
 from ...world.shapes import top
 from ...world.values import Array, Pose
 from . import segmentation
-from .backdrop import (
-    MIN_FRONT_DEPTH,
-    BackgroundModel,
-    SupportSurface,
-    SupportSurfaces,
-    level_camera,
-    table_of,
-)
-from .blob_splitting import split_blob
-from .camera_geometry import PosedCamera, register_hand_camera
-from .heap_mapping import map_heaps
+from .backdrop import MIN_FRONT_DEPTH, BackgroundModel, SupportSurface, SupportSurfaces, table_of
+from .camera_geometry import PosedCamera
+from .camera_registration import level_camera, register_hand_camera
+from .heap_mapping import bin_height_map, map_heaps
 from .held_thing import HeldView, view_held_thing
+from .hole_mouths import HoleMouths
 from .item_fitting import (
     GOOD_MISFIT,
     MAX_HOVER_HEIGHT,
+    MODEL_DEPTH_SIGMA,
     POOR_MISFIT,
     POOR_MISFIT_IN_BIN,
     Hypothesis,
     ItemFitter,
     detection_from,
     is_clear,
+    split_blob,
 )
-from .known_object_fitting import KnownSighting, TrackedSighting, known_objects, track_objects
-from .masked_picture import MaskedPicture
-from .resting_poses import HoleMouths, catalogue_poses
+from .known_object_fitting import (
+    NEAR_DEPTH_SIGMA,
+    KnownSighting,
+    TrackedSighting,
+    known_objects,
+    track_objects,
+)
+from .obstacle_volumes import MIN_RAISED_DEPTH, bounding_box_of, points_of, unexplained_patches
+from .resting_poses import catalogue_poses
 from .robot_mask import ATTACHED_HEIGHT, RobotMask, RobotShape, add_attached_parts, held_part
 from .segmentation import (
     Blob,
@@ -54,8 +57,26 @@ from .segmentation import (
     downsample,
     outline_patch,
 )
-from .space_carving import MIN_RAISED_DEPTH, bounding_box_of, points_of, unexplained_patches
-from .view import Detection, PerceivedView, UnexplainedPatch, bin_height_map
+from .view import Detection, PerceivedView, UnexplainedPatch
+
+
+@dataclass(frozen=True, eq=False)
+class MaskedPicture:
+    """Picture with the robot and the walls masked, and the scene that is expected without items."""
+
+    picture: SegmentationInput
+    backdrop: BackgroundModel
+    robot: NDArray[np.bool_]
+    noise: float
+    """Standard deviation of the depth at 0.7 m, m."""
+    moving: bool
+    """Whether the camera is on the hand. Then hand and border may cut through items in the picture."""
+
+    @property
+    def rough(self) -> float:
+        """Part of the depth's standard deviation that does not depend on the distance, m."""
+        return NEAR_DEPTH_SIGMA if self.moving else MODEL_DEPTH_SIGMA
+
 
 MIN_PATCH_PIXELS = 10
 """Least number of pixels of a patch of colour."""

@@ -1,4 +1,4 @@
-"""Stable poses of the catalogue's items on a level support, and upright in the holes of a scene."""
+"""Stable poses of the catalogue's items on a level support."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ...files.disk_cache import cached_arrays
 from ...world import shapes
-from ...world.belief.hole_matching import fits_hole
 from ...world.pad_contacts import top_heights
-from ...world.scene.description import CatalogueEntry, Fixture, Hole
+from ...world.scene.description import CatalogueEntry
 from ...world.shapes import (
     Box,
     CompoundMesh,
@@ -27,17 +27,43 @@ from ...world.shapes import (
     convex_hull,
     half_spaces,
     inside,
-    top,
 )
-from ...world.values import Array, ObjectId, Pose
-from .polygons import covered_area
+from ...world.values import Array, Pose
+
+CANVAS = 512
+"""Pixels of the longer side of the picture in which covered area is counted."""
+
+
+def next_corners(polygon: Array) -> Array:
+    """Return the corner (k, 2) that follows each one of a polygon."""
+    return np.concatenate([polygon[1:], polygon[:1]])
+
+
+def polygon_area(polygon: Array) -> float:
+    """Return the area of a polygon, corners (k, 2), in squares of their unit."""
+    following = next_corners(polygon)
+    return 0.5 * abs(float((polygon[:, 0] * following[:, 1] - following[:, 0] * polygon[:, 1]).sum()))
+
+
+def covered_area(polygons: Sequence[Array]) -> float:
+    """Return the area that convex polygons, corners (k, 2) each, cover together: of several to about 1 %."""
+    if len(polygons) == 1:
+        return polygon_area(polygons[0])
+    together = np.concatenate(polygons)
+    low, high = together.min(axis=0), together.max(axis=0)
+    scale = CANVAS / max(float((high - low).max()), 1e-9)
+    canvas = np.zeros((CANVAS + 1, CANVAS + 1), np.uint8)
+    for polygon in polygons:
+        cv2.fillConvexPoly(canvas, np.asarray(np.round((polygon - low) * scale), np.int32), 1)
+    # A filled polygon has the pixels of its border, too: half of a pixel more on all sides.
+    edge = cv2.erode(canvas, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    return float(int(canvas.sum()) + int(edge.sum())) / 2.0 / scale**2
+
 
 LOOK_TOLERANCE = 0.01
 """Difference of two outlines that look the same, as a share of the largest extent of a body."""
 CIRCLE_CORNERS = 16
 """Number of corners of the polygon that stands for a circle."""
-
-
 TOP_CELLS, LEAST_TOP_QUANTILE = 24, 0.5
 """Cells along each side of a body's height map, and the quantile of its heights that its top may seem to be.
 Sides that are seen from aslant add to the lower ones."""
@@ -328,97 +354,3 @@ def _edges_below(face: Array) -> tuple[NDArray[np.intp], Array]:
     m."""
     hull = convex_hull(face[:, :2])
     return hull.simplices, -hull.equations[:, 2]
-
-
-MAX_HOLE_OFFSET = 0.012
-"""Greatest distance between the middle of an item's visible part, sides included, and its hole, m. The
-uncertainty of the hole's place is added."""
-MIN_PROTRUSION = 0.004
-"""Least protruding height that is recognised, m."""
-
-
-@dataclass(frozen=True, slots=True)
-class ProtrudingPart:
-    """Part of an item in a hole that protrudes from it."""
-
-    entry: CatalogueEntry
-    """Catalogue entry of the whole item."""
-    rest: StablePose
-    sunk: float
-    """Depth of the item's centre below that of the protruding part, m."""
-
-
-@dataclass(frozen=True, eq=False)
-class HoleMouth:
-    """Hole of the believed scene, with the items that fit."""
-
-    id: ObjectId
-    at: tuple[float, float]
-    """Position x, y in the world, m."""
-    height: float
-    """Height of the surrounding face in the world, m."""
-    reach: float
-    """Distance from the mouth within which an item's visible middle may belong to an item in the hole, m."""
-    sigma: float
-    """Standard deviation of the position along each axis, m."""
-    stubs: tuple[ProtrudingPart, ...]
-    """Protruding parts of all kinds that fit."""
-
-    @property
-    def rests(self) -> tuple[StablePose, ...]:
-        return tuple(stub.rest for stub in self.stubs)
-
-    def stub(self, rest: StablePose) -> ProtrudingPart | None:
-        return next((stub for stub in self.stubs if stub.rest is rest), None)
-
-
-class HoleMouths:
-    """Holes of a believed scene."""
-
-    def __init__(self, fixtures: Iterable[Fixture], catalogue: Iterable[CatalogueEntry]) -> None:
-        entries = tuple(catalogue)
-        self._mouths = [_mouth(fixture, hole, entries) for fixture in fixtures for hole in fixture.holes]
-
-    def near(self, x: float, y: float) -> HoleMouth | None:
-        """Return the nearest hole within whose reach (x, y) is; None without one."""
-        away = [(math.dist((x, y), mouth.at), n) for n, mouth in enumerate(self._mouths)]
-        if not away:
-            return None
-        distance, n = min(away)
-        return self._mouths[n] if distance < self._mouths[n].reach else None
-
-
-def spread(fixture: Fixture) -> float:
-    """Return how far a point of the fixture may be from its believed place, m."""
-    most = fixture.uncertainty
-    if not isinstance(fixture.shape, Box):
-        return most.position
-    x, y, _ = fixture.shape.size
-    return most.position + most.angle * math.hypot(x, y) / 2
-
-
-def _mouth(fixture: Fixture, hole: Hole, entries: Iterable[CatalogueEntry]) -> HoleMouth:
-    x, y, _ = (fixture.pose @ hole.pose).position
-    stubs = tuple(stub for entry in entries if (stub := _protruding_part(entry, hole)) is not None)
-    away = spread(fixture)
-    # It is anywhere within its bounds with equal probability, and nowhere else.
-    sigma = max(1e-3, away / math.sqrt(3.0))
-    return HoleMouth(hole.id, (x, y), top(fixture.shape, fixture.pose), MAX_HOLE_OFFSET + away, sigma, stubs)
-
-
-def _protruding_part(entry: CatalogueEntry, hole: Hole) -> ProtrudingPart | None:
-    if not fits_hole(hole, entry.shape):
-        return None
-    shape: Shape
-    match entry.shape:
-        case Cylinder(radius, height):
-            left, shape = height - hole.depth, Cylinder(radius, height - hole.depth)
-        case Box((x, y, z)):
-            left, shape = z - hole.depth, Box((x, y, z - hole.depth))
-        case _:
-            return None
-    if left < MIN_PROTRUSION:
-        return None
-    # The first stable pose is upright, as in the catalogue.
-    rest = stable_poses(replace(entry, shape=shape))[0]
-    return ProtrudingPart(entry, rest, hole.depth / 2)

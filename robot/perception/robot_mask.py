@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from ...files.disk_cache import cached_arrays
 from ...world import shapes, values
-from ...world.belief.planning_scene import BeliefObject
+from ...world.planning_scene import BeliefObject
 from ...world.robot_model.link_shapes import LinkShape, fingerprint
 from ...world.scene.description import SceneDescription
 from ...world.shapes import ConvexMesh, Shape, convex_hull, corners, inside
 from ...world.values import Array, Pose
-from .camera_geometry import ConvexFacets, PosedCamera
+from .camera_geometry import PosedCamera
+from .camera_registration import ConvexFacets
 
 if TYPE_CHECKING:
     from ...world.robot_model.model import RobotModel

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from ...world.values import Array, cross
 from .camera_geometry import PosedCamera
-from .polygons import covered_area, next_corners
-from .resting_poses import CIRCLE_CORNERS, StablePose
+from .resting_poses import CIRCLE_CORNERS, StablePose, covered_area, next_corners
 
 PIXEL_SIGMA = 0.33
 """Standard deviation of an outline point from the true edge, pixels: it is half way between two pixels."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from itertools import product
 from operator import attrgetter
 from pathlib import Path
 from typing import Final
@@ -14,31 +15,30 @@ import numpy as np
 import pinocchio as pin
 
 from ...files.disk_cache import cached_arrays
-from ...world.belief.planning_scene import BeliefObject, PlanningScene
+from ...world.planning_scene import BeliefObject, PlanningScene
 from ...world.robot_model.link_shapes import LinkShape, fingerprint
-from ...world.robot_model.model import TCP_FRAME, RobotModel, joint_frame, se3
+from ...world.robot_model.model import TCP_FRAME, RobotModel, joint_frame, pose_of, se3
 from ...world.scene.description import Bin, Fixture
+from ...world.shapes import corners
 from ...world.values import Array, Bounds
-from . import collision_bodies
-from .collision_bodies import (
+from . import collision_model
+from .collision_model import (
     GRIPPER_OWNERS,
+    MIN_MARGIN,
     CoalShapes,
     CollisionBody,
+    CollisionGeometry,
     CollisionMargins,
+    CollisionModel,
+    CollisionModelKey,
     GeometryOwner,
+    MarginChecker,
+    RobotCollisionGeometry,
     fixed_bodies,
     movable_bodies,
 )
+from .limits import ToolRoom
 from .requests import ContactPair
-from .robot_geometry import (
-    MIN_MARGIN,
-    CollisionGeometry,
-    CollisionModel,
-    CollisionModelKey,
-    MarginChecker,
-    RobotCollisionGeometry,
-)
-from .tool_room import ToolRoom
 
 DISTANCE_DECIMALS = 9
 """Number of decimals to which distances in m are rounded."""
@@ -297,7 +297,7 @@ def robot_geometry(model: RobotModel) -> tuple[pin.GeometryObject, ...]:
     return tuple(o.copy() for o in _unpacked(kept["archive"].tobytes()).geometryObjects)
 
 
-_MAKERS: Final = (Path(__file__), collision_bodies, "coal", "pin")
+_MAKERS: Final = (Path(__file__), collision_model, "coal", "pin")
 """Code that `robot_geometry` depends on."""
 
 
@@ -383,3 +383,44 @@ def _run(indices: list[int]) -> slice | list[int]:
 def _tcp(model: pin.Model) -> tuple[int, pin.SE3]:
     frame = model.frames[model.getFrameId(TCP_FRAME, pin.OP_FRAME)]
     return frame.parentJoint, frame.placement
+
+
+MAX_GAP, MAX_DEPTH = 0.005, 0.02
+"""Greatest gap between a link and the fixture under it, and how deep it may be sunk in, m."""
+
+
+def standing_pairs(model: RobotModel, scene: PlanningScene) -> tuple[tuple[str, str], ...]:
+    """Return each pair of a link and the fixture on which it stands.
+
+    Such a link turns about the vertical alone, so that its gap to the ground under it never changes. Links
+    that no joint moves are never checked against the surroundings.
+    """
+    if not model.standing_links:
+        return ()
+    lowest = _lowest(model)
+    under = [f.id for f in scene.fixtures.values() if lowest - MAX_GAP <= _top(f) <= lowest + MAX_DEPTH]
+    if not under:
+        return ()
+    checker = CollisionChecker(model)
+    checker.update(scene, 0.0)
+    touching = checker.contacts(model.named("home"))
+    return tuple((c.a, c.b) for c in touching if c.a in model.standing_links and c.b in under)
+
+
+def _lowest(model: RobotModel) -> float:
+    """Return the height of the lowest point of the links that turn on their ground, m."""
+    first = model.full.getJointId(model.description.joints[0])
+    # All of them turn about the vertical: their heights are the same at each configuration.
+    joint = pose_of(model.full.jointPlacements[first])
+    lowest = np.inf
+    for o in robot_geometry(model):
+        if o.parentJoint == first:
+            o.geometry.computeLocalAABB()
+            low, high = o.geometry.aabb_local.min_, o.geometry.aabb_local.max_
+            box = np.array(list(product(*zip(low.tolist(), high.tolist(), strict=True))))
+            lowest = min(lowest, float((joint @ pose_of(o.placement)).apply(box)[:, 2].min()))
+    return lowest
+
+
+def _top(fixture: Fixture) -> float:
+    return float(fixture.pose.apply(corners(fixture.shape))[:, 2].max())

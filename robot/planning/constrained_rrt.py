@@ -12,11 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...world.robot_model.model import RobotModel
-from ...world.trajectory import Trajectory
-from ...world.values import Array
+from ...world.values import Array, Trajectory
 from .collision_checker import CollisionChecker
-from .configuration_cost import configuration_cost
 from .joint_planner import CORNER_RADII, IMPROVING_SHARE, FoundPath
+from .limits import configuration_cost
 from .path_constraints import PROJECTION_RESERVE, PathConstraints
 from .path_search import ConstraintProjection, PathPlanner, SearchProblem
 from .requests import Scaling

@@ -15,10 +15,10 @@ from ...world.causes import Failure
 from ...world.robot_model.model import RobotModel
 from ...world.values import Array, Pose
 from . import planning_failures
-from .configuration_cost import configuration_cost
 from .inverse_kinematics import InverseKinematics
-from .obstructions import GoalInspection
+from .limits import configuration_cost
 from .path_constraints import PathConstraints
+from .planning_failures import GoalInspection
 from .requests import Goal, JointGoal, NamedGoal, PoseGoal, RegionGoal
 from .trajectory_check import StartTolerance
 

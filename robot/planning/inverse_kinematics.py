@@ -1,26 +1,336 @@
-"""Inverse kinematics: descents from the arm's configuration and from seeds that reach nearby poses."""
+"""Inverse kinematics: Levenberg-Marquardt descents from the arm and from seeds, and the nearest reach of
+other poses.
+
+Joint limits are an active set of a descent.
+
+Damping after Sugihara, "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method", IEEE
+Transactions on Robotics 27 (2011).
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import pinocchio as pin
 
+from ...files.library_parts import library_part
 from ...world.robot_model.joint_limits import is_hinge
-from ...world.robot_model.model import RobotModel
+from ...world.robot_model.model import RobotModel, pose_of
 from ...world.values import Array, Pose
-from .levenberg_marquardt import (
-    FULL_TURN,
-    IMPROVEMENT_SHARE,
-    MAX_STALLED_STEPS,
-    IkDescent,
-    IkSeeds,
-    pose_key,
-    target_of,
-)
-from .unreachable_poses import NearestReach, ReachExplainer
+
+if TYPE_CHECKING:
+    from scipy.linalg.lapack import dposv
+else:
+    dposv = library_part("scipy.linalg._flapack", "scipy.linalg.lapack.dposv")
+
+POSITION_ACCURACY = 1e-5
+"""Accuracy of the position, m."""
+ANGLE_ACCURACY = 1e-4
+"""Accuracy of the orientation, rad."""
+MAX_DESCENT_STEPS = 60
+MAX_STALLED_STEPS = 4
+"""Number of steps without an improvement after which a descent is given up."""
+IMPROVEMENT_SHARE = 0.7
+"""Share of the least squared error so far that counts as an improvement."""
+DAMPING_SHARE = 1e-2
+"""Damping as a share of the remaining squared error; fewer steps than with a tenth or ten times as much."""
+MAX_STEP_LENGTH = 1.5
+"""Greatest length of a step in joint space, rad."""
+MAX_POSITION_PULL = 0.1
+"""Greatest travel that a step aims at where the target need not be reached, m.
+
+After Buss and Kim, "Selectively damped least squares for inverse kinematics", Journal of Graphics Tools 10
+(2005).
+"""
+FULL_TURN = 2 * math.pi
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IkResult:
+    """Best configuration (n,) of a descent; `solved`: it reaches the target within the accuracy."""
+
+    q: Array
+    solved: bool
+    square: float
+    """Remaining squared (weighted) distance and angle together, m² + rad²."""
+
+
+class IkDescent:
+    """IK descents for one robot, with scratch memory only. A step costs about ten bare forward kinematics.
+
+    Most of that is the overhead of numpy calls, so calls are few and work on preallocated arrays.
+    """
+
+    def __init__(self, model: RobotModel) -> None:
+        self._arm = model.arm
+        self._frame = model.tcp_frame
+        self._data = model.arm.createData()
+        self._hessian: Array = np.empty((6, 6))
+        self._diagonal: Array = self._hessian.ravel()[::7]
+
+    def place(self, q: Array) -> pin.SE3:
+        """Return the TCP in the world at q (n,): a live view, until the next call."""
+        pin.forwardKinematics(self._arm, self._data, q)
+        return pin.updateFramePlacement(self._arm, self._data, self._frame)
+
+    def run(
+        self,
+        target: pin.SE3,
+        seed: Array,
+        lower: Array,
+        upper: Array,
+        *,
+        weights: Array | None = None,
+        stall: int = MAX_STALLED_STEPS,
+        gain: float = IMPROVEMENT_SHARE,
+        steps: int = MAX_DESCENT_STEPS,
+    ) -> IkResult:
+        """Descend from a seed (n,) within the limits (n,) towards the TCP's target in the world.
+
+        `weights` (6,) scale the error's three linear and three angular parts, in the TCP's axes: 0 leaves one
+        free.
+        """
+        arm, data, frame, hessian, diagonal = (
+            self._arm,
+            self._data,
+            self._frame,
+            self._hessian,
+            self._diagonal,
+        )
+        joint_jacobians, frame_jacobian = pin.computeJointJacobians, pin.getFrameJacobian
+        lows, highs = lower.tolist(), upper.tolist()
+        q = best_q = seed
+        angles = q.tolist()
+        best, patience = math.inf, stall
+        at_limit = True
+        for _ in range(steps):
+            joint_jacobians(arm, data, q)
+            offset = pin.updateFramePlacement(arm, data, frame).actInv(target)
+            if weights is None:
+                error = pin.log6(offset).vector
+            else:
+                # Taken apart, because the logarithm's linear part is the travel along a screw.
+                error = np.concatenate([offset.translation, pin.log3(offset.rotation)]) * weights
+            x, y, z, a, b, c = error.tolist()
+            position, angle = x * x + y * y + z * z, a * a + b * b + c * c
+            left = position + angle
+            if weights is not None and position > MAX_POSITION_PULL**2:
+                # A target out of reach would pull the arm to and fro.
+                error[:3] *= MAX_POSITION_PULL / math.sqrt(position)
+            if position < POSITION_ACCURACY**2 and angle < ANGLE_ACCURACY**2:
+                return IkResult(q, True, left)
+            if left < gain * best:
+                best, best_q, patience = left, q, stall
+            else:
+                patience -= 1
+                if patience == 0:
+                    break
+            jacobian = frame_jacobian(arm, data, frame, pin.LOCAL)
+            if weights is not None:
+                jacobian *= weights[:, None]
+            if at_limit:
+                # Joints at a limit that would go on beyond it leave the set that moves.
+                slopes = error.dot(jacobian).tolist()
+                for joint, (at, low, high) in enumerate(zip(angles, lows, highs)):  # noqa: B905  it costs
+                    if (at <= low and slopes[joint] < 0.0) or (at >= high and slopes[joint] > 0.0):
+                        jacobian[:, joint] = 0.0
+            # The damped step among the six errors: J^T (J J^T + d)^-1 e equals (J^T J + d)^-1 J^T e.
+            np.dot(jacobian, jacobian.T, out=hessian)
+            diagonal += DAMPING_SHARE * left + 1e-7
+            step = dposv(hessian, error)[1].dot(jacobian)
+            length = math.hypot(*step.tolist())
+            if length > MAX_STEP_LENGTH:
+                step *= MAX_STEP_LENGTH / length
+            q = q + step
+            angles = q.tolist()
+            at_limit = False
+            for joint, (at, low, high) in enumerate(zip(angles, lows, highs)):  # noqa: B905  it costs
+                if not low < at < high:
+                    angles[joint] = low if at <= low else high
+                    at_limit = True
+            if at_limit:
+                q = np.array(angles)
+        return IkResult(best_q, False, best)
+
+
+def target_of(pose: Pose) -> pin.SE3:
+    """Return a pose as pinocchio's rigid transform, made in one call."""
+    return pin.XYZQUATToSE3(np.array((*pose.position, *pose.orientation)))
+
+
+SEED_COUNT = 2048
+"""Number of configurations. Finding the nearest takes as long as two steps of a descent; twice as many save
+no step."""
+TURN_LEVER = 0.3
+"""Weight of a turn relative to a travel, m/rad."""
+
+
+class IkSeeds:
+    """IK seeds of one robot, computed from it alone in 10 ms; the same in each process."""
+
+    def __init__(self, model: RobotModel, descent: IkDescent) -> None:
+        shares = np.random.default_rng(0).uniform(size=(SEED_COUNT, model.n))
+        self.configurations: Array = model.planned_lower + shares * (
+            model.planned_upper - model.planned_lower
+        )
+        """Configurations (SIZE, n), rad."""
+        self._keys: Array = np.array([pose_key(descent.place(q)) for q in self.configurations])
+        self._half_squares: Array = 0.5 * np.einsum("ij,ij->i", self._keys, self._keys)
+
+    def nearest(self, wanted: Array) -> int:
+        """Return the index of the configuration whose pose is nearest to the one with that key (12,)."""
+        return int(self._nearness(wanted).argmax())
+
+    def around(self, wanted: Array, count: int) -> Array:
+        """Return the `count` configurations (count, n) whose poses are nearest to the one with that key
+        (12,)."""
+        nearness = self._nearness(wanted)
+        some = np.argpartition(nearness, -count)[-count:]
+        return self.configurations[some[np.argsort(-nearness[some], kind="stable")]]
+
+    def _nearness(self, wanted: Array) -> Array:
+        # |k - w|² = |k|² - 2 k·w + |w|², and the last is the same for all.
+        return self._keys.dot(wanted) - self._half_squares
+
+
+def pose_key(place: pin.SE3) -> Array:
+    """Return a pose as a point (12,): equal distances (m) for equal travels and, for small turns, equal
+    arcs."""
+    point: Array = np.empty(12)
+    point[:3] = place.translation
+    # Two rotations that differ by a small angle a are 2^½ a apart in the Frobenius norm.
+    point[3:] = (TURN_LEVER / 2**0.5) * place.rotation.ravel()
+    return point
+
+
+EXPLANATION_SEEDS = 12
+"""Number of seeds for each answer; the best result counts."""
+POSITION_WEIGHTS = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+"""Weights of the position alone."""
+MOSTLY_POSITION_WEIGHTS = np.array([1.0, 1.0, 1.0, 0.03, 0.03, 0.03])
+"""Weights of position and orientation, for the orientation as near as possible where the position is nearly
+reached."""
+REACHED_DISTANCE = 1e-4
+"""Position error below which a position is reached, m."""
+LIMIT_TOLERANCE = 1e-6
+"""Distance to a limit within which a joint is at it, rad or m."""
+Obstacle = Literal["", "position", "orientation", "limits"]
+
+
+@dataclass(frozen=True, slots=True)
+class LimitExcess:
+    """Joint that would have to go beyond a limit: its position and the limit, rad (m for a slider)."""
+
+    joint: str
+    wanted: float
+    limit: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NearestReach:
+    """Nearest approach of the arm to a pose of the TCP, within the planned limits."""
+
+    q: Array
+    """Configuration (n,), rad."""
+    tcp_in_world: Pose
+    """Pose of the TCP in that configuration."""
+    distance: float
+    """Distance from the wanted position, m."""
+    angle: float
+    """Angle from the wanted orientation, rad."""
+    obstacle: Obstacle
+    """Obstacle that keeps the arm from the pose; "": none.
+
+    `position`: no configuration brings the TCP to the point, in any orientation. `limits`: only the limits of
+    `beyond` forbid it. `orientation`: the point can be reached, but not in that orientation.
+    """
+    at_limit: tuple[str, ...] = ()
+    """Joints at a limit in q."""
+    beyond: tuple[LimitExcess, ...] = ()
+    """Joints that would have to exceed their limits, in the configuration that needs the least excess; ()
+    unless the obstacle is `limits`."""
+
+
+class ReachExplainer:
+    """Explanations of unreachable poses for one robot."""
+
+    def __init__(self, model: RobotModel, descent: IkDescent, atlas: IkSeeds) -> None:
+        self._model = model
+        self._descent = descent
+        self._atlas = atlas
+        hinge = np.array([is_hinge(joint) for joint in model.arm.joints][1:])
+        self._open_lower: Array = np.where(hinge, -FULL_TURN, model.planned_lower)
+        self._open_upper: Array = np.where(hinge, FULL_TURN, model.planned_upper)
+        self._hinge = hinge
+
+    def nearest(self, tcp_in_world: Pose, near: Array) -> NearestReach:
+        """Return how near the arm comes to a pose; it depends on the pose, on `near` (n,) and the robot
+        alone."""
+        model, target = self._model, target_of(tcp_in_world)
+        lower, upper = model.planned_lower, model.planned_upper
+        seeds: list[Array] = [
+            np.clip(near, lower, upper),
+            *self._atlas.around(pose_key(target), EXPLANATION_SEEDS - 1),
+        ]
+        for seed in seeds:
+            reached = self._minimum(target, seed, None)
+            if reached.solved:
+                return self._answer(reached.q, tcp_in_world, "")
+        beyond = self._beyond(target, seeds)
+        turned = [
+            self._minimum(target, self._minimum(target, seed, MOSTLY_POSITION_WEIGHTS).q, POSITION_WEIGHTS).q
+            for seed in seeds
+        ]
+        pointed = [self._minimum(target, seed, POSITION_WEIGHTS).q for seed in seeds]
+        answers = [self._answer(q, tcp_in_world, "orientation") for q in (*turned, *pointed)]
+        best = min(
+            answers, key=lambda a: (0.0, a.angle) if a.distance < REACHED_DISTANCE else (a.distance, 0.0)
+        )
+        if beyond:
+            return replace(best, obstacle="limits", beyond=beyond)
+        return best if best.distance < REACHED_DISTANCE else replace(best, obstacle="position")
+
+    def _minimum(self, target: pin.SE3, seed: Array, weights: Array | None) -> IkResult:
+        lower, upper = self._model.planned_lower, self._model.planned_upper
+        return self._descent.run(target, seed, lower, upper, weights=weights, stall=8, gain=0.9999, steps=150)
+
+    def _beyond(self, target: pin.SE3, seeds: list[Array]) -> tuple[LimitExcess, ...]:
+        """Return the joints beyond their limits in the solution that violates them least; () when there is no
+        solution."""
+        model = self._model
+        lower, upper = model.planned_lower, model.planned_upper
+        best, least = None, math.inf
+        for seed in seeds:
+            reached = self._descent.run(target, seed, self._open_lower, self._open_upper)
+            if reached.solved:
+                middle = 0.5 * (lower + upper)
+                turns = np.rint((middle - reached.q) / FULL_TURN)
+                q = np.where(self._hinge, reached.q + FULL_TURN * turns, reached.q)
+                over = float(np.linalg.norm(np.maximum(lower - q, 0.0) + np.maximum(q - upper, 0.0)))
+                if over < least:
+                    best, least = q, over
+        if best is None:
+            return ()
+        joints = zip(model.description.joints, best.tolist(), lower.tolist(), upper.tolist(), strict=True)
+        return tuple(
+            LimitExcess(name, angle, low if angle < low else high)
+            for name, angle, low, high in joints
+            if not low <= angle <= high
+        )
+
+    def _answer(self, q: Array, tcp_in_world: Pose, obstacle: Obstacle) -> NearestReach:
+        model = self._model
+        reached = pose_of(self._descent.place(q))
+        stands = (q <= model.planned_lower + LIMIT_TOLERANCE) | (q >= model.planned_upper - LIMIT_TOLERANCE)
+        names = zip(model.description.joints, stands.tolist(), strict=True)
+        at_limit = tuple(name for name, at in names if at)
+        distance, angle = reached.distance(tcp_in_world), reached.angle(tcp_in_world)
+        return NearestReach(q, reached, distance, angle, obstacle, at_limit)
+
 
 MAX_FAILED_DESCENTS = 40
 """Number of failed descents after which a pose counts as out of reach.
@@ -39,7 +349,6 @@ MIN_SEED_DIFFERENCE = 0.7
 PATIENT_STALL_AND_GAIN = (5, 0.9)
 """Steps and gain of the stall test for a descent from a requested seed. It is given up later than one of
 many."""
-
 MAX_HINGE_GAP = 0.2
 """Greatest gap of a hinge's range that still counts as endless during a descent, rad."""
 ENDLESS_LIMIT = 1e3

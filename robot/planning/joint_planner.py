@@ -16,10 +16,9 @@ import numpy as np
 from ...files.errors import PicktreeError
 from ...world.planner_names import BUILT_IN, installed_planners, suggest_planner, unknown_planner
 from ...world.robot_model.model import RobotModel
-from ...world.trajectory import Trajectory
-from ...world.values import Array
+from ...world.values import Array, Trajectory
 from .collision_checker import CollisionChecker
-from .configuration_cost import configuration_cost
+from .limits import configuration_cost
 from .path_search import EdgeFree, PathPlanner, PathSearch, SearchProblem
 from .requests import Scaling
 from .rrt_connect import Rooted, SearchChecks, improve_path, rrt_connect, shorten_path

@@ -11,8 +11,7 @@ from typing import Literal
 import numpy as np
 
 from ...world.causes import Failure, planning
-from ...world.trajectory import Trajectory
-from ...world.values import Array
+from ...world.values import Array, Trajectory
 from . import planning_failures
 from .joint_planner import CORNER_RADII
 from .path_constraints import PathConstraints
@@ -26,8 +25,7 @@ from .path_curves import (
 )
 from .requests import LegFailure, LineGoal, MotionPlan, OffsetGoal, PlannedPath, Request
 from .solver import RequestSolver
-from .time_parameterization import TimedTrajectory, stationary_trajectory, time_curve
-from .toppra_profile import ScaledStretch
+from .time_parameterization import ScaledStretch, TimedTrajectory, stationary_trajectory, time_curve
 from .trajectory_check import ConfigurationCheck, StartTolerance, is_trajectory_free
 
 DEFAULT_LINE_ROUNDING = 0.02

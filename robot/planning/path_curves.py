@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...files.library_parts import library_part
-from ...world.trajectory import quintic
-from ...world.values import Array
+from ...world.values import Array, quintic
 
 if TYPE_CHECKING:
     from scipy.linalg.lapack import dgtsv

@@ -1,22 +1,57 @@
-"""Plan quality: lengths, duration, clearance, and distance to singularities and joint limits of a plan;
-and the record of a plan in the journal."""
+"""Plan quality: lengths, duration, clearance, distance to singularities and joint limits of a plan.
+
+The cost of a plan, and its record in the journal, are here, too.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...world.causes import Failure
+from ...world.computing_time import ComputeTimeAccount
 from ...world.journal import PlanEntry
 from ...world.robot_model.model import RobotModel
-from ...world.trajectory import Trajectory
-from ...world.values import Array
+from ...world.values import Array, Trajectory
 from . import planning_failures
 from .collision_checker import CollisionChecker
-from .cost_meter import MeasuredCost
+from .inverse_kinematics import InverseKinematics
 from .requests import ContactPair, MotionPlan, Request
+
+
+@dataclass(slots=True)
+class MeasuredCost:
+    """Cost of a measured block, filled in when it ends: collision checks and simulated s."""
+
+    checks: int = 0
+    seconds: float = 0.0
+
+
+class CostMeter:
+    """Meter that charges the use of `collision` and `ik` within `measure` to the thinking account."""
+
+    def __init__(
+        self, collision: CollisionChecker, ik: InverseKinematics, thinking: ComputeTimeAccount, cost: float
+    ) -> None:
+        self._collision = collision
+        self._ik = ik
+        self._thinking = thinking
+        self._cost = cost
+
+    @contextmanager
+    def measure(self) -> Generator[MeasuredCost]:
+        spent = MeasuredCost()
+        checks, solves = self._collision.checks, self._ik.solves
+        try:
+            yield spent
+        finally:
+            spent.checks = self._collision.checks - checks
+            spent.seconds = (spent.checks + self._ik.solves - solves) * self._cost
+            self._thinking.spend(spent.seconds)
+
 
 QUALITY_STEP = 0.05
 """Greatest distance in joint space between two measured configurations, rad."""

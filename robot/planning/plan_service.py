@@ -11,31 +11,39 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ...files.errors import PicktreeError
-from ...world.belief.planning_scene import PlanningScene
 from ...world.causes import Failure
 from ...world.computing_time import ComputeTimeAccount, Stopwatch
 from ...world.journal import Journal
 from ...world.planner_names import AUTO
+from ...world.planning_scene import PlanningScene
 from ...world.random_streams import RandomStreams
 from ...world.robot_model.model import RobotModel
-from ...world.trajectory import Trajectory
-from ...world.values import Array, Bounds, Pose
+from ...world.values import Array, Bounds, Pose, Trajectory
 from . import planning_failures
-from .cost_meter import CostMeter, MeasuredCost
 from .goal_configurations import SOLUTIONS_PER_POSE
 from .lookahead_planning import (
+    ChainAnswer,
+    ChainOrder,
+    ChainSolver,
     CheckedBelief,
     LookaheadOutcome,
     LookaheadPlanner,
     LookaheadResult,
+    PlanningWorker,
     PlanProvenanceStore,
     is_plan_free,
+    solve_chain,
 )
 from .motion_chain import DEFAULT_LINE_ROUNDING, MotionChain, split_into_legs
 from .penetration_escape import EscapeSearch
-from .plan_quality import PlanQuality, PlanQualityMeter, combine_qualities, plan_entry
-from .planning_worker import ChainAnswer, ChainOrder, ChainSolver, PlanningWorker, solve_chain
-from .reachability import ReachResult, check_reach, free_postures
+from .plan_quality import (
+    CostMeter,
+    MeasuredCost,
+    PlanQuality,
+    PlanQualityMeter,
+    combine_qualities,
+    plan_entry,
+)
 from .requests import (
     DEFAULT_CHECK_BUDGET,
     ContactPair,
@@ -48,10 +56,10 @@ from .requests import (
     Scaling,
 )
 from .scene_queries import SceneQueries
-from .solver import RequestSolver
+from .solver import ReachResult, RequestSolver, check_reach, free_postures
 
 if TYPE_CHECKING:
-    from .trajectory_judge import TrajectoryVerifier
+    from .trajectory_verifier import TrajectoryVerifier
 
 _log = logging.getLogger(__name__)
 
@@ -391,6 +399,6 @@ class PlanService:
 
 
 def _verifier(model: RobotModel) -> TrajectoryVerifier:
-    from .trajectory_judge import TrajectoryVerifier  # slow to import, with trimesh
+    from .trajectory_verifier import TrajectoryVerifier  # slow to import, with trimesh
 
     return TrajectoryVerifier(model)

@@ -11,8 +11,7 @@ import numpy as np
 from ...files.errors import PicktreeError
 from ...world.causes import Cause, Evidence, Failure
 from ...world.planner_names import is_planner, suggest_planner, unknown_planner
-from ...world.trajectory import Trajectory
-from ...world.values import Array, Bounds, ObjectId, Pose, Vector3
+from ...world.values import Array, Bounds, ObjectId, Pose, Trajectory, Vector3
 
 if TYPE_CHECKING:
     from ...world.robot_model.model import RobotModel

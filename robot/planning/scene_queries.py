@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...files.disk_cache import cached_arrays
-from ...world.belief.planning_scene import BeliefObject, PlanningScene
+from ...world.planning_scene import BeliefObject, PlanningScene
 from ...world.robot_model.model import RobotModel
 from ...world.shapes import OBSTACLE_VOLUME, Box, ConvexMesh, Cylinder, Shape, Sphere, convex_hull, corners
 from ...world.values import Array, Pose, Vector3
-from .collision_bodies import (
+from .collision_model import (
     MAX_CACHED_SHAPES,
     CoalShapes,
     CollisionBody,

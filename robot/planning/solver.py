@@ -1,4 +1,7 @@
-"""Request solver: one plan or one typed failure for one request; charges and records are elsewhere."""
+"""Request solver: one plan or one typed failure for one request; charges and records are elsewhere.
+
+Reachability of a pose is the cheap test before planning.
+"""
 
 from __future__ import annotations
 
@@ -7,24 +10,29 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...world.belief.planning_scene import PlanningScene
 from ...world.causes import Failure, planning
 from ...world.planner_names import AUTO
+from ...world.planning_scene import PlanningScene
 from ...world.robot_model.model import RobotModel
-from ...world.trajectory import Trajectory
-from ...world.values import Array, Bounds, Pose
-from . import planning_failures, start_failures
+from ...world.values import Array, Bounds, Pose, Trajectory
+from . import planning_failures
 from .cartesian_lines import LineResult, plan_line
-from .collision_bodies import CollisionMargins
 from .collision_checker import CollisionChecker
+from .collision_model import CollisionMargins
 from .constrained_rrt import ConstrainedPlanner
-from .goal_configurations import HOME_CONFIGURATION, GoalConfiguration, GoalSet
+from .goal_configurations import (
+    HOME_CONFIGURATION,
+    SOLUTIONS_PER_POSE,
+    UNCOMFORTABLE_COST,
+    GoalConfiguration,
+    GoalSet,
+)
 from .inverse_kinematics import InverseKinematics
 from .joint_planner import PLANNER_NAME, CheckBudget, FoundPath, JointPlanner, load_planner
-from .obstructions import GoalInspection, ObstructionSearch
+from .limits import configuration_cost
 from .path_constraints import PathConstraints
 from .path_search import PathPlanner
-from .planning_failures import explain_line_stop
+from .planning_failures import GoalInspection, ObstructionSearch, explain_line_stop
 from .requests import (
     CARRYING_ACCELERATION,
     WIDTH_TOLERANCE,
@@ -34,6 +42,7 @@ from .requests import (
     MotionPlan,
     OffsetGoal,
     PlannedPath,
+    PoseGoal,
     Request,
     check_request,
 )
@@ -133,9 +142,9 @@ class RequestSolver:
         way = StartTolerance(self.collision, start)
         believed = request.start is None
         if way.excess is not None and (way.stuck or way.excess.more_than_a_turn):
-            raise start_failures.start_outside(start, way.excess, way.stuck, believed=believed)
+            raise planning_failures.start_outside(start, way.excess, way.stuck, believed=believed)
         if way.stuck:
-            raise start_failures.start_in_collision(start, way.stuck, believed=believed)
+            raise planning_failures.start_in_collision(start, way.stuck, believed=believed)
         constraints = PathConstraints(self.model, request.constraints)
         if broken := constraints.broken(start):
             raise planning_failures.constraint_violated("where the motion starts", broken)
@@ -171,8 +180,10 @@ class RequestSolver:
         between = ObstructionSearch(self.model, self.collision, way, begun.constraints).between(
             begun.start, [inner, home]
         )
-        why = why or start_failures.no_way_back(between)
-        raise start_failures.start_outside(begun.start, excess, why=why, believed=begun.request.start is None)
+        why = why or planning_failures.no_way_back(between)
+        raise planning_failures.start_outside(
+            begun.start, excess, why=why, believed=begun.request.start is None
+        )
 
     def _plan_inside(self, begun: _Begun, goal: Goal, seed: int, *, timed: bool) -> PlannedPath:
         """Plan from a start within limits and workspace."""
@@ -255,7 +266,7 @@ class RequestSolver:
             ended = self._line_ended(found, line.least_fraction, target)
             if way.excess is None:
                 raise ended
-            raise start_failures.start_outside(
+            raise planning_failures.start_outside(
                 start,
                 way.excess,
                 why=f"no straight motion leads back in, a free one may: {ended.message}",
@@ -323,3 +334,83 @@ def _planned(trajectory: Trajectory | None, path: PlannedPath) -> PlannedPath:
     return MotionPlan(
         path.path, path.planner, path.checks, path.goal_index, path.fraction, trajectory=trajectory
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReachResult:
+    """Result of a reachability test: `q` (n,) rad reaches the pose and is free.
+
+    If `q` is None, `contact` is in the way at the best of `solutions` solutions, or the pose is out of reach.
+    """
+
+    q: Array | None
+    solutions: int
+    contact: ContactPair | None = None
+
+    @property
+    def why_not(self) -> str:
+        """Reason in a few words; empty when the pose is reached."""
+        if self.q is not None:
+            return ""
+        if self.contact is None:
+            return "out of reach" if not self.solutions else "outside the workspace"
+        depth = -self.contact.distance * 1000
+        near = f"{depth:.1f} mm deep in" if depth > 0 else f"only {-depth:.1f} mm from"
+        return f"{self.contact.a} would be {near} {self.contact.b}"
+
+
+def check_reach(
+    solver: RequestSolver, request: Request, rng: Callable[[], np.random.Generator]
+) -> ReachResult:
+    """Find a free configuration for the first pose of a request's goal, near the request's start.
+
+    The scene is as the request supposes it. The path in between is not checked. `rng` is called where
+    solutions from random seeds are needed.
+    """
+    assert isinstance(request.target, PoseGoal), "a pose is asked for"
+    pose = request.target.tcp_in_world[0]
+    near = solver.start(request)
+    solver.look(request)
+    solutions: list[Array] = []
+    for seed in (near, solver.model.named(HOME_CONFIGURATION)):
+        q = solver.ik.descend(pose, seed)
+        if q is not None:
+            solutions.append(q)
+            if solver.collision.free(q) and configuration_cost(solver.model, q) < UNCOMFORTABLE_COST:
+                return ReachResult(q, len(solutions))
+    if not any(solver.collision.free(q) for q in solutions):
+        blocked = next((c for q in solutions[:1] for c in solver.collision.contacts(q)), None)
+        if blocked is not None and _is_hand_contact(solver, request, blocked):
+            return ReachResult(None, len(solutions), blocked)
+        solutions += solver.ik.solutions(pose, rng(), near, SOLUTIONS_PER_POSE)
+    free = [q for q in solutions if solver.collision.free(q)]
+    if free:
+        best = min(free, key=lambda q: float(np.linalg.norm(q - near)) + configuration_cost(solver.model, q))
+        return ReachResult(best, len(solutions))
+    worst = [contacts[0] for q in solutions if (contacts := solver.collision.contacts(q))]
+    least = max(worst, key=lambda contact: contact.distance, default=None)
+    return ReachResult(None, len(solutions), least)
+
+
+def free_postures(solver: RequestSolver, request: Request, rng: np.random.Generator) -> list[Array]:
+    """Return free, comfortable configurations (n,) at the first pose of a request's goal, the nearest to its
+    start first."""
+    assert isinstance(request.target, PoseGoal), "a pose is asked for"
+    solver.look(request)
+    near = solver.start(request)
+    found = solver.ik.solutions(request.target.tcp_in_world[0], rng, near, SOLUTIONS_PER_POSE)
+    return [
+        q
+        for q in found
+        if configuration_cost(solver.model, q) < UNCOMFORTABLE_COST and solver.collision.free(q)
+    ]
+
+
+def _is_hand_contact(solver: RequestSolver, request: Request, contact: ContactPair) -> bool:
+    """Whether the hand or the held object touches a surrounding body. It then does so at this pose in any
+    posture of the arm."""
+    description, scene = solver.model.description, solver.scene(request)
+    held = scene.held
+    hand = (*description.gripper.fingers, description.tcp_link, *(() if held is None else (held.id,)))
+    around = (*scene.fixtures, *scene.bins, *(o.id for o in scene.objects))
+    return contact.a in hand and contact.b.split("/")[0] in around

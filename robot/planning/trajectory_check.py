@@ -14,12 +14,11 @@ from typing import Protocol
 import numpy as np
 
 from ...world.robot_model.model import RobotModel
-from ...world.trajectory import Trajectory
-from ...world.values import Array
+from ...world.values import Array, Trajectory
 from .collision_checker import CollisionChecker
+from .collision_model import MarginChecker
+from .limits import StartExcess, start_excess
 from .requests import ContactPair
-from .robot_geometry import MarginChecker
-from .tool_room import StartExcess, start_excess
 
 EDGE_RESOLUTION = 0.03
 """Greatest step along an edge, rad (Euclidean over the joints)."""

@@ -10,8 +10,7 @@ import numpy as np
 from ...world.causes import Cause, Failure, planning, safety
 from ...world.robot_model.joint_limits import format_joint_value
 from ...world.robot_model.model import RobotModel
-from ...world.trajectory import Trajectory
-from ...world.values import Array, Bounds, workspace_excess
+from ...world.values import Array, Bounds, Trajectory, workspace_excess
 from . import planning_failures
 from .lookahead_planning import PlanProvenance, without_held_supposition
 from .motion_chain import slice_trajectory

@@ -18,14 +18,15 @@ from ...world.robot_model.model import RobotModel
 from ...world.scene.description import Fixture, SceneDescription
 from ...world.shapes import Shape, scaled
 from ...world.values import GRAVITY, ObjectId, Pose, Vector3
+from ..belt_feed import BeltDrive
 from ..checkpoints import GripperCommand, ItemState, KinematicState
-from ..faults.device_entries import Ailing, GripperJam, Stall, WrenchDead, counted
-from ..faults.device_faults import DeviceFaults, jam_command
-from ..faults.planted_obstacles import MIN_OBSTACLE_CLEARANCE, FreeSpaceCheck, HiddenObstacles
-from ..feed.belt_drive import BeltDrive
-from ..feed.feeder import Feeder, FeederState, has_feeder
-from ..feed.inventory import Inventory
-from ..feed.spawn import (
+from ..device_faults import DeviceFaults, jam_command
+from ..fault_entries import Ailing, GripperJam, Stall, WrenchDead, counted
+from ..feeder import Feeder, FeederState, has_feeder
+from ..footprints import floor_height
+from ..inventory import Inventory
+from ..planted_obstacles import MIN_OBSTACLE_CLEARANCE, FreeSpaceCheck, HiddenObstacles
+from ..spawn import (
     MIN_ITEM_CLEARANCE,
     SpawnedItem,
     displace_fixtures,
@@ -34,7 +35,6 @@ from ..feed.spawn import (
     spawn_items,
     walls,
 )
-from ..footprints import floor_height
 from ..truth import HoledFixtures, TrueBody, TrueObstacle
 from .belts import KinematicBelts, KinematicCell, body_of, true_body
 from .bodies import KinematicBodies, KinematicBody

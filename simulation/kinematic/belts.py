@@ -14,10 +14,10 @@ from ...world.robot_model.model import RobotModel
 from ...world.scene.description import Belt, Fixture, SceneDescription
 from ...world.shapes import ray_span
 from ...world.values import ObjectId, Vector3
-from ..feed.belt_drive import BeltDrive, BeltState, check_belts
-from ..feed.cell_interface import LightCurtain, Zone
-from ..feed.inventory import Inventory
-from ..feed.spawn import SpawnedItem
+from ..belt_feed import BeltDrive, BeltState, check_belts
+from ..feed_cell import LightCurtain, Zone
+from ..inventory import Inventory
+from ..spawn import SpawnedItem
 from ..truth import TrueBody
 from .bodies import KinematicBodies, KinematicBody, Prism
 from .camera import Posture

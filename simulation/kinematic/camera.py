@@ -14,13 +14,13 @@ from ...world.robot_model.description import RobotDescription
 from ...world.scene.description import CameraDescription, Fixture, SceneDescription
 from ...world.shapes import Shape
 from ...world.values import Array, ObjectId, Pose
-from ..engine import Client, pb
-from ..faults.device_faults import DeviceFaults
-from ..feed.spawn import SpawnedItem
+from ..device_faults import DeviceFaults
 from ..physics.bodies import ItemShapes, add_item, add_obstacle
+from ..physics.engine import Client, pb
 from ..physics.rgbd_camera import CameraRenderer, RenderedImage, StaticScene, in_front
 from ..physics.robot_body import RobotBody
 from ..sensor_noise import mislabelled, noisy_colour, noisy_depth
+from ..spawn import SpawnedItem
 from .bodies import KinematicBodies, KinematicBody
 
 

@@ -12,7 +12,7 @@ from ...world.robot_model.model import RobotModel
 from ...world.shapes import CompoundMesh, extents
 from ...world.values import GRAVITY, Array, GripperState, JointState, ObjectId, Pose, Quaternion, Wrench
 from ..checkpoints import GripperCommand
-from ..faults.device_faults import DeviceFaults
+from ..device_faults import DeviceFaults
 from .bodies import KinematicBodies, KinematicBody
 
 MIN_FINGER_STEP = 1e-9

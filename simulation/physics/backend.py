@@ -18,8 +18,20 @@ from ...world.robot_model.model import RobotModel
 from ...world.scene.description import Fixture, SceneDescription
 from ...world.shapes import Shape
 from ...world.values import GRAVITY, ObjectId, Pose, Vector3
+from ..belt_feed import BeltDrive
 from ..checkpoints import Checkpoint, RobotReading
-from ..engine import (
+from ..device_faults import DeviceFaults, jam_command
+from ..fault_entries import Ailing, GripperJam, Stall, WrenchDead, counted
+from ..feeder import Feeder, FeederState, has_feeder
+from ..planted_obstacles import MIN_OBSTACLE_CLEARANCE, FreeSpaceCheck
+from ..sensor_noise import RobotSensorNoise
+from ..spawn import MIN_ITEM_CLEARANCE, displace_fixtures, enlarged_item, placed_item, spawn_items, walls
+from ..truth import HoledFixtures, TrueBody, TrueObstacle
+from .belts import PhysicsBelts, PhysicsCell
+from .bodies import StaticBodies
+from .contacts import ContactPoints, CrushDetector, Penetrations, TrueContact
+from .devices import IdealSensors, PhysicsArm, PhysicsGripper, PhysicsWrench
+from .engine import (
     CONTACT_DISTANCE,
     EVERYDAY_STEP_RATE,
     HEAP_CONTACT_DISTANCE,
@@ -32,29 +44,9 @@ from ..engine import (
     reset,
     set_step_rate,
 )
-from ..faults.device_entries import Ailing, GripperJam, Stall, WrenchDead, counted
-from ..faults.device_faults import DeviceFaults, jam_command
-from ..faults.planted_obstacles import MIN_OBSTACLE_CLEARANCE, FreeSpaceCheck
-from ..feed.belt_drive import BeltDrive
-from ..feed.feeder import Feeder, FeederState, has_feeder
-from ..feed.spawn import (
-    MIN_ITEM_CLEARANCE,
-    displace_fixtures,
-    enlarged_item,
-    placed_item,
-    spawn_items,
-    walls,
-)
-from ..sensor_noise import RobotSensorNoise
-from ..truth import HoledFixtures, TrueBody, TrueObstacle
-from .belts import PhysicsBelts, PhysicsCell
-from .contacts import ContactPoints, CrushDetector, Penetrations, TrueContact
-from .devices import IdealSensors, PhysicsArm, PhysicsGripper, PhysicsWrench
-from .items import PhysicsItems
+from .items import REST, SLEEP_CHECK_INTERVAL, PhysicsItems
 from .rgbd_camera import PhysicsCamera, StaticScene
 from .robot_body import RobotBody
-from .sleeping_items import REST, SLEEP_CHECK_INTERVAL
-from .static_bodies import StaticBodies
 
 
 class PhysicsHardware:

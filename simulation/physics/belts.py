@@ -21,13 +21,13 @@ from ...world.robot_model.model import RobotModel
 from ...world.scene.description import Belt, Fixture, SceneDescription
 from ...world.shapes import Box
 from ...world.values import ObjectId
-from ..engine import pb
-from ..feed.belt_drive import BeltDrive, BeltState, check_belts
-from ..feed.cell_interface import LightCurtain, Zone
-from ..feed.spawn import SpawnedItem
+from ..belt_feed import BeltDrive, BeltState, check_belts
+from ..feed_cell import LightCurtain, Zone
+from ..spawn import SpawnedItem
 from ..truth import TrueBody
 from .bodies import STATIC_BODY_FRICTION
 from .devices import EVERYDAY_PERIOD, IdealSensors
+from .engine import pb
 from .items import PhysicsItems
 
 SLAB_SET_BACK = 0.01

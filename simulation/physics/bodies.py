@@ -1,9 +1,6 @@
-"""Bodies of the scene in pybullet: fixtures and bins that never move, and items with their contact
-parameters.
-
-A fixture with holes has one static body for each convex piece of the box without the holes.
-`createCollisionShapeArray` takes no vertices, and the shape of a mesh file is cached for good under the
-file's name. So each piece is a body of its own; all have the fixture's name in contacts."""
+"""Bodies of the scene in pybullet: fixtures, bins and obstacles that never move, and items with their
+contact parameters.
+"""
 
 from __future__ import annotations
 
@@ -21,16 +18,16 @@ import numpy as np
 from ...files.disk_cache import cached_arrays
 from ...files.errors import PicktreeError
 from ...world.colours import COLOURS
-from ...world.convex_parts import centre_and_spread
+from ...world.convex_decomposition import centre_and_spread
+from ...world.holes import convex_pieces, surface
 from ...world.mesh_reader import hulls_text
-from ...world.scene.calibration_results import TILE_HEIGHT, tile_body
-from ...world.scene.description import Bin, Fixture, SceneDescription
-from ...world.scene.hole_geometry import convex_pieces, surface
+from ...world.scene.description import TILE_HEIGHT, Bin, Fixture, SceneDescription, tile_body
 from ...world.shapes import Box, CompoundMesh, ConvexMesh, Cylinder, Shape, Sphere, convex_hull, convex_parts
 from ...world.values import Array, ObjectId, Pose, Vector3
-from ..engine import pb
-from ..feed.spawn import SpawnedItem
 from ..footprints import floor_height, support_height
+from ..planted_obstacles import HiddenObstacles
+from ..spawn import SpawnedItem
+from .engine import pb
 
 
 def add_holed_fixture(fixture: Fixture, client: int) -> tuple[int, ...]:
@@ -396,3 +393,41 @@ def _rgba(colour: str) -> tuple[float, float, float, float]:
         return (*COLOURS[colour], 1.0)
     except KeyError:
         raise PicktreeError(f"unknown colour {colour!r}; known: {', '.join(COLOURS)}") from None
+
+
+class StaticBodies:
+    """Bodies of one client that never move, with their names."""
+
+    def __init__(self, scene: SceneDescription, base_in_world: Pose, client: int) -> None:
+        """`scene`: with the fixtures at their true poses."""
+        self._scene = scene
+        self._base_in_world = base_in_world
+        self._client = client
+        self._numbers: dict[ObjectId, int] = {}
+        self.names: dict[int, str] = {}
+        """Names of floor, fixtures, bins, belts and obstacles by pybullet's body number."""
+        self.obstacles = HiddenObstacles(self._add, self._remove)
+        """Obstacles that the robot does not know of."""
+
+    def load(self) -> None:
+        """Add floor, fixtures and bins to an empty simulation."""
+        self.names = add_fixed(self._scene, self._base_in_world, self._client)
+
+    def number(self, obstacle: ObjectId) -> int:
+        """Return pybullet's body number of an obstacle."""
+        return self._numbers[obstacle]
+
+    @property
+    def holed(self) -> list[int]:
+        """pybullet's body numbers of the fixtures with holes."""
+        boards = {fixture.id for fixture in self._scene.fixtures if fixture.holes}
+        return [number for number, name in self.names.items() if name in boards]
+
+    def _add(self, body: Fixture) -> None:
+        number = self._numbers[body.id] = add_obstacle(body, self._client)
+        self.names[number] = body.id
+
+    def _remove(self, name: ObjectId) -> None:
+        number = self._numbers.pop(name)
+        del self.names[number]
+        pb.removeBody(number, self._client)

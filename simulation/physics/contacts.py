@@ -7,15 +7,15 @@ from collections import deque
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
+from ...world.events import CrushedEvent
 from ...world.journal import JournalEvent
-from ...world.run_events import CrushedEvent
 from ...world.values import ObjectId
 from ..checkpoints import PressedItem, RobotReading
-from ..engine import pb
 from ..truth import TrueBody
+from .bodies import StaticBodies
+from .engine import pb
 from .items import PhysicsItems
 from .robot_body import RobotBody
-from .static_bodies import StaticBodies
 
 
 @dataclass(frozen=True, slots=True)

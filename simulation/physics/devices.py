@@ -9,9 +9,9 @@ import numpy as np
 from ...files.errors import PicktreeError
 from ...world.values import Array, GripperState, JointState, Wrench
 from ..checkpoints import GripperCommand, RobotReading
-from ..engine import EVERYDAY_STEP_RATE, RESOLUTION
-from ..faults.device_faults import DeviceFaults
+from ..device_faults import DeviceFaults
 from ..sensor_noise import RobotSensorNoise
+from .engine import EVERYDAY_STEP_RATE, RESOLUTION
 from .robot_body import RobotBody, finite
 
 EVERYDAY_PERIOD = 1 / EVERYDAY_STEP_RATE

@@ -15,11 +15,11 @@ from ...world.protocols import Clock, Intrinsics, NoImage, RgbdImage
 from ...world.random_streams import RandomStreams
 from ...world.scene.description import Bin, CameraDescription, Fixture, SceneDescription
 from ...world.values import Pose
-from ..engine import Client, pb
-from ..faults.device_faults import DeviceFaults
-from ..feed.heap_spawning import Sticker
+from ..device_faults import DeviceFaults
+from ..heap_spawning import Sticker
 from ..sensor_noise import mislabelled, noisy_colour, noisy_depth
 from .bodies import add_scenery
+from .engine import Client, pb
 
 LIGHT_DIRECTION = (0.3, 0.2, 1.0)
 """Direction towards the light, in the world."""

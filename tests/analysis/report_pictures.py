@@ -12,7 +12,8 @@ from pathlib import Path
 
 from picktree.analysis.report.report import write_report
 from picktree.analysis.run import Run
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 
 from ..browser import Chromium
 

@@ -12,9 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis import Run
-from picktree.logs.recording.images import decode_colour
-from picktree.session.session import RunRequest, Session
+from picktree.analysis.run import Run
+from picktree.logs.recording.foxglove_messages import decode_colour
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "analysis"

@@ -8,13 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis import Run
-from picktree.analysis.compare.diff import FileChange, RunDiff, diff
-from picktree.analysis.compare.diff_text import to_json_text, to_text
+from picktree.analysis.compare.run_diff import FileChange, RunDiff, diff, to_json_text, to_text
+from picktree.analysis.run import Run
+from picktree.logs.records import TransitionRecord, WriteRecord
 from picktree.logs.run_result import ItemCount, PickCount, RunResult, WallSeconds
-from picktree.logs.schema.records import TransitionRecord, WriteRecord
+from picktree.world.events import ItemDoneEvent, PickEvent
 from picktree.world.journal import JournalEvent
-from picktree.world.skill_events import ItemDoneEvent, PickEvent
 
 from ..logs.scripted_log import Seen, begins, ends, record, tree
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from picktree.analysis.explain.explain import explain
 from picktree.analysis.explain.explanation_text import to_json_text, to_text
+from picktree.analysis.explain.run_explanation import explain
 from picktree.analysis.run import Run
 from picktree.logs.episode_counts import CureCount, PlantedCount, added_planted, by_cause
 from picktree.session.recorded_recipe import tally_of

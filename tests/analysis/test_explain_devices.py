@@ -10,12 +10,12 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from picktree.analysis import Run
 from picktree.analysis.explain.device_causes import smooth_spans
-from picktree.analysis.explain.explain import explain
 from picktree.analysis.explain.explanation import Explanation
 from picktree.analysis.explain.explanation_text import to_text
-from picktree.simulation.backends import Backend
+from picktree.analysis.explain.run_explanation import explain
+from picktree.analysis.run import Run
+from picktree.simulation.checkpoints import Backend
 from picktree.simulation.kinematic.camera import KinematicCamera
 from picktree.simulation.physics.rgbd_camera import PhysicsCamera
 from picktree.world.causes import known_causes

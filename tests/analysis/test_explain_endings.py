@@ -8,16 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis import Run
 from picktree.analysis.cursor import Cursor
 from picktree.analysis.explain import case
 from picktree.analysis.explain.explanation_text import notes_on, to_text
-from picktree.apps.cli.replay_views import evidence_lines
-from picktree.logs.recording.rotated_log import Rotation
+from picktree.analysis.run import Run
+from picktree.apps.cli.replay_prompt import evidence_lines
+from picktree.logs.log_files import Rotation
 from picktree.logs.run_log import RunLog
 from picktree.session.mission_edits import MissionReload
+from picktree.session.recipe import RunRequest
 from picktree.session.resumption import ResumeRequest, Resumption
-from picktree.session.session import RunRequest, Session
+from picktree.session.session import Session
 
 from ..session.test_watch import LOGGED, MISSION, Editor
 from .test_explain_roots import BALL, BLOCK

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis import Run
 from picktree.analysis.explain.explanation import FailureStory
-from picktree.analysis.explain.failure_stories import failures_of
-from picktree.logs.schema.records import TransitionRecord, WriteRecord
+from picktree.analysis.explain.run_explanation import failures_of
+from picktree.analysis.run import Run
+from picktree.logs.records import TransitionRecord, WriteRecord
+from picktree.world.events import RecoveryEvent
 from picktree.world.journal import CandidateEntry, CandidateSearchEntry, JournalEvent, PlanEntry
-from picktree.world.run_events import RecoveryEvent
 from picktree.world.values import ObjectId, Pose
 
 from ..logs.scripted_log import Said, begins, ends, record, tree

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis import Run
-from picktree.analysis.explain.explain import explain
 from picktree.analysis.explain.explanation import Explanation
+from picktree.analysis.explain.run_explanation import explain
+from picktree.analysis.run import Run
 from picktree.logs.run_log import Stamped
-from picktree.session.session import RunRequest, Session
-from picktree.simulation.backends import Backend
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
+from picktree.simulation.checkpoints import Backend
 from picktree.world.journal import JournalEvent
 
 MISSION = """

@@ -8,8 +8,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from picktree.analysis.explain.camera_causes import cameras_off
 from picktree.analysis.explain.case import Investigation
+from picktree.analysis.explain.device_causes import cameras_off
 from picktree.analysis.explain.explanation import DeviceFinding, FailureStory, Finding
 from picktree.analysis.explain.held_items import HeldPeriod, too_heavy, why_it_left
 from picktree.logs.series import JointSeries, WrenchSeries

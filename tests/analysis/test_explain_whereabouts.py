@@ -7,11 +7,11 @@ from typing import cast
 
 import pytest
 
-from picktree.analysis.explain.camera_causes import cameras_off
 from picktree.analysis.explain.case import Investigation
+from picktree.analysis.explain.device_causes import cameras_off
 from picktree.analysis.explain.explanation import DeviceFinding, FailureStory, Finding
 from picktree.analysis.explain.held_items import HeldPeriod, held_periods
-from picktree.analysis.explain.item_whereabouts import misjudged
+from picktree.analysis.explain.item_causes import misjudged
 from picktree.world.values import Pose
 
 ITEM = "red_ball_1"

@@ -13,7 +13,6 @@ import pytest
 from pyarrow import csv as arrow_csv
 from pyarrow import parquet
 
-from picktree.analysis import Run
 from picktree.analysis.export.run_export import TABLES, TableSpec, export
 from picktree.analysis.export.table_files import (
     ColumnDoc,
@@ -23,6 +22,7 @@ from picktree.analysis.export.table_files import (
     write_csv,
     write_parquet,
 )
+from picktree.analysis.run import Run
 from picktree.files.errors import PicktreeError
 from picktree.logs.optional_libraries import install_command
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.analysis import Run
 from picktree.analysis.export.run_export import export
+from picktree.analysis.run import Run
 from picktree.files.errors import PicktreeError
 from picktree.logs.run_result import RunResult
 

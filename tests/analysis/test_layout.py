@@ -12,13 +12,21 @@ import numpy as np
 import pytest
 from google.protobuf.json_format import MessageToDict
 
-from picktree.analysis import Run
-from picktree.analysis.export.layout import ViewerLayout, camera_state, layout, paths_of
-from picktree.analysis.export.layout_format import Split
-from picktree.analysis.export.layout_lanes import MAX_LEAF_LANES, lanes
-from picktree.analysis.export.layout_panels import literal, parse, values
+from picktree.analysis.export.viewer_layout import (
+    MAX_LEAF_LANES,
+    Split,
+    ViewerLayout,
+    camera_state,
+    lanes,
+    layout,
+    literal,
+    parse,
+    paths_of,
+    values,
+)
+from picktree.analysis.run import Run
+from picktree.logs import topics
 from picktree.logs.run_log import RunLog
-from picktree.logs.schema import topics
 
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden"
 

@@ -9,21 +9,25 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.analysis import Run
-from picktree.analysis.report.node_panels import OUTCOMES, item_spans, pack_lanes, pack_tree
-from picktree.analysis.report.packing import Section
-from picktree.analysis.report.tick_table import (
+from picktree.analysis.report.node_panels import (
     ABSENT,
+    OUTCOMES,
     STATUSES,
     TICKED,
     RunNode,
+    item_spans,
     nodes_of,
+    pack_lanes,
+    pack_tree,
     tick_table,
 )
+from picktree.analysis.report.packing import Section
+from picktree.analysis.run import Run
 from picktree.files.errors import PicktreeError
-from picktree.logs.schema.records import Tree, TreeNode, WriteRecord
+from picktree.logs.records import Tree, TreeNode, WriteRecord
 from picktree.session.mission_edits import MissionReload
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 from picktree.trees.loading.loader import parse_mission
 
 from ..logs.scripted_log import begins, ends, record, tree

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from picktree.analysis import Run
 from picktree.analysis.explain.explanation import FailureStory
 from picktree.analysis.report.report import write_report
+from picktree.analysis.run import Run
 from picktree.logs.visits import Visit
 
 from ..browser import Chromium, Told, frames, wait_until

@@ -8,23 +8,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.analysis.export.layout import TRUTH_COLOUR_CODE
+from picktree.analysis.export.viewer_layout import TRUTH_COLOUR_CODE
 from picktree.analysis.render.scene_view import TRUTH_LINE, UNSEEN, body_mesh, heap_remark
 from picktree.analysis.report.body_motion import (
     BelievedBody,
     BodyAppearance,
     TrueBodySamples,
+    between,
+    composed,
+    continuous,
+    filled,
+    inverse,
     match_bodies,
     motion_of,
+    row,
     spans,
     true_poses,
 )
-from picktree.analysis.report.packing import Quantised, between, composed, continuous, filled, inverse, row
+from picktree.analysis.report.packing import Quantised
 from picktree.analysis.report.report import style
 from picktree.analysis.report.stage_panel import MAX_LINK_FACES, pack_stage, packed_link, search_summary
 from picktree.analysis.run import Run
 from picktree.logs.binary_gltf import write_glb
-from picktree.logs.schema.records import (
+from picktree.logs.records import (
     BlockRecord,
     BodyRecord,
     Candidate,

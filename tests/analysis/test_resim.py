@@ -9,19 +9,19 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.compare.divergence import MessageDifference
-from picktree.analysis.resim.changes import RunChanges
-from picktree.analysis.resim.resim import ResimAnswer, ResimOrder, resimulate, run_order
-from picktree.analysis.resim.resim_result import notes, reasons
+from picktree.analysis.compare.message_difference import MessageDifference
+from picktree.analysis.resim import ResimAnswer, ResimOrder, notes, reasons, resimulate, run_order
 from picktree.analysis.run import Run
+from picktree.analysis.run_changes import RunChanges
 from picktree.files.errors import PicktreeError
+from picktree.logs.records import Arithmetic
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
-from picktree.logs.schema.json_records import Arithmetic
 from picktree.session import environment
 from picktree.session.mission_edits import MissionReload
 from picktree.session.observer import Observer
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 from picktree.trees.runner import TickReport
 
 from ..rooms import ROOT, modules

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.resim.changes import RunChanges
-from picktree.analysis.resim.resim import ResimAnswer, ResimOrder, run_order
+from picktree.analysis.resim import ResimAnswer, ResimOrder, run_order
+from picktree.analysis.run_changes import RunChanges
 from picktree.files.errors import PicktreeError
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 
 from ..logs.rewriting import ORDER, SECOND, WRITING, Content, Sent, jittered
 

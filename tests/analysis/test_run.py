@@ -4,9 +4,10 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from picktree.analysis import Run
+from picktree.analysis.run import Run
 from picktree.files.errors import PicktreeError
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -8,18 +8,17 @@ import cv2
 import numpy as np
 import pytest
 
-from picktree.analysis.render.film import FrameSetup, FrameWorkers
+from picktree.analysis.render.films import FrameSetup, FrameWorkers
 from picktree.analysis.render.frames import moments
-from picktree.analysis.render.lighting import LightingSetup
-from picktree.analysis.render.renderer import render
+from picktree.analysis.render.renderer import LightingSetup, render
 from picktree.analysis.render.scene_view import bin_tints
-from picktree.analysis.render.snapshot import draw, draw_robot, snapshot
+from picktree.analysis.render.snapshots import draw, draw_robot, snapshot
 from picktree.analysis.render.viewpoint import VIEWS, PictureView
 from picktree.files.errors import PicktreeError
-from picktree.logs.recording.images import decode_colour
+from picktree.logs.recording.foxglove_messages import decode_colour
 from picktree.logs.run_log import RunLog
 from picktree.logs.triangle_meshes import join_meshes, shape_mesh
-from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Pose
 

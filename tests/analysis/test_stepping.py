@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis import Run
 from picktree.analysis.cursor import Cursor
+from picktree.analysis.run import Run
 from picktree.files.errors import PicktreeError
 from picktree.files.node_patterns import find_node, find_nodes
-from picktree.logs.schema.records import TransitionRecord, WriteRecord
+from picktree.logs.records import TransitionRecord, WriteRecord
 from picktree.world.journal import JournalEvent, OtherEvent, PlanEntry
 
 from ..logs.scripted_log import Seen, begins, ends, record, tree

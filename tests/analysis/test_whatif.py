@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.resim.changes import RunChanges
-from picktree.analysis.resim.whatif import Continuation, what_if
 from picktree.analysis.run import Run
+from picktree.analysis.run_changes import RunChanges
+from picktree.analysis.whatif import Continuation, what_if
 from picktree.files.errors import PicktreeError
 from picktree.logs.run_result import RunResult
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 
 MISSION = """\
 picktree: 1

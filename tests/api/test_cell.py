@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import picktree as pt
-from picktree.analysis import Run
-from picktree.analysis.resim.resim import resimulate
+from picktree.analysis.resim import resimulate
+from picktree.analysis.run import Run
 from picktree.robot.planning.requests import NamedGoal
-from picktree.simulation.backends import Backend
+from picktree.simulation.checkpoints import Backend
 from picktree.trees.runner import BehaviourTree
 from picktree.world.causes import Failure
 from picktree.world.values import Pose

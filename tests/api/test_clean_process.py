@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 import picktree as pt
-from picktree.analysis import Run
-from picktree.apps.api.clean_process import in_clean_process
+from picktree.analysis.run import Run
+from picktree.apps.api.runs import in_clean_process
 from picktree.files import arithmetic
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError
 
 PROGRAM = """
 import json, warnings

@@ -10,11 +10,9 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.authoring.drawing.chart import Chart, ChartPort
-from picktree.authoring.drawing.chart_builder import chart, chart_of_file
-from picktree.authoring.drawing.file_formats import dot, drawing_text, suffix_of
-from picktree.authoring.drawing.svg import svg
-from picktree.authoring.drawing.text import text
+from picktree.authoring.drawing import dot, drawing_text, suffix_of, text
+from picktree.authoring.mission_chart import Chart, ChartPort, chart, chart_of_file
+from picktree.authoring.svg_drawing import svg
 from picktree.files.errors import PicktreeError
 from picktree.trees.loading.loader import parse_mission
 

@@ -12,10 +12,9 @@ from typing import Any
 
 import pytest
 
-from picktree.authoring.drawing.chart import Chart
-from picktree.authoring.drawing.chart_builder import chart, chart_of_file
-from picktree.authoring.drawing.html import chart_json, html
-from picktree.authoring.drawing.shapes import PAGE_FOLDER
+from picktree.authoring.drawing import chart_json, html
+from picktree.authoring.mission_chart import Chart, chart, chart_of_file
+from picktree.authoring.svg_drawing import PAGE_FOLDER
 
 from ..needs import CHROMIUM, CHROMIUM_PROGRAM, NODE, needs, packages
 from ..trees.scripted import mission

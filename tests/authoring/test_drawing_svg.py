@@ -15,23 +15,24 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.drawing.cards import NodeCard, width, wrapped
-from picktree.authoring.drawing.chart import Chart
-from picktree.authoring.drawing.chart_builder import chart, chart_of_file
-from picktree.authoring.drawing.frames import (
+from picktree.authoring.mission_chart import Chart, chart, chart_of_file
+from picktree.authoring.svg_drawing import svg
+from picktree.authoring.tree_layout import (
     COLUMN_GAP,
     FRAME_GAP,
     ROW_GAP,
     BoxPosition,
     LayoutBox,
+    NodeCard,
     TreeFrame,
     expanded,
     frame_of,
     lay_out_boxes,
     page,
+    width,
+    wrapped,
 )
-from picktree.authoring.drawing.svg import svg
-from picktree.trees.status import NodeStatus
+from picktree.trees.flow import NodeStatus
 
 from ..trees.scripted import mission
 
@@ -238,8 +239,8 @@ def test_statuses_colour_the_nodes_of_the_running_tree() -> None:
 def test_a_machine_without_fonts_says_nothing_and_draws_the_same(tmp_path: Path) -> None:
     program = f"""
 from pathlib import Path
-from picktree.authoring.drawing.chart_builder import chart_of_file
-from picktree.authoring.drawing.svg import svg
+from picktree.authoring.mission_chart import chart_of_file
+from picktree.authoring.svg_drawing import svg
 print(svg(chart_of_file(Path({str(SHIFT)!r}))), end="")
 """
     nowhere = {"FONTCONFIG_FILE": str(tmp_path / "none"), "FONTCONFIG_PATH": str(tmp_path)}

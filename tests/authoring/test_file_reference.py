@@ -8,12 +8,12 @@ from typing import cast
 
 import pytest
 
-from picktree.apps.batch.plan_loading import plan_schema
+from picktree.apps.batch.plan import plan_schema
 from picktree.apps.cli.app import answer
 from picktree.apps.cli.file_schemas import CHECKS, FileKind, file_schema
-from picktree.authoring.schema.file_reference import EXAMPLES, FileReference, example_text, file_reference
+from picktree.authoring.schema.reference_page import EXAMPLES, FileReference, example_text, file_reference
 from picktree.authoring.schema.schema_parts import Schema
-from picktree.files.diagnostics.file_checks import check_files
+from picktree.files.file_checks import check_files
 from picktree.files.yaml.document import read_document
 from picktree.files.yaml.reader import Value, read
 

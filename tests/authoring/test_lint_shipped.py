@@ -8,7 +8,7 @@ import pytest
 
 from picktree.apps.cli.file_schemas import CHECKS
 from picktree.authoring.lint import lint
-from picktree.files.diagnostics.file_checks import check_files
+from picktree.files.file_checks import check_files
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.mission import LIBRARY
 

@@ -11,7 +11,8 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.trees.controls import Fallback, ForceSuccess
+from picktree.trees.control_nodes import Fallback
+from picktree.trees.decorators import ForceSuccess
 from picktree.trees.flow import FAILURE, NEXT, SUCCESS, ChildFlow
 from picktree.trees.node import Node
 

@@ -14,12 +14,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from picktree.authoring.editor.mission_outline import Outline, OutlineNode, outline
 from picktree.authoring.editor.node_edits import EditedText, NodeEditor, Target, piece_from
-from picktree.authoring.editor.outline import Outline, OutlineNode, outline
-from picktree.authoring.editor.pieces import scalar
 from picktree.authoring.editor.syntax import Source
-from picktree.authoring.editor.text_changes import changes
-from picktree.files.marks import Mark
+from picktree.authoring.editor.text_edits import changes, scalar
+from picktree.files.errors import Mark
 from picktree.files.yaml.document import read_document
 from picktree.files.yaml.writer import from_value, mission_text
 from picktree.trees.declaration import NodeDeclaration

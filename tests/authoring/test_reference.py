@@ -7,18 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.cli.node_registries import registry
+from picktree.apps.cli.author_commands import registry
 from picktree.authoring.check import check_mission
-from picktree.authoring.schema.node_reference import node_entry
-from picktree.authoring.schema.port_wording import COMMON_DOCS
-from picktree.authoring.schema.reference_text import markdown, page, table
-from picktree.files.expressions.expression import Expression
+from picktree.authoring.schema.node_reference import COMMON_DOCS, markdown, node_entry, page, table
+from picktree.files.expressions import Expression
 from picktree.files.yaml.document import Document, read_document
 from picktree.trees.declaration import COMMON_KEYS, NodeDeclaration
 from picktree.trees.loading.loader import examine
 from picktree.trees.mission import NodeSpec
 from picktree.trees.references import Reference
-from picktree.world.belief.facts import FACTS
+from picktree.world.world_facts import FACTS
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = registry(shipped=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from picktree.authoring.rehearsal.rehearsal_result import Coverage
+from picktree.authoring.rehearsal.rehearsal import Coverage
 
 from ..trees.rehearsing import play
 

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.rehearsal.rehearsal_result import Rehearsal
-from picktree.authoring.rehearsal.rehearse import rehearse_files
+from picktree.authoring.rehearsal.rehearsal import Rehearsal, rehearse, rehearse_files
 from picktree.trees.loading.loader import load_mission
 
-from ..trees.rehearsing import case_file, rehearse
+from ..trees.rehearsing import case_file
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MISSIONS = [f for f in sorted(EXAMPLES.glob("*.yaml")) if "\nkind: mission\n" in f.read_text("utf-8")]

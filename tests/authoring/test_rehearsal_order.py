@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.authoring.rehearsal.cases_schema import ExpectedStart
+from picktree.authoring.rehearsal.cases import ExpectedStart
 from picktree.authoring.rehearsal.trace import LeafRun
 from picktree.authoring.rehearsal.verdict import compare_order
 

@@ -9,9 +9,7 @@ from pathlib import Path
 import pytest
 
 from picktree.authoring.rehearsal.case_checks import examine_cases
-from picktree.authoring.rehearsal.rehearsal_result import Rehearsal, to_json_text
-from picktree.authoring.rehearsal.rehearsal_text import to_text
-from picktree.authoring.rehearsal.rehearse import rehearse
+from picktree.authoring.rehearsal.rehearsal import Rehearsal, rehearse, to_json_text, to_text
 from picktree.files.yaml.document import read_document
 from picktree.trees.loading.loader import examine
 

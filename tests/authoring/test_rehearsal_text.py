@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from picktree.authoring.rehearsal.rehearsal_text import show, to_text
+from picktree.authoring.rehearsal.rehearsal import show, to_text
 from picktree.files.node_patterns import short_names
 
 from ..trees.rehearsing import play

@@ -14,14 +14,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.apps.cli.author_commands import Kind
+from picktree.apps.cli.author_commands import Kind, registry
 from picktree.apps.cli.file_schemas import CHECKS, FileKind, file_schema
-from picktree.apps.cli.node_registries import registry
-from picktree.authoring.schema.mission_context import any_mission, one_mission
-from picktree.authoring.schema.mission_schema import mission_schema
+from picktree.authoring.schema.mission import any_mission, mission_schema, one_mission
 from picktree.authoring.schema.schema_parts import Schema, to_text
-from picktree.files.diagnostics.fault_codes import pages
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError
+from picktree.files.fault_codes import pages
 from picktree.files.yaml.document import Document, read_document
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.world.scene.scene_schema import SECTIONS, RestFile, SceneFile

@@ -7,7 +7,7 @@ from textwrap import dedent, indent
 import pytest
 
 from picktree.authoring.xml.mission_export import mission_to_xml
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError
 
 from .btcpp_rules import complaints
 from .xml_missions import parsed

@@ -14,7 +14,7 @@ import pytest
 from picktree.authoring.xml.mission_export import mission_to_xml
 from picktree.authoring.xml.mission_import import ImportedMission, ImportOptions, import_xml
 from picktree.authoring.xml.source import XmlText
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError
 
 from .xml_missions import parsed, registry
 

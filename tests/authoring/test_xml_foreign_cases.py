@@ -11,7 +11,7 @@ from picktree.authoring.xml.conversion import convert_all
 from picktree.authoring.xml.mission_export import mission_to_xml
 from picktree.authoring.xml.mission_import import ImportOptions, check_xml
 from picktree.authoring.xml.source import XmlText
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError
 from picktree.files.yaml.document import read_document
 from picktree.trees.loading.registry import NodeRegistry
 

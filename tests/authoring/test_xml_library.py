@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 
 from picktree.authoring.xml.mission_export import mission_to_xml
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError
 from picktree.files.yaml.document import read_document
 from picktree.trees.declaration import AUTOREMAP
 from picktree.trees.loading.loader import examine, parse_mission

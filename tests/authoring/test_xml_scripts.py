@@ -9,15 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.authoring.xml.script_export import (
+from picktree.authoring.xml.scripts import (
     NotExpressible,
+    ScriptError,
     assignments_script,
     expression_text,
+    read_expression,
+    read_parts,
     script,
 )
-from picktree.authoring.xml.script_import import ScriptError, read_expression, read_parts
-from picktree.files.expressions.expression import Expression
-from picktree.files.expressions.syntax_tree import (
+from picktree.files.expression_syntax import (
     Arithmetic,
     Attribute,
     Call,
@@ -34,7 +35,8 @@ from picktree.files.expressions.syntax_tree import (
     Sign,
     Symbol,
 )
-from picktree.trees.loading.port_wires import parse_assignments
+from picktree.files.expressions import Expression
+from picktree.trees.loading.port_reader import parse_assignments
 
 RELATIONS: tuple[Relation, ...] = ("==", "!=", "<", "<=", ">", ">=")
 AMONG: tuple[Relation, ...] = ("in", "not in")

@@ -9,12 +9,10 @@ from xml.sax.saxutils import quoteattr
 import pytest
 
 from picktree.authoring.xml.conversion import convert_all, read_files
-from picktree.authoring.xml.import_faults import ImportFaults
 from picktree.authoring.xml.mission_import import ImportOptions
-from picktree.authoring.xml.source import XmlText, read_source
+from picktree.authoring.xml.source import ImportFaults, XmlText, read_source
 from picktree.authoring.xml.stubs import StubFinder, stub_class
-from picktree.files.errors import PicktreeError
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError, PicktreeError
 from picktree.trees.loading.loader import load_mission
 from picktree.trees.loading.plugin import load_plugin
 from picktree.trees.loading.registry import NodeRegistry

@@ -8,27 +8,25 @@ from dataclasses import dataclass
 from functools import reduce
 from typing import TYPE_CHECKING, cast
 
-from picktree.authoring.lint.failure_reasons import UNREPORTED
-from picktree.authoring.lint.flow_analysis import FlowAnalysis
 from picktree.authoring.lint.keys import KeyBits
-from picktree.authoring.lint.outcomes import EMPTY, OUTER, FlowState
+from picktree.authoring.lint.mission_survey import FlowAnalysis
+from picktree.authoring.lint.outcomes import EMPTY, OUTER, UNREPORTED, FlowState
 from picktree.recovery.recover import Recover, RecoveryControl
-from picktree.trees.controls import (
+from picktree.trees.control_nodes import (
     AsyncFallback,
     Fallback,
     PipelineSequence,
     ReactiveFallback,
-    RetryUntilSuccessful,
     RoundRobin,
-    RunOnce,
     SequenceWithMemory,
 )
+from picktree.trees.decorators import RetryUntilSuccessful, RunOnce
+from picktree.trees.flow import NodeStatus
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.mission import Mission, NodeSpec
 from picktree.trees.node import Node
 from picktree.trees.references import Reference
 from picktree.trees.runner import BehaviourTree, SubTree, build
-from picktree.trees.status import NodeStatus
 from picktree.world.journal import JournalEvent
 
 from ..trees.scripted import FILE, TICK

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, cast
 
 from picktree.recovery.recover import Recover, RecoveryNode
-from picktree.trees.controls.leaves import ConditionNode
+from picktree.trees.flow import NodeStatus
+from picktree.trees.leaves import ConditionNode
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.node import ControlNode, Node
 from picktree.trees.ports import In, Out, children, port
 from picktree.trees.skill import ARM, Skill, Steps
-from picktree.trees.status import NodeStatus
-from picktree.world.belief.facts import FACTS
 from picktree.world.causes import Failure, cause_named, control, grasp, safety
+from picktree.world.world_facts import FACTS
 
 from ..trees.scripted import FakeWorld
 

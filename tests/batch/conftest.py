@@ -7,7 +7,7 @@ from contextlib import nullcontext
 
 import pytest
 
-from picktree.apps.batch import comparison_text, rerun_job
+from picktree.apps.batch import comparison, rerun
 from picktree.apps.batch.executor import Event, Executor, JobOrder
 from picktree.apps.batch.local_executor import LocalExecutor
 
@@ -49,5 +49,5 @@ def worker(workers: LocalExecutor) -> Executor:
 @pytest.fixture
 def no_other_workers(worker: Executor, monkeypatch: pytest.MonkeyPatch) -> None:
     """Commands that start a worker of their own get this one."""
-    for module in (comparison_text, rerun_job):
+    for module in (comparison, rerun):
         monkeypatch.setattr(module, "LocalExecutor", lambda slots: nullcontext(worker))

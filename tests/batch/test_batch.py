@@ -9,12 +9,11 @@ import pytest
 from picktree.apps.batch.batch import Batch
 from picktree.apps.batch.executor import Executor
 from picktree.apps.batch.local_executor import LocalExecutor
-from picktree.apps.batch.plan import BatchPlan, jobs_of
-from picktree.apps.batch.plan_loading import check_plan, load_plan
-from picktree.files.errors import PicktreeError
-from picktree.files.marks import FileError
+from picktree.apps.batch.plan import BatchPlan, check_plan, jobs_of, load_plan
+from picktree.files.errors import FileError, PicktreeError
 from picktree.files.yaml.document import read_document
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 
 from .trouble import troubled
 from .watching import Remembering

@@ -10,12 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.apps.batch.comparison import RecipeComparison, compare, compare_recipes
-from picktree.apps.batch.comparison_text import json_text_of, text_of
-from picktree.apps.batch.differences import JobOutcome, RecipeOutcomes, read_recipe
+from picktree.apps.batch.comparison import (
+    JobOutcome,
+    RecipeComparison,
+    RecipeOutcomes,
+    compare,
+    compare_recipes,
+    json_text_of,
+    read_recipe,
+    text_of,
+)
 from picktree.apps.batch.tables import JobRow, JobRows
 from picktree.files.errors import PicktreeError
-from picktree.logs.schema.json_records import Arithmetic
+from picktree.logs.records import Arithmetic
 
 from .test_store import MISSED, SUCCESS, store
 

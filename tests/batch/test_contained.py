@@ -12,7 +12,8 @@ from picktree.apps.batch.batch import Batch
 from picktree.apps.batch.executor import Executor
 from picktree.apps.batch.local_executor import LocalExecutor
 from picktree.apps.batch.plan import BatchPlan, JobLimits
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 
 from .trouble import troubled
 from .watching import Remembering

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis import Run
-from picktree.analysis.explain.explain_runs import explain_runs, runs_json_text, runs_text
+from picktree.analysis.explain.explained_runs import explain_runs, runs_json_text, runs_text
 from picktree.analysis.explain.explanation_text import to_json_text, to_text
+from picktree.analysis.run import Run
 from picktree.apps.batch.batch import Batch
 from picktree.apps.batch.executor import Executor
 from picktree.apps.batch.plan import BatchPlan

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.batch.tables import TABLES, TableOf, schema
-from picktree.apps.batch.views import VIEWS, SqlView
+from picktree.apps.batch.tables import TABLES, VIEWS, SqlView, TableOf, schema
 
 PAGE = (Path(__file__).parents[2] / "docs" / "batches.md").read_text()
 ROWS = {row[1]: re.findall(r"`(\w+)`", row[2]) for row in re.finditer(r"^\| `(\w+)` \| (.*) \|$", PAGE, re.M)}

@@ -8,15 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis import Run
-from picktree.analysis.explain.explain_runs import explain_runs, runs_json_text, runs_text
+from picktree.analysis.explain.explained_runs import explain_runs, runs_json_text, runs_text
 from picktree.analysis.explain.explanation_text import to_text
+from picktree.analysis.run import Run
 from picktree.apps.batch.batch import Batch
 from picktree.apps.batch.executor import Executor
 from picktree.apps.batch.plan import BatchPlan
 from picktree.apps.batch.store import Store
 from picktree.apps.batch.summary import summarise
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 
 from .watching import Remembering
 

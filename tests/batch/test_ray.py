@@ -21,9 +21,8 @@ from picktree.apps.batch import ray_executor
 from picktree.apps.batch.batch import Batch
 from picktree.apps.batch.executor import Executor
 from picktree.apps.batch.local_executor import LocalExecutor
-from picktree.apps.batch.messages import Installation, difference, installed
 from picktree.apps.batch.plan import BatchPlan, JobLimits
-from picktree.apps.batch.ray_executor import RayExecutor
+from picktree.apps.batch.ray_executor import Installation, RayExecutor, difference, installed
 from picktree.apps.cli.app import answer
 from picktree.files.errors import PicktreeError
 from picktree.logs.optional_libraries import install_command
@@ -248,14 +247,18 @@ def test_the_sources_of_a_worker_are_those_of_its_runs_and_of_batches() -> None:
     found = set(installed().sources)
     assert {
         "apps/batch/local_executor.py",
-        "apps/batch/node_worker.py",
-        "analysis/resim/resim.py",
+        "apps/batch/cluster.py",
+        "analysis/resim.py",
     } <= found
-    assert {"analysis/explain/explain.py", "skills/grasp.py", "robot/control/control_loop.py"} <= found
+    assert {
+        "analysis/explain/run_explanation.py",
+        "skills/grasp.py",
+        "robot/control/control_loop.py",
+    } <= found
     assert [
         path
         for path in found
-        if path.startswith(("apps/cli/", "apps/batch/report.py", "analysis/render/film.py"))
+        if path.startswith(("apps/cli/", "apps/batch/report.py", "analysis/render/films.py"))
     ] == []
 
 

@@ -13,7 +13,7 @@ import pytest
 from picktree.apps.batch.batch import Batch
 from picktree.apps.batch.executor import Executor
 from picktree.apps.batch.plan import BatchPlan
-from picktree.apps.batch.rerun_job import rerun_job
+from picktree.apps.batch.rerun import rerun_job
 from picktree.apps.batch.store import RESULTS_FILE, Store
 from picktree.apps.cli.app import answer
 from picktree.files.errors import PicktreeError

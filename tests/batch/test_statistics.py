@@ -2,8 +2,8 @@ import math
 
 import pytest
 
-from picktree.apps.batch.differences import paired_difference, unpaired_difference
-from picktree.apps.batch.plan_loading import parse_seeds
+from picktree.apps.batch.comparison import paired_difference, unpaired_difference
+from picktree.apps.batch.plan import parse_seeds
 from picktree.apps.batch.rates import (
     CONFIDENCE,
     difference_of_paired_rates,

@@ -7,9 +7,9 @@ from typing import get_args
 
 import pytest
 
-from picktree.apps.batch.plan_loading import load_plan
-from picktree.simulation.faults.fault_loading import load_faults
-from picktree.simulation.faults.fault_schema import FaultName
+from picktree.apps.batch.plan import load_plan
+from picktree.simulation.fault_entries import FaultName
+from picktree.simulation.fault_loading import load_faults
 from picktree.world.scene.scene_loading import load_scene
 
 CAMPAIGN = Path(__file__).parents[2] / "benchmarks" / "campaign"

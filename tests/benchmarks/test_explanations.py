@@ -11,8 +11,8 @@ from typing import Any, get_args
 
 import pytest
 
-from picktree.simulation.faults.fault_loading import load_faults
-from picktree.simulation.faults.fault_schema import FaultName
+from picktree.simulation.fault_entries import FaultName
+from picktree.simulation.fault_loading import load_faults
 from picktree.trees.loading.loader import load_mission
 from picktree.world.scene.scene_loading import load_scene
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from types import ModuleType
 
-from picktree.simulation.faults.fault_entries import FaultExpectation
+from picktree.simulation.fault_entries import FaultExpectation
 
 Program = Callable[[str], ModuleType]
 

@@ -12,7 +12,7 @@ import pytest
 from picktree.apps.batch.plan import Job, Variant
 from picktree.apps.batch.store import RESULTS_FILE, Store
 from picktree.apps.batch.tables import JobRow, JobRows
-from picktree.simulation.faults.fault_entries import FaultExpectation
+from picktree.simulation.fault_entries import FaultExpectation
 
 Program = Callable[[str], ModuleType]
 

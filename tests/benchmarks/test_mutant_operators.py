@@ -199,7 +199,7 @@ def test_variants_of_a_place_are_equally_likely(program: Program) -> None:
     assert abs(boundaries - 150) < 45  # five sigmas
 
 
-@pytest.mark.parametrize("file", ["recovery/recover.py", "robot/control/stop_latch.py"])
+@pytest.mark.parametrize("file", ["recovery/recover.py", "robot/control/safety_monitor.py"])
 def test_mutants_of_real_modules_compile(program: Program, file: str) -> None:
     source = (ROOT / file).read_text(encoding="utf-8")
     found = program("_mutant_operators").mutants(file, source)

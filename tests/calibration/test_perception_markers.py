@@ -14,8 +14,8 @@ from picktree.robot.calibration.target_detection import (
     detect_tiles,
     pixels_of,
 )
-from picktree.simulation.engine import Client
 from picktree.simulation.physics.bodies import add_scenery
+from picktree.simulation.physics.engine import Client
 from picktree.simulation.physics.rgbd_camera import CameraRenderer
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import Fixture, SceneDescription

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from picktree.files.diagnostics.fault_codes import apply_suppressions
-from picktree.files.marks import Diagnostic, Mark, Severity
+from picktree.files.errors import Diagnostic, Mark, Severity
+from picktree.files.fault_codes import apply_suppressions
 
 KNOWN = ("P207", "P304", "P305")
 

@@ -259,8 +259,9 @@ def test_a_run_shows_the_faults_of_its_files_in_the_same_way(
             load_scene(request["scene"])
 
     module = ModuleType("picktree.session.session")
-    module.RunRequest, module.Session = dict, Session  # type: ignore[attr-defined]
+    module.Session = Session  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "picktree.session.session", module)
+    monkeypatch.setattr("picktree.session.recipe.RunRequest", dict)
     assert answer(["run", "m.yaml", "--scene", "a.yaml"]) == 2
     out, err = capsys.readouterr()
     assert out == ""

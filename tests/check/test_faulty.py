@@ -12,7 +12,7 @@ import pytest
 
 from picktree.apps.cli.app import answer
 from picktree.apps.cli.file_schemas import CHECKS
-from picktree.files.diagnostics.file_checks import check_files
+from picktree.files.file_checks import check_files
 
 FOLDER = Path(__file__).parent / "faulty"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.yaml"))

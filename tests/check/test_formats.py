@@ -16,10 +16,9 @@ from hypothesis import strategies as st
 
 from picktree.apps.cli.app import answer
 from picktree.apps.cli.file_schemas import CHECKS
-from picktree.files.diagnostics.fault_rendering import as_github
-from picktree.files.diagnostics.file_checks import check_files
-from picktree.files.diagnostics.sarif import to_sarif
-from picktree.files.marks import Diagnostic, Mark
+from picktree.files.errors import Diagnostic, Mark
+from picktree.files.fault_rendering import as_github
+from picktree.files.file_checks import check_files, to_sarif
 
 from .sarif_schema import SARIF
 

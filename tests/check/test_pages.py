@@ -12,10 +12,9 @@ from picktree.apps.cli.file_schemas import CHECKS
 from picktree.authoring.xml.conversion import convert_all
 from picktree.authoring.xml.mission_import import ImportOptions
 from picktree.authoring.xml.source import XmlText
-from picktree.files.diagnostics.fault_codes import CodeExample, index, page, pages
-from picktree.files.diagnostics.file_checks import UnsavedText, check_files
-from picktree.files.errors import PicktreeError
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError, PicktreeError
+from picktree.files.fault_codes import CodeExample, index, page, pages
+from picktree.files.file_checks import UnsavedText, check_files
 from picktree.trees.loading.plugin import PLUGINS_VARIABLE
 
 from ..rooms import ROOT, modules

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from picktree.apps.cli.file_schemas import CHECKS
-from picktree.files.diagnostics.file_checks import check_files
+from picktree.files.file_checks import check_files
 
 HEAD = "picktree: 1\nkind: {}\n"
 SCENE = HEAD.format("scene") + "robot: panda\n"

@@ -68,7 +68,7 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
             return stage.act()
 
     module = ModuleType("picktree.session.session")
-    module.RunRequest = dict  # type: ignore[attr-defined]
     module.Session = Session  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "picktree.session.session", module)
+    monkeypatch.setattr("picktree.session.recipe.RunRequest", dict)
     return stage

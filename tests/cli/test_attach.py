@@ -19,7 +19,8 @@ from picktree.apps.cli.app import answer
 from picktree.logs.run_log import RunLog
 from picktree.session.attach_socket import SOCKET_NAME, connect_to_run, listen_in, socket_address
 from picktree.session.observer import PresetAnswers
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 
 from ..commands import PATIENCE, Command, Streams, Terminal, call, until
 

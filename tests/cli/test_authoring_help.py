@@ -33,7 +33,7 @@ def test_schema_and_reference_of_a_mission_have_its_plug_ins(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     plugin = """\
-from picktree.trees.controls.leaves import ConditionNode
+from picktree.trees.leaves import ConditionNode
 from picktree.trees.ports import In, port
 
 class Dusk(ConditionNode):

@@ -16,7 +16,7 @@ from picktree.apps.cli.app import answer
 from picktree.apps.cli.output import program
 from picktree.apps.cli.run import HELP_GROUPS
 from picktree.files.errors import PicktreeError
-from picktree.logs.recording.rotated_log import Rotation
+from picktree.logs.log_files import Rotation
 from picktree.logs.run_result import RunResult
 
 HEAVY = {

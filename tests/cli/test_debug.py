@@ -10,10 +10,11 @@ from typing import Any
 import pytest
 
 from picktree.apps.cli.app import answer
-from picktree.apps.cli.operator_prompt import DebugPrompt
+from picktree.apps.cli.debug_prompt import DebugPrompt
 from picktree.session.debugger import Debugger
-from picktree.session.session import RunRequest, Session
-from picktree.trees.status import NodeStatus
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
+from picktree.trees.flow import NodeStatus
 
 from ..commands import Terminal, call
 from ..trees.scripted import FakeWorld, start
@@ -241,7 +242,7 @@ def test_several_nodes_that_fit_are_named() -> None:
 
 
 def test_a_fault_of_a_view_does_not_reach_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("picktree.apps.cli.operator_prompt.where_lines", lambda *_: 1 / 0)
+    monkeypatch.setattr("picktree.apps.cli.debug_prompt.where_lines", lambda *_: 1 / 0)
     shown = session("where", "quit")
     assert "`where` failed: ZeroDivisionError: division by zero" in shown
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from picktree.apps.cli.app import answer
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FAULTS = """\

@@ -14,8 +14,9 @@ import pytest
 
 from picktree.apps.cli.app import answer
 from picktree.logs.recording.recorder import Recorder
-from picktree.logs.schema.records import NodeStatusRecord, RunInfo, Tick, TransitionRecord, Tree, TreeNode
-from picktree.session.session import RunRequest, Session
+from picktree.logs.records import NodeStatusRecord, RunInfo, Tick, TransitionRecord, Tree, TreeNode
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 from picktree.world.journal import OtherEvent
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from junitparser import Error, Failure, JUnitXml, Skipped, TestCase, TestSuite
 
 from picktree.apps.batch import local_executor
-from picktree.apps.batch.junit import to_junit
+from picktree.apps.batch.report import to_junit
 from picktree.apps.batch.store import Store
 from picktree.apps.cli.app import answer
 from picktree.files.junit import JunitCase, junit_text

@@ -11,14 +11,15 @@ from typing import cast
 import pytest
 from rich.console import Console
 
-from picktree.apps.cli.progress import LinesDisplay, LiveDisplay, deepest_running, tree_rows
+from picktree.apps.cli.progress import LinesDisplay, LiveDisplay, deepest_running
+from picktree.apps.cli.state_text import tree_rows
 from picktree.logs.run_result import RunResult
 from picktree.session.execution import Execution
 from picktree.session.run_tally import RunCounters
+from picktree.trees.flow import NodeStatus
 from picktree.trees.runner import NodeInfo, NodeReport, TickReport
-from picktree.trees.status import NodeStatus
+from picktree.world.events import ItemDoneEvent, SetAsideEvent
 from picktree.world.journal import JournalEvent
-from picktree.world.skill_events import ItemDoneEvent, SetAsideEvent
 
 STRUCTURE = (
     NodeInfo("Main", "Sequence", "Main", "control", None, ("Main/1", "Main/2", "Main/3"), {}),

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis import Run
 from picktree.analysis.cursor import Cursor
+from picktree.analysis.run import Run
 from picktree.apps.cli.app import answer
 from picktree.apps.cli.replay_prompt import ReplayPrompt
 from picktree.apps.cli.replay_screen import KEYS
-from picktree.logs.schema.records import TransitionRecord, WriteRecord
+from picktree.logs.records import TransitionRecord, WriteRecord
 from picktree.world.journal import CandidateEntry, CandidateSearchEntry, JournalEvent, OtherEvent, PlanEntry
 from picktree.world.values import ObjectId, Pose
 

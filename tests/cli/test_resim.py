@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from picktree.analysis.compare.divergence import MessageDifference
+from picktree.analysis.compare.message_difference import MessageDifference
 from picktree.analysis.compare.run_outcome import RunOutcome
-from picktree.analysis.resim.changes import RunChanges
-from picktree.analysis.resim.resim_result import Reason, Resimulation
+from picktree.analysis.resim import Reason, Resimulation
+from picktree.analysis.run_changes import RunChanges
 from picktree.apps.cli.app import answer
 
 GRASP = "Main/Sequence/Grasp"
@@ -79,7 +79,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Callable[[Resimulation], list[dict
             orders.append({"log": log, **options})
             return found
 
-        monkeypatch.setattr("picktree.analysis.resim.resim.resimulate", resimulate)
+        monkeypatch.setattr("picktree.analysis.resim.resimulate", resimulate)
         return orders
 
     return meet

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 import trimesh
 
-from picktree.analysis.resim import resim
-from picktree.analysis.resim import resim as child
+from picktree.analysis import resim
+from picktree.analysis import resim as child
 from picktree.apps.cli.app import answer
 from picktree.apps.cli.file_schemas import CHECKS
 from picktree.apps.commissioning.proposal import ProposalRequest, propose
-from picktree.files.diagnostics.file_checks import check_files
-from picktree.world.robot_model.loading import load_robot
+from picktree.files.file_checks import check_files
 from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.urdf_geometry import UrdfMesh, link_geometry
+from picktree.world.robot_model.robot_file import load_robot
+from picktree.world.robot_model.urdf import UrdfMesh, link_geometry
 
 PANDA = "pybullet_data:franka_panda/panda.urdf"
 URDF = "an XML file <robot> with <link> and <joint> elements that form one tree"

@@ -13,17 +13,16 @@ import trimesh
 
 from picktree.apps.cli.app import answer
 from picktree.apps.commissioning.base_pose import TargetPlace, propose_base
-from picktree.apps.commissioning.joint_limits import is_placeholder
+from picktree.apps.commissioning.joints import is_placeholder
 from picktree.apps.commissioning.model_checks import RobotUnderTest, check_model
 from picktree.apps.commissioning.proposal import Proposal, ProposalRequest, propose
-from picktree.apps.commissioning.trial_advice import advice, opening_advice, reach_advice
+from picktree.apps.commissioning.robot_test import advice, opening_advice, reach_advice
 from picktree.files.errors import PicktreeError
-from picktree.robot.planning.collision_checker import CollisionChecker
-from picktree.robot.planning.standing_links import standing_pairs
-from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
-from picktree.world.robot_model.loading import load_robot
-from picktree.world.robot_model.mesh_files import mesh_file
+from picktree.robot.planning.collision_checker import CollisionChecker, standing_pairs
+from picktree.world.planning_scene import BeliefObject, PlanningScene
 from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.robot_file import load_robot
+from picktree.world.robot_model.urdf import mesh_file
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose

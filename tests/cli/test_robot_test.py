@@ -9,16 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis import Run
+from picktree.analysis.run import Run
 from picktree.apps.cli.app import answer
 from picktree.apps.cli.file_schemas import CHECKS
 from picktree.apps.commissioning.model_checks import RobotUnderTest, Verdict, check_model
-from picktree.files.diagnostics.file_checks import check_files
+from picktree.files.file_checks import check_files
 from picktree.robot.perception.robot_mask import hidden_shares
-from picktree.world.robot_model.loading import SHIPPED, load_robot, robot_names
-from picktree.world.robot_model.mesh_files import mesh_file
 from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.urdf_text import parsed_urdf
+from picktree.world.robot_model.robot_file import SHIPPED, load_robot, robot_names
+from picktree.world.robot_model.urdf import mesh_file, parsed_urdf
 from picktree.world.scene.description import MAX_HIDDEN_SHARE
 from picktree.world.scene.scene_loading import load_scene, scene_names
 

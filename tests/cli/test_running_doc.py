@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from picktree.apps.cli.app import answer, app
-from picktree.apps.cli.operator_prompt import DebugPrompt
+from picktree.apps.cli.debug_prompt import DebugPrompt
 
 ROOT = Path(__file__).parents[2]
 PROMPT = DebugPrompt.text

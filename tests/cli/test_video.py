@@ -9,7 +9,7 @@ import av
 import pytest
 
 from picktree.apps.cli.app import answer
-from picktree.logs.recording.images import decode_colour
+from picktree.logs.recording.foxglove_messages import decode_colour
 
 from ..commands import Terminal
 

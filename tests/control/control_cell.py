@@ -15,8 +15,8 @@ from picktree.robot.control.safety_monitor import SafetyMonitor
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.journal import Journal, JournalEvent
 from picktree.world.robot_model.description import RobotDescription
-from picktree.world.robot_model.loading import load_robot
 from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.description import (
     Bin,
     CatalogueEntry,
@@ -26,8 +26,7 @@ from picktree.world.scene.description import (
     Spawn,
 )
 from picktree.world.shapes import Box
-from picktree.world.trajectory import Trajectory
-from picktree.world.values import Array, Bounds, ObjectId, Pose
+from picktree.world.values import Array, Bounds, ObjectId, Pose, Trajectory
 
 if TYPE_CHECKING:
     from picktree.simulation.physics.backend import PhysicsHardware

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from picktree.robot.control.commands import JointCommand
-from picktree.robot.control.contact_reflex import ContactReflex
+from picktree.robot.control.impedance import ContactReflex
 from picktree.robot.control.joint_controllers import BrakeController, TrajectoryController
 from picktree.robot.control.safety_monitor import SafetyMonitor
 from picktree.robot.control.soft_limits import SoftJointLimits, distance_to_workspace_edge

@@ -7,8 +7,7 @@ import pytest
 
 from picktree.files.errors import PicktreeError
 from picktree.world.causes import Failure, grasp
-from picktree.world.trajectory import Trajectory
-from picktree.world.values import Array, Pose
+from picktree.world.values import Array, Pose, Trajectory
 
 from .control_cell import DOWN, HOME, MODEL, TICK, Cell, reach, swing
 

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from picktree.files.errors import PicktreeError
-from picktree.robot.control.jog_motion import JogFeedback, JogResult
-from picktree.robot.control.twist import Twist
-from picktree.robot.control.velocity_controller import JogSetpointGenerator, JogState
-from picktree.simulation.backends import Backend
+from picktree.robot.control.commands import Twist
+from picktree.robot.control.jog_motion import JogFeedback, JogResult, JogSetpointGenerator, JogState
+from picktree.simulation.checkpoints import Backend
 from picktree.world.causes import Failure
 from picktree.world.values import Array, Bounds
 

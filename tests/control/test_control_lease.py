@@ -7,15 +7,15 @@ import pytest
 
 from picktree.files.errors import PicktreeError
 from picktree.robot.control.compliant_motion import HoldPose
-from picktree.robot.control.contact_reflex import ContactReflex
-from picktree.robot.control.impedance import CartesianImpedance
-from picktree.robot.control.joint_controllers import BrakeController, HoldController, TrajectoryController
-from picktree.robot.control.motion_lease import Lease
-from picktree.robot.control.soft_controller import (
+from picktree.robot.control.impedance import (
+    CartesianImpedance,
+    ContactReflex,
     GravityCompensationController,
     JointImpedanceController,
 )
-from picktree.robot.control.velocity_controller import JogController
+from picktree.robot.control.jog_motion import JogController
+from picktree.robot.control.joint_controllers import BrakeController, HoldController, TrajectoryController
+from picktree.robot.control.motion_lease import Lease
 from picktree.world.causes import Failure
 from picktree.world.values import Array
 

@@ -9,15 +9,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from picktree.robot.control.arm_drive import ArmDrive, ArmSampler
-from picktree.robot.control.bias_estimation import BiasEstimator
 from picktree.robot.control.commands import JointCommand
-from picktree.robot.control.contact_reflex import ContactReflex
+from picktree.robot.control.control_loop import ArmDrive, ArmSampler, Supervision, Watchdog
+from picktree.robot.control.impedance import ContactReflex
 from picktree.robot.control.joint_controllers import BrakeController, HoldController, TrajectoryController
 from picktree.robot.control.motion_lease import ContactGuard, ForceGuard
 from picktree.robot.control.safety_monitor import SafetyMonitor
-from picktree.robot.control.supervision import Supervision, Watchdog
-from picktree.robot.control.wrist_wrench import WristWrench
+from picktree.robot.control.wrist_wrench import BiasEstimator, WristWrench
 from picktree.world.causes import safety
 from picktree.world.journal import Journal
 from picktree.world.protocols import Hardware, SensorStamps

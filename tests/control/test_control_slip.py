@@ -13,8 +13,8 @@ from picktree.robot.control.payload_estimate import (
     estimate_moving_mass,
     wrist_sample,
 )
-from picktree.world.robot_model.loading import load_robot
 from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.robot_file import load_robot
 
 MODEL = RobotModel(load_robot("panda"))
 TICK = 0.05

@@ -13,12 +13,16 @@ import pytest
 
 from picktree.robot.control.commands import ContactThresholds
 from picktree.robot.control.external_torque import ExternalTorqueObserver
-from picktree.robot.control.slowed_trajectory import MAX_IMPULSE, slowed_trajectory
-from picktree.robot.control.soft_controller import GravityCompensationController, JointImpedanceController
+from picktree.robot.control.impedance import (
+    MAX_IMPULSE,
+    GravityCompensationController,
+    JointImpedanceController,
+    slowed_trajectory,
+)
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.causes import Failure
-from picktree.world.robot_model.loading import load_robot
 from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.values import Array, JointState
 
 from ..planning.motion_cell import down

@@ -13,15 +13,15 @@ from picktree.robot.control.external_torque import EffortCheck
 from picktree.robot.control.joint_controllers import TrajectoryController
 from picktree.robot.control.payload_estimate import Payload
 from picktree.robot.control.safety_monitor import SafetyMonitor, payload_limit
-from picktree.simulation.faults.fault_loading import parse_faults
-from picktree.simulation.faults.injector import FaultInjector
+from picktree.simulation.fault_injector import FaultInjector
+from picktree.simulation.fault_loading import parse_faults
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.causes import Failure
 from picktree.world.journal import Journal, JournalEvent
 from picktree.world.protocols import SensorStamps
-from picktree.world.robot_model.loading import load_robot
 from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.description import SafetyLimits
 from picktree.world.values import Array, JointState, Wrench
 

@@ -10,8 +10,8 @@ import pytest
 from picktree.robot.control.contact_detection import ContactDetector, ForceSample
 from picktree.robot.control.payload_estimate import Payload, PayloadEstimator
 from picktree.robot.control.wrist_wrench import WristWrench
-from picktree.world.robot_model.loading import load_robot
 from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.values import Array, Wrench
 
 MODEL = RobotModel(load_robot("panda"))

@@ -9,8 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.robot.control.safety_monitor import SafetyMonitor
-from picktree.robot.control.stop_latch import Latch
+from picktree.robot.control.safety_monitor import Latch, SafetyMonitor
 from picktree.world.causes import safety
 from picktree.world.journal import Journal, JournalEvent
 from picktree.world.protocols import SensorStamps

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from picktree.robot.control.safety_monitor import SafetyMonitor, payload_limit
+from picktree.world.events import WristBiasEvent
 from picktree.world.journal import Journal
 from picktree.world.protocols import SensorStamps
 from picktree.world.robot_model.model import RobotModel
 from picktree.world.scene.description import SafetyLimits
-from picktree.world.skill_events import WristBiasEvent
 from picktree.world.values import JointState
 
 from .control_cell import HOME, MODEL, ROBOT

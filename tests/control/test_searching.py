@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from picktree.robot.control.compliant_motion import ContactState
-from picktree.robot.control.hole_search import InsertionMotion, InsertionParameters, Search
-from picktree.robot.control.peg_motion import (
+from picktree.robot.control.peg_insertion import (
     CLEAR_FOOT_HEIGHT,
     BelievedHole,
     HeldPeg,
+    InsertionMotion,
+    InsertionParameters,
+    Search,
     SettlingDetector,
     grid,
     rotation_about,

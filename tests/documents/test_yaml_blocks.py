@@ -17,9 +17,9 @@ import trimesh
 import yaml
 
 from picktree.apps.cli.file_schemas import CHECKS
-from picktree.files.diagnostics.file_checks import UnsavedText, check_files
+from picktree.files.file_checks import UnsavedText, check_files
 from picktree.trees.mission import library_names
-from picktree.world.robot_model.robot_schema import RobotFile
+from picktree.world.robot_model.robot_file import RobotFile
 from picktree.world.scene.scene_schema import SceneFile
 
 from ..pages import Block, blocks, pages

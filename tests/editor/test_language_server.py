@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.schema.mission_context import one_mission
-from picktree.authoring.schema.mission_schema import mission_schema
+from picktree.authoring.schema.mission import mission_schema, one_mission
 from picktree.authoring.schema.schema_parts import to_text
 from picktree.files.yaml.document import read_document
 from picktree.trees.loading.registry import NodeRegistry

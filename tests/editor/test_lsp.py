@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from picktree.apps.cli.app import answer
-from picktree.authoring.editor.text_repair import read_repaired
+from picktree.authoring.editor.cursor import read_repaired
 from picktree.logs.optional_libraries import install_command
 
 from .language_server import LanguageServer, Proposal

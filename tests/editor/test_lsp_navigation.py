@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from picktree.apps.cli.app import answer
-from picktree.authoring.editor.file_start import SKELETONS
+from picktree.authoring.editor.completion import SKELETONS
 
 from .language_server import LanguageServer
 from .test_lsp import MAIN, Editor
@@ -245,4 +245,4 @@ def test_definition_of_a_node_is_its_class(editor: Editor, tmp_path: Path) -> No
 def test_a_fault_links_to_its_page(editor: Editor) -> None:
     (fault,) = editor.check(MAIN + "      - Graps: {object: x}\n")
     href = fault["codeDescription"]["href"]
-    assert href == (ROOT / "files/diagnostics/pages/P207.md").as_uri()
+    assert href == (ROOT / "files/pages/P207.md").as_uri()

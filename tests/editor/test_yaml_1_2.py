@@ -9,7 +9,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-from picktree.files.marks import FileError, Mark
+from picktree.files.errors import FileError, Mark
 from picktree.files.yaml.reader import YamlNode, read
 
 from ..needs import packages

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.files.expressions.expression import Expression, ExpressionError
-from picktree.files.expressions.type_inference import (
+from picktree.files.expression_syntax import ExpressionError
+from picktree.files.expressions import (
     ANY,
     BOOL,
     FLOAT,
@@ -18,6 +18,7 @@ from picktree.files.expressions.type_inference import (
     PLACE,
     TEXT,
     WORD,
+    Expression,
     UnknownName,
     ValueType,
     check_types,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.files.marks import FileError, Mark, where
+from picktree.files.errors import FileError, Mark, where
 from picktree.files.value_wording import suggest_name
 from picktree.files.yaml.document import merge_patch, read_document
 from picktree.files.yaml.reader import Value

@@ -9,11 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from picktree.apps.cli.file_schemas import CHECKS
-from picktree.authoring.editor.document_faults import document_faults
-from picktree.files.diagnostics.file_checks import UnsavedText, check_files
-from picktree.files.marks import FileError
-from picktree.files.quantities import units_like
-from picktree.files.quantity_hints import suggest_quantity, suggested
+from picktree.authoring.editor.diagnostics import document_faults
+from picktree.files.errors import FileError
+from picktree.files.file_checks import UnsavedText, check_files
+from picktree.files.quantities import suggest_quantity, suggested, units_like
 from picktree.files.yaml.reader import read
 
 HEAD = "picktree: 1\nkind: mission\nscene: sort_small\ntrees:\n"

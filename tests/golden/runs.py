@@ -24,13 +24,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from picktree.files.arithmetic import restart
-from picktree.logs.schema import topics
-from picktree.logs.schema.topics import Topic
+from picktree.logs import topics
+from picktree.logs.topics import Topic
 from picktree.session.arithmetic_probe import arithmetic
 from picktree.session.observer import Observer
+from picktree.session.recipe import DEFAULT_TIME_LIMIT, RunRequest
 from picktree.session.resumption import ResumeRequest, Resumption
-from picktree.session.session import DEFAULT_TIME_LIMIT, RunRequest, Session
-from picktree.simulation.backends import Backend
+from picktree.session.session import Session
+from picktree.simulation.checkpoints import Backend
 
 HERE = Path(__file__).parent
 RECORD = HERE / "digests.json"

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from . import runs
+from tests.golden import runs
+
 from .runs import GOLDEN, GoldenError, Record, changes, compute, differing, libraries
 
 CHANGED = """\

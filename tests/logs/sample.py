@@ -10,12 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from picktree.logs import topics
 from picktree.logs.binary_gltf import write_glb
 from picktree.logs.recording.recorder import Recorder
-from picktree.logs.run_log import RunLog
-from picktree.logs.schema import topics
-from picktree.logs.schema.json_records import encode
-from picktree.logs.schema.records import (
+from picktree.logs.records import (
     FORMAT,
     Control,
     LinkMesh,
@@ -28,9 +26,10 @@ from picktree.logs.schema.records import (
     Tree,
     TreeNode,
     WriteRecord,
+    encode,
 )
+from picktree.logs.run_log import RunLog
 from picktree.logs.triangle_meshes import shape_mesh
-from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.journal import (
     CandidateEntry,
     CandidateSearchEntry,
@@ -38,6 +37,7 @@ from picktree.world.journal import (
     OtherEvent,
     PlanEntry,
 )
+from picktree.world.planning_scene import BeliefObject, PlanningScene
 from picktree.world.protocols import Intrinsics, RgbdImage
 from picktree.world.scene.description import Bin, Fixture
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from picktree.logs.recording.recorder import Recorder
-from picktree.logs.run_result import RunResult
-from picktree.logs.schema.records import (
+from picktree.logs.records import (
     NodeStatusRecord,
     RunInfo,
     Tick,
@@ -18,8 +17,9 @@ from picktree.logs.schema.records import (
     TreeNode,
     WriteRecord,
 )
-from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
+from picktree.logs.run_result import RunResult
 from picktree.world.journal import CandidateSearchEntry, JournalEvent, PlanEntry
+from picktree.world.planning_scene import BeliefObject, PlanningScene
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
 

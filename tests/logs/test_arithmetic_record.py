@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from picktree.logs.schema.json_records import Arithmetic, arithmetic_difference
+from picktree.logs.records import Arithmetic, arithmetic_difference
 from picktree.session.arithmetic_probe import arithmetic
 
 THEN = Arithmetic(

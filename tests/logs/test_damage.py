@@ -19,7 +19,7 @@ from mcap.records import ChunkIndex
 from picktree.files.errors import PicktreeError
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.run_log import RunLog
-from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.planning_scene import PlanningScene
 
 EXPECTED = "it does not begin as an MCAP file does; give a run's folder, or its log.mcap"
 

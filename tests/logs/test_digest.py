@@ -4,9 +4,8 @@ from pathlib import Path
 from types import ModuleType
 
 from picktree.logs.recording.journal_records import TickMessages
+from picktree.logs.records import NodeStatusRecord, Tick, WriteRecord, encode
 from picktree.logs.run_log import RunLog
-from picktree.logs.schema.json_records import encode
-from picktree.logs.schema.records import NodeStatusRecord, Tick, WriteRecord
 
 from ..other_process import OtherProcess
 from .sample import record

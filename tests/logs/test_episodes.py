@@ -8,13 +8,11 @@ from collections.abc import Mapping, Sequence
 import pytest
 from pydantic import TypeAdapter
 
-from picktree.logs.episode import DecidedFailure, Episode, EpisodeTrackerState, Planted
+from picktree.logs.episode import DecidedFailure, Episode, EpisodeTracker, EpisodeTrackerState, Planted
 from picktree.logs.episode_counts import cause_lines, counted
-from picktree.logs.episode_tracker import EpisodeTracker
-from picktree.logs.schema.records import TransitionRecord, Tree
+from picktree.logs.records import TransitionRecord, Tree
+from picktree.world.events import FaultEvent, ItemDoneEvent, PickEvent, RecoveryEvent
 from picktree.world.journal import JournalEvent
-from picktree.world.run_events import FaultEvent, RecoveryEvent
-from picktree.world.skill_events import ItemDoneEvent, PickEvent
 
 from .scripted_log import begins, ends, tree
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from picktree.logs.recording.images import decode_colour, decode_depth, encode_colour, encode_depth
+from picktree.logs.recording.foxglove_messages import decode_colour, decode_depth, encode_colour, encode_depth
 
 
 def test_colours_stay_within_what_the_sensor_resolves() -> None:

@@ -10,12 +10,15 @@ from pydantic import TypeAdapter
 from picktree.logs.binary_gltf import parts_of
 from picktree.logs.recording.foxglove_messages import encode_scene, read_scene
 from picktree.logs.recording.journal_records import belief_record, truth_record
-from picktree.logs.schema.json_records import decode, encode
-from picktree.logs.schema.records import BodyRecord, Scene
-from picktree.robot.perception.obstacle_volumes import merge_cells
-from picktree.robot.perception.space_carving import cells_in_body, cells_of, obstacle_from_cells
+from picktree.logs.records import BodyRecord, Scene, decode, encode
+from picktree.robot.perception.obstacle_volumes import (
+    cells_in_body,
+    cells_of,
+    merge_cells,
+    obstacle_from_cells,
+)
 from picktree.simulation.truth import TrueObstacle
-from picktree.world.belief.planning_scene import BeliefObject, PlanningScene, SceneSnapshot
+from picktree.world.planning_scene import BeliefObject, PlanningScene, SceneSnapshot
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose

@@ -14,12 +14,12 @@ from google.protobuf.message_factory import GetMessageClass
 from mcap.reader import make_reader
 
 from picktree.files.errors import PicktreeError
-from picktree.logs.log_paths import find_log
+from picktree.logs import topics
+from picktree.logs.log_files import find_log
 from picktree.logs.mcap import reader
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.run_log import RunLog
-from picktree.logs.schema import topics
-from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.planning_scene import PlanningScene
 from picktree.world.shapes import Box, Cylinder, Sphere
 
 TABLE = {

@@ -15,12 +15,11 @@ import pytest
 from mcap.reader import make_reader
 
 from picktree.files.errors import PicktreeError
-from picktree.logs.mcap import sealed_file
-from picktree.logs.mcap.sealed_file import RawFile
-from picktree.logs.mcap.writer import McapFile
+from picktree.logs.mcap import writer
+from picktree.logs.mcap.writer import McapFile, RawFile
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.run_log import RunLog
-from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.planning_scene import PlanningScene
 
 ADVICE = "make room there, or give another folder with --out"
 
@@ -54,10 +53,10 @@ class Full:
 
 @pytest.fixture
 def small_disk(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
-    real = sealed_file.open_raw
+    real = writer.open_raw
 
     def with_room(room: int) -> None:
-        monkeypatch.setattr(sealed_file, "open_raw", lambda path: Full(real(path), room))  # pyright: ignore
+        monkeypatch.setattr(writer, "open_raw", lambda path: Full(real(path), room))  # pyright: ignore
 
     return with_room
 
@@ -73,7 +72,7 @@ def test_a_folder_that_cannot_be_written_is_one_clear_error(sample: ModuleType, 
 def test_a_disk_that_is_nearly_full_is_one_clear_error_before_anything_is_written(
     sample: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("picktree.logs.mcap.sealed_file.MIN_FREE_BYTES", 10**18)
+    monkeypatch.setattr("picktree.logs.mcap.writer.MIN_FREE_BYTES", 10**18)
     path = tmp_path / "runs" / "log.mcap"
     with pytest.raises(PicktreeError) as raised:
         Recorder(path, sample.RUN)
@@ -143,8 +142,8 @@ def test_a_kill_inside_a_write_costs_the_last_second(
     sample: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
 ) -> None:
     path = tmp_path / "log.mcap"
-    real = sealed_file.open_raw
-    monkeypatch.setattr(sealed_file, "open_raw", lambda path: Deadly(real(path), room))  # pyright: ignore
+    real = writer.open_raw
+    monkeypatch.setattr(writer, "open_raw", lambda path: Deadly(real(path), room))  # pyright: ignore
     fork = multiprocessing.get_context("fork")
     given = fork.Value("i", 0)
 
@@ -188,7 +187,7 @@ def test_a_disk_that_refuses_between_two_messages_is_told_at_the_next(
     channel = file.channel(TOPIC)
     file.message(channel, 0, b"{}")
     file.checkpoint()
-    monkeypatch.setattr("picktree.logs.mcap.sealed_file.os.fsync", refuse)
+    monkeypatch.setattr("picktree.logs.mcap.writer.os.fsync", refuse)
     file.keep_up(0.0)
     with pytest.raises(PicktreeError, match="any further: Input/output error"):
         file.finish()
@@ -209,8 +208,8 @@ TOPIC = OneTopic()
 @pytest.fixture
 def quick_beats(monkeypatch: pytest.MonkeyPatch) -> None:
     """The wall second, shortened to a twentieth."""
-    monkeypatch.setattr("picktree.logs.recording.log_file._HEARTBEAT_PERIOD", 0.0125)
-    monkeypatch.setattr("picktree.logs.recording.log_file._MAX_MESSAGE_AGE", 0.025)
+    monkeypatch.setattr("picktree.logs.recording.recorder._HEARTBEAT_PERIOD", 0.0125)
+    monkeypatch.setattr("picktree.logs.recording.recorder._MAX_MESSAGE_AGE", 0.025)
 
 
 @pytest.mark.usefixtures("quick_beats")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from picktree import run
-from picktree.logs.recording.rotated_log import Rotation
+from picktree.logs.log_files import Rotation
 from picktree.logs.run_log import RunLog
 
 from ..needs import RERUN, RERUN_PROGRAM, needs, packages

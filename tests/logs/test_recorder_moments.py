@@ -12,7 +12,7 @@ from types import ModuleType
 import pytest
 
 from picktree.logs.recording.recorder import Recorder
-from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.planning_scene import PlanningScene
 
 MOMENTS = 300
 

@@ -12,14 +12,14 @@ import pytest
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
 
-from picktree.analysis import Run
+from picktree.analysis.run import Run
 from picktree.files.errors import PicktreeError
-from picktree.logs.log_paths import find_log
+from picktree.logs.log_files import Rotation, find_log
+from picktree.logs.mcap import writer
 from picktree.logs.recording.recorder import Recorder
-from picktree.logs.recording.rotated_log import Rotation
+from picktree.logs.records import Tick, TransitionRecord, WriteRecord
 from picktree.logs.run_log import RunLog
-from picktree.logs.schema.records import Tick, TransitionRecord, WriteRecord
-from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.planning_scene import PlanningScene
 
 TICKS = 100
 RUNNING = TransitionRecord("/Main", "RUNNING", {"to": "home"}, "red_block_1")
@@ -260,16 +260,14 @@ def test_a_limit_that_a_file_cannot_keep_is_refused(sample: ModuleType, tmp_path
 def test_a_disk_that_is_full_at_a_rotation_leaves_the_files_before(
     sample: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from picktree.logs.mcap import sealed_file
+    real: Callable[[Path], writer.RawFile] = writer.open_raw
 
-    real: Callable[[Path], sealed_file.RawFile] = sealed_file.open_raw
-
-    def second_refused(path: Path) -> sealed_file.RawFile:
+    def second_refused(path: Path) -> writer.RawFile:
         if "0002" in path.name:
             raise OSError(28, "No space left on device")
         return real(path)
 
-    monkeypatch.setattr(sealed_file, "open_raw", second_refused)
+    monkeypatch.setattr(writer, "open_raw", second_refused)
     with pytest.raises(
         PicktreeError, match=r"log-0002.mcap: the log cannot be written: No space left on device"
     ):

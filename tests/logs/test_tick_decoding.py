@@ -6,9 +6,16 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.logs.schema.json_records import decode, encode
-from picktree.logs.schema.records import NodeStatusRecord, Tick, TransitionRecord, WriteRecord
-from picktree.logs.schema.tick_decoding import TickDecoder, changes_of
+from picktree.logs.records import (
+    NodeStatusRecord,
+    Tick,
+    TickDecoder,
+    TransitionRecord,
+    WriteRecord,
+    changes_of,
+    decode,
+    encode,
+)
 
 A = NodeStatusRecord("Main", "Main", "RUNNING", ticked=True, message="", cause="")
 B = NodeStatusRecord("Main/Grasp", "Grasp", "RUNNING", ticked=True, message="closes", cause="")

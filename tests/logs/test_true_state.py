@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from picktree.logs.recording.true_state import STATE_PERIOD, StateWriter, fold_states, read_state
-from picktree.logs.schema.records import TrueState
+from picktree.logs.records import TrueState
 
 
 def body(name: str, x: float) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import pytest
 
-from picktree.robot.manipulation.grasp_candidates import GraspCandidate, grasp_candidates
+from picktree.robot.manipulation.grasps import GraspCandidate, grasp_candidates
 from picktree.robot.manipulation.pick_candidates import (
     APPROACH_STAGE,
     GRASP_STAGE,
@@ -23,12 +23,12 @@ from picktree.robot.manipulation.pick_candidates import (
 )
 from picktree.robot.manipulation.pick_stream import CandidateSearch
 from picktree.robot.world import World
-from picktree.session.assembly import assemble_world
+from picktree.session.execution import assemble_world
 from picktree.simulation.backends import build_hardware
-from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import Failure, planning
 from picktree.world.journal import CandidateSearchEntry, PlanEntry
-from picktree.world.robot_model.loading import load_robot
+from picktree.world.planning_scene import BeliefObject
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.scene_loading import load_scene
 from picktree.world.shapes import Box, Cylinder
 from picktree.world.values import ObjectId, Pose

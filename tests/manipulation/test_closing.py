@@ -17,9 +17,9 @@ from picktree.robot.manipulation.compliant_closing import ClosingResult, close, 
 from picktree.robot.world import World
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.scorer import score
+from picktree.world.events import CrushedEvent
 from picktree.world.journal import Journal, JournalEvent
 from picktree.world.robot_model.model import RobotModel
-from picktree.world.run_events import CrushedEvent
 from picktree.world.scene.description import CatalogueEntry, Spawn
 from picktree.world.shapes import Box, Cylinder
 from picktree.world.values import Pose

@@ -9,19 +9,14 @@ from typing import TYPE_CHECKING, cast
 
 import pytest
 
-from picktree.robot.manipulation.dropped_objects import (
-    apply_bin_exchanges,
-    forget_belt_items,
-    open_gripper,
-    release_object,
-    support_height_at,
-)
-from picktree.world.belief.facts import AttemptMemory
-from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
+from picktree.robot.manipulation.bin_belief import apply_bin_exchanges, forget_belt_items
+from picktree.robot.manipulation.held_object import open_gripper, release_object, support_height_at
 from picktree.world.journal import Journal, JournalEvent
+from picktree.world.planning_scene import BeliefObject, PlanningScene
 from picktree.world.scene.description import Bin, Fixture
 from picktree.world.shapes import Box, Cylinder
 from picktree.world.values import ObjectId, Pose
+from picktree.world.world_facts import AttemptMemory
 
 if TYPE_CHECKING:
     from picktree.robot.world import World

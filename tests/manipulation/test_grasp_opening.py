@@ -7,16 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.robot.manipulation.grasp_candidates import grasp_candidates
-from picktree.robot.manipulation.grasp_opening import OUTER_ROOM, WIDE_EXCESSES, widened
+from picktree.robot.manipulation.grasps import OUTER_ROOM, WIDE_EXCESSES, grasp_candidates, widened
+from picktree.robot.manipulation.pick_place_motions import MAX_TOP_ERROR
 from picktree.robot.manipulation.pick_stream import CandidateSearch
-from picktree.robot.manipulation.transfer_requests import MAX_TOP_ERROR
 from picktree.robot.world import World
-from picktree.world.belief.planning_scene import BeliefObject
+from picktree.world.planning_scene import BeliefObject
 from picktree.world.robot_model.description import Linkage
 from picktree.world.shapes import Box
-from picktree.world.trajectory import Trajectory
-from picktree.world.values import Array, ObjectId, Pose
+from picktree.world.values import Array, ObjectId, Pose, Trajectory
 
 from .test_candidates import answer, world_with
 

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.robot.manipulation.grasp_candidates import (
+from picktree.robot.manipulation.grasps import (
     ROOMY_EXCESS,
     TIGHT_EXCESS,
     TIP_CLEARANCE,
     grasp_candidates,
     leaning_grasps,
 )
-from picktree.world.belief.planning_scene import BeliefObject
+from picktree.world.planning_scene import BeliefObject
 from picktree.world.robot_model.description import GripperDescription, PadContact
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, bottom, corners, top
 from picktree.world.values import ObjectId, Pose

@@ -21,10 +21,9 @@ from picktree.robot.manipulation.heap_grasps import (
 from picktree.robot.manipulation.heap_views import surfaces
 from picktree.robot.perception.heap_mapping import heap_object
 from picktree.robot.perception.segmentation import LABEL_NAMES
-from picktree.world.belief.height_map import BarredPlace, Heap, HeightMap
-from picktree.world.robot_model.loading import load_robot
+from picktree.world.heaps import BarredPlace, Heap, HeapRegion, HeightMap
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.description import Bin
-from picktree.world.scene.heap_regions import HeapRegion
 from picktree.world.values import Array, ObjectId, Pose
 
 GRIPPER = load_robot("panda").gripper

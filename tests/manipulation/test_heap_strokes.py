@@ -7,11 +7,16 @@ import math
 import numpy as np
 import pytest
 
-from picktree.robot.manipulation.heap_stirring import heap_changed
-from picktree.robot.manipulation.heap_strokes import POSTURES, HeapStroke, Posture, heap_strokes
-from picktree.world.belief.height_map import HeightMap
+from picktree.robot.manipulation.heap_stirring import (
+    POSTURES,
+    HeapStroke,
+    Posture,
+    heap_changed,
+    heap_strokes,
+)
+from picktree.world.heaps import HeightMap
 from picktree.world.planar_geometry import PlanarPose
-from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.values import Array, Pose
 
 GRIPPER = load_robot("panda").gripper

@@ -16,7 +16,7 @@ from picktree.robot.manipulation.insertion import (
     peg,
     poses_over,
 )
-from picktree.world.belief.hole_matching import tightest_hole
+from picktree.world.holes import tightest_hole
 from picktree.world.scene.description import Fixture
 from picktree.world.scene.scene_loading import load_scene
 from picktree.world.shapes import Box, Cylinder, Shape

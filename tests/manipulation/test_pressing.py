@@ -12,7 +12,7 @@ from picktree.robot.manipulation.compliant_closing import (
     required_force,
 )
 from picktree.robot.planning.requests import CARRYING_ACCELERATION
-from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.description import CatalogueEntry
 from picktree.world.shapes import Box
 

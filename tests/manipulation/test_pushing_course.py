@@ -9,15 +9,19 @@ import numpy as np
 import pytest
 
 from picktree.robot.control.compliant_motion import ContactState
-from picktree.robot.manipulation.push_arcs import ArcPath, straight
-from picktree.robot.manipulation.pushed_object import PlanarEstimate, estimate_from_camera, fuse_estimates
-from picktree.robot.manipulation.stroke_course import (
+from picktree.robot.manipulation.closed_loop_pushing import (
+    PlanarEstimate,
+    estimate_from_camera,
+    fuse_estimates,
+)
+from picktree.robot.manipulation.stroke_execution import (
     BACK_OFF_TRAVEL,
     MAX_SINK,
     VERTICAL_DRAG_STIFFNESS,
     DragMotion,
     PushMotion,
 )
+from picktree.robot.manipulation.stroke_planning import ArcPath, straight
 from picktree.world.planar_geometry import PlanarPose
 
 PERIOD = 1 / 240

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.robot.manipulation.push_arcs import arc_to, biarc, push_sides, straight, truncated
-from picktree.world.belief.planning_scene import BeliefObject
+from picktree.robot.manipulation.stroke_planning import arc_to, biarc, push_sides, straight, truncated
 from picktree.world.planar_geometry import (
     PlanarOutline,
     PlanarPose,
@@ -21,9 +20,10 @@ from picktree.world.planar_geometry import (
     planar,
     wrap_angle,
 )
+from picktree.world.planning_scene import BeliefObject
 from picktree.world.quasi_static_pushing import PlanarPushModel
 from picktree.world.robot_model.description import tool_outline
-from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.shapes import Box, Cylinder, Shape, Sphere
 from picktree.world.values import ObjectId, Pose
 

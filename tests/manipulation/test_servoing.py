@@ -12,8 +12,8 @@ import pytest
 from picktree.robot.manipulation.visual_servoing import match_patches
 from picktree.robot.perception.known_object_fitting import TrackedSighting, split_at_depth_steps
 from picktree.robot.perception.segmentation import Pixels
-from picktree.trees.status import NodeStatus
-from picktree.world.belief.planning_scene import BeliefObject
+from picktree.trees.flow import NodeStatus
+from picktree.world.planning_scene import BeliefObject
 from picktree.world.scene.description import SceneDescription
 from picktree.world.scene.scene_loading import load_scene
 from picktree.world.shapes import Box

@@ -10,11 +10,11 @@ import pytest
 
 from picktree.robot.manipulation.hole_servoing import look_at_hole
 from picktree.robot.world import World
-from picktree.session.assembly import TICK_LENGTH, assemble_world
+from picktree.session.execution import TICK_LENGTH, assemble_world
 from picktree.simulation.backends import build_hardware
-from picktree.simulation.feed.spawn import displace_fixtures
+from picktree.simulation.spawn import displace_fixtures
 from picktree.world.causes import Failure
-from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.scene_loading import parse_scene
 from picktree.world.values import ObjectId
 

@@ -12,7 +12,7 @@ from picktree.robot.manipulation.release_poses import (
     put_down_poses,
     release_poses,
 )
-from picktree.world.belief.planning_scene import BeliefObject
+from picktree.world.planning_scene import BeliefObject
 from picktree.world.scene.description import Bin
 from picktree.world.shapes import Box, bottom, extents
 from picktree.world.values import ObjectId, Pose

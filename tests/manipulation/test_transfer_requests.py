@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.robot.manipulation.grasp_candidates import GraspCandidate
-from picktree.robot.manipulation.transfer_requests import approach
+from picktree.robot.manipulation.grasps import GraspCandidate
+from picktree.robot.manipulation.pick_place_motions import approach
 from picktree.robot.planning.collision_checker import CollisionChecker
 from picktree.robot.planning.requests import PoseGoal, Request
 from picktree.session.cell import CellSession

@@ -11,11 +11,11 @@ from typing import cast
 import numpy as np
 import pytest
 
-from picktree.robot.manipulation.travel_order import travel_order
+from picktree.robot.manipulation.travel_time import travel_order
 from picktree.robot.world import World
-from picktree.world.belief.planning_scene import BeliefObject
-from picktree.world.robot_model.loading import load_robot
+from picktree.world.planning_scene import BeliefObject
 from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
 

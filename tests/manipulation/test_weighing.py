@@ -13,8 +13,8 @@ from picktree.robot.control.payload_estimate import MassEstimate, Payload
 from picktree.robot.manipulation.weighing import GripMonitor, LiftWeighing
 from picktree.robot.world import World
 from picktree.world.causes import Failure, grasp
-from picktree.world.robot_model.loading import load_robot
 from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.values import Array
 
 MODEL = RobotModel(load_robot("panda"))

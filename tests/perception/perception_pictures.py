@@ -12,8 +12,8 @@ import numpy as np
 
 from picktree.robot.perception.pipeline import Perception
 from picktree.robot.perception.view import PerceivedView
-from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.colours import COLOURS
+from picktree.world.planning_scene import BeliefObject, PlanningScene
 from picktree.world.protocols import Intrinsics, RgbdImage
 from picktree.world.robot_model.link_shapes import LinkShape
 from picktree.world.scene.description import (

@@ -10,7 +10,7 @@ import pytest
 
 from picktree.robot.perception.data_association import ObservationSummary, update_belief
 from picktree.robot.perception.view import Detection, PerceivedView, UnexplainedPatch
-from picktree.world.belief.planning_scene import FALLEN_SIGMA, BeliefObject, PlanningScene
+from picktree.world.planning_scene import FALLEN_SIGMA, BeliefObject, PlanningScene
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
 

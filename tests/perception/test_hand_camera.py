@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.robot.perception.camera_geometry import PosedCamera, register_hand_camera
+from picktree.robot.perception.camera_geometry import PosedCamera
+from picktree.robot.perception.camera_registration import register_hand_camera
 from picktree.robot.perception.pipeline import Perception
 from picktree.robot.perception.robot_mask import RobotMask
 from picktree.robot.perception.segmentation import downsample
@@ -19,7 +20,7 @@ from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.sensor_noise import MIN_DEPTH_DEVIATION, noisy_depth
 from picktree.simulation.truth import TrueBody
-from picktree.world.belief.planning_scene import BeliefObject
+from picktree.world.planning_scene import BeliefObject
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import CatalogueEntry, SceneDescription
 from picktree.world.scene.scene_loading import load_scene, parse_scene

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.robot.perception import blob_splitting
+from picktree.robot.perception import item_fitting
 from picktree.robot.perception.item_fitting import ItemFitter
 from picktree.robot.perception.segmentation import Blob, label_of
 from picktree.robot.perception.view import Detection
-from picktree.world.belief.planning_scene import BeliefObject
+from picktree.world.planning_scene import BeliefObject
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
 
@@ -293,6 +293,6 @@ def test_a_cut_is_given_up_when_its_parts_cannot_fit_well_enough(
     thing = standing(Box((0.06, 0.06, 0.055)), 0.45, 0.0, 0.3, "blue")
     seen = view_of([thing])
     few, recognised[0] = recognised[0], 0
-    monkeypatch.setattr(blob_splitting, "MAX_REFINEMENT", math.inf)
+    monkeypatch.setattr(item_fitting, "MAX_REFINEMENT", math.inf)
     assert view_of([thing]).detections == seen.detections
     assert few < recognised[0]

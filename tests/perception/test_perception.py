@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from picktree.robot.perception.view import Detection
-from picktree.world.belief.planning_scene import BeliefObject
+from picktree.world.planning_scene import BeliefObject
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box, Shape
 from picktree.world.values import ObjectId, Pose

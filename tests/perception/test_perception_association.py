@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from picktree.robot.perception.data_association import update_belief
-from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
+from picktree.world.planning_scene import BeliefObject, PlanningScene
 from picktree.world.shapes import Box, Shape
 from picktree.world.values import ObjectId, Pose
 

@@ -9,7 +9,7 @@ import pytest
 from picktree.robot.perception.data_association import update_belief
 from picktree.robot.perception.pipeline import Perception
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.planning_scene import PlanningScene
 from picktree.world.robot_model.model import RobotModel
 
 from ..simulation.belt_cell import belt_scene, on_belt, positions, ride

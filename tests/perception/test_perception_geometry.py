@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from picktree.robot.perception import segmentation
-from picktree.robot.perception.backdrop import BackgroundModel, level_camera
+from picktree.robot.perception.backdrop import BackgroundModel
 from picktree.robot.perception.camera_geometry import PosedCamera
+from picktree.robot.perception.camera_registration import level_camera
 from picktree.robot.perception.resting_poses import stable_poses
 from picktree.robot.perception.silhouette_fitting import (
     BlobOutline,

@@ -10,10 +10,10 @@ from picktree.robot.perception.data_association import update_belief
 from picktree.robot.perception.pipeline import Perception
 from picktree.robot.perception.view import PerceivedView
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.belief.hole_matching import fitting_hole, hole_in_world, tightest_hole
-from picktree.world.belief.planning_scene import PlanningScene
-from picktree.world.robot_model.loading import load_robot
+from picktree.world.holes import fitting_hole, hole_in_world, tightest_hole
+from picktree.world.planning_scene import PlanningScene
 from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.destinations import destination_rule, is_at
 from picktree.world.scene.scene_loading import load_scene
 from picktree.world.shapes import bottom

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from picktree.robot.perception.hole_mouths import detect_hole
-from picktree.simulation.engine import Client
 from picktree.simulation.physics.bodies import add_scenery
+from picktree.simulation.physics.engine import Client
 from picktree.simulation.physics.rgbd_camera import CameraRenderer
 from picktree.simulation.sensor_noise import noisy_depth
 from picktree.world.protocols import RgbdImage

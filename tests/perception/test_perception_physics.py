@@ -12,9 +12,9 @@ from picktree.robot.perception.pipeline import Perception
 from picktree.simulation.backends import Simulation
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.belief.planning_scene import PlanningScene
-from picktree.world.robot_model.loading import load_robot
+from picktree.world.planning_scene import PlanningScene
 from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.scene_loading import load_scene
 from picktree.world.values import Array
 

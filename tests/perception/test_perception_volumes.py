@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 
 from picktree.robot.perception.data_association import update_belief
-from picktree.robot.perception.obstacle_volumes import merge_cells
-from picktree.robot.perception.pipeline import Perception
-from picktree.robot.perception.space_carving import (
+from picktree.robot.perception.obstacle_volumes import (
     CELL_SIZE,
     UNSEEN_REACH,
     cell_centres,
     cell_keys,
     cells_in_body,
     cells_of,
+    merge_cells,
     obstacle_from_cells,
 )
+from picktree.robot.perception.pipeline import Perception
 from picktree.robot.perception.view import Detection
-from picktree.robot.planning.collision_bodies import movable_bodies
-from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
+from picktree.robot.planning.collision_model import movable_bodies
+from picktree.world.planning_scene import BeliefObject, PlanningScene
 from picktree.world.shapes import Box, Cylinder, Sphere, inside
 from picktree.world.values import Array, ObjectId, Pose
 

@@ -10,8 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from picktree.robot.perception import segmentation
-from picktree.robot.perception.segmentation import Pixels, SegmentationInput
-from picktree.robot.perception.space_carving import (
+from picktree.robot.perception.obstacle_volumes import (
     bounding_box_of,
     cell_centres,
     cell_indices,
@@ -21,6 +20,7 @@ from picktree.robot.perception.space_carving import (
     surface_of,
     unexplained_patches,
 )
+from picktree.robot.perception.segmentation import Pixels, SegmentationInput
 from picktree.robot.perception.view import PerceivedView
 from picktree.world.values import Array
 

@@ -5,17 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.robot.perception.obstacle_volumes import merge_cells, update_volumes
-from picktree.robot.perception.space_carving import (
+from picktree.robot.perception.obstacle_volumes import (
     cell_indices,
     cell_keys,
     cells_of,
     in_picture,
+    merge_cells,
     obstacle_from_cells,
     supposed_cells_of,
+    update_volumes,
 )
 from picktree.robot.perception.view import PerceivedView, UnexplainedPatch
-from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
+from picktree.world.planning_scene import BeliefObject, PlanningScene
 from picktree.world.shapes import Box
 from picktree.world.values import Array, ObjectId, Pose
 

@@ -11,15 +11,15 @@ import pytest
 
 from picktree.robot.planning.requests import HeldObject, JointGoal, MotionPlan, NamedGoal, PoseGoal, Request
 from picktree.robot.planning.trajectory_gate import TrajectoryGate
-from picktree.session.assembly import TICK_LENGTH, assemble_world
-from picktree.simulation.backends import Backend, build_hardware
-from picktree.world.belief.planning_scene import BeliefObject
+from picktree.session.execution import TICK_LENGTH, assemble_world
+from picktree.simulation.backends import build_hardware
+from picktree.simulation.checkpoints import Backend
 from picktree.world.causes import Failure
-from picktree.world.robot_model.loading import load_robot
+from picktree.world.planning_scene import BeliefObject
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.scene_loading import load_scene
 from picktree.world.shapes import Box
-from picktree.world.trajectory import Trajectory
-from picktree.world.values import Array, Bounds, ObjectId, Pose
+from picktree.world.values import Array, Bounds, ObjectId, Pose, Trajectory
 
 from ..control.control_cell import DOWN, HOME, MODEL, swing
 

@@ -12,12 +12,11 @@ import pytest
 from picktree.robot.planning.plan_service import PlanService
 from picktree.robot.planning.requests import HeldObject, JointGoal, Request
 from picktree.robot.planning.trajectory_gate import TrajectoryGate
-from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import Failure
+from picktree.world.planning_scene import BeliefObject
 from picktree.world.robot_model.model import RobotModel
 from picktree.world.shapes import Box
-from picktree.world.trajectory import Trajectory
-from picktree.world.values import Array, Bounds, ObjectId, Pose
+from picktree.world.values import Array, Bounds, ObjectId, Pose, Trajectory
 
 from ..control.control_cell import HOME, MODEL, ROBOT, swing
 from .test_gate import Cell, away

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from picktree.files.errors import PicktreeError
-from picktree.robot.planning.planning_worker import ChainAnswer, ChainOrder, ChainSolver, PlanningWorker
+from picktree.robot.planning.lookahead_planning import ChainAnswer, ChainOrder, ChainSolver, PlanningWorker
 from picktree.robot.planning.requests import (
     JointGoal,
     LineGoal,

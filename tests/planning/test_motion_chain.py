@@ -18,12 +18,11 @@ from picktree.robot.planning.requests import (
     Request,
     Scaling,
 )
-from picktree.robot.planning.toppra_profile import ACCELERATION_RISE_TIME
+from picktree.robot.planning.time_parameterization import ACCELERATION_RISE_TIME
 from picktree.world.causes import Failure, planning
 from picktree.world.journal import PlanEntry
 from picktree.world.shapes import Box, Sphere
-from picktree.world.trajectory import Trajectory
-from picktree.world.values import Array, ObjectId, Pose
+from picktree.world.values import Array, ObjectId, Pose, Trajectory
 
 from .motion_cell import HOME, MODEL, Cell, down, item, littered, run, shelf_scene, table_scene
 

@@ -24,12 +24,11 @@ from picktree.robot.planning.requests import (
     UprightConstraint,
 )
 from picktree.robot.planning.solver import RequestSolver
-from picktree.robot.planning.trajectory_judge import TrajectoryVerifier
-from picktree.world.belief.planning_scene import PlanningScene
+from picktree.robot.planning.trajectory_verifier import TrajectoryVerifier
 from picktree.world.causes import Failure
+from picktree.world.planning_scene import PlanningScene
 from picktree.world.shapes import Box
-from picktree.world.trajectory import Trajectory
-from picktree.world.values import Array, Bounds, Pose
+from picktree.world.values import Array, Bounds, Pose, Trajectory
 
 from ..other_process import OtherProcess
 from .motion_cell import HOME, MODEL, down, item, shelf_scene, table_scene

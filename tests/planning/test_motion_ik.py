@@ -7,11 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from picktree.robot.planning.inverse_kinematics import (
+    ANGLE_ACCURACY,
     MAX_FAILED_DESCENTS,
     MIN_SOLUTION_DIFFERENCE,
+    POSITION_ACCURACY,
     InverseKinematics,
 )
-from picktree.robot.planning.levenberg_marquardt import ANGLE_ACCURACY, POSITION_ACCURACY
 from picktree.world.values import Pose
 
 from .motion_cell import HOME, MODEL, down

@@ -13,7 +13,7 @@ from picktree.robot.planning.cartesian_lines import (
 from picktree.robot.planning.collision_checker import CollisionChecker
 from picktree.robot.planning.inverse_kinematics import InverseKinematics
 from picktree.robot.planning.trajectory_check import StartTolerance
-from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.planning_scene import PlanningScene
 from picktree.world.shapes import Box
 from picktree.world.values import Array, Pose, Quaternion
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from picktree.robot.planning.inverse_kinematics import InverseKinematics
-from picktree.world.robot_model.loading import load_robot
 from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.values import Array
 
 from .motion_cell import HOME, MODEL, down

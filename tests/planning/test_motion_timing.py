@@ -16,15 +16,16 @@ from picktree.robot.planning.path_curves import (
     spline_through,
 )
 from picktree.robot.planning.requests import Scaling
-from picktree.robot.planning.time_parameterization import time_corners, time_curve, time_smooth
-from picktree.robot.planning.toppra_profile import (
+from picktree.robot.planning.time_parameterization import (
     ACCELERATION_RISE_TIME,
     TORQUE_LIMIT_SHARE,
     ScaledStretch,
     TimeLaw,
+    time_corners,
+    time_curve,
+    time_smooth,
 )
-from picktree.world.trajectory import Trajectory
-from picktree.world.values import Array
+from picktree.world.values import Array, Trajectory
 
 from .motion_cell import HOME, MODEL
 

@@ -7,13 +7,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from picktree.robot.perception.obstacle_volumes import merge_cells
-from picktree.robot.perception.space_carving import Keys, cells_in_body, obstacle_from_cells
+from picktree.robot.perception.obstacle_volumes import Keys, cells_in_body, merge_cells, obstacle_from_cells
 from picktree.robot.planning.collision_checker import CollisionChecker
 from picktree.robot.planning.requests import JointGoal
-from picktree.robot.planning.trajectory_judge import TrajectoryVerifier
-from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
+from picktree.robot.planning.trajectory_verifier import TrajectoryVerifier
 from picktree.world.causes import Failure
+from picktree.world.planning_scene import BeliefObject, PlanningScene
 from picktree.world.shapes import Box, ConvexMesh
 from picktree.world.values import ObjectId, Pose
 

@@ -13,7 +13,7 @@ from picktree.robot.planning.penetration_escape import (
     least_distance,
 )
 from picktree.robot.planning.requests import DIRECTIONS
-from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.planning_scene import PlanningScene
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Array, Pose
 

@@ -16,8 +16,8 @@ import pytest
 
 from picktree.apps.cli.file_schemas import CHECKS
 from picktree.apps.commissioning.plan_trial import PlanQuery, plan_in_scene
-from picktree.files.diagnostics.file_checks import check_files
 from picktree.files.errors import PicktreeError
+from picktree.files.file_checks import check_files
 from picktree.logs.run_log import RunLog
 from picktree.robot.planning import ompl_planners
 from picktree.robot.planning.path_constraints import PathConstraints
@@ -31,12 +31,13 @@ from picktree.robot.planning.requests import (
     UprightConstraint,
 )
 from picktree.robot.planning.solver import RequestSolver
-from picktree.session.session import RunRequest, Session
-from picktree.world.belief.planning_scene import PlanningScene
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 from picktree.world.causes import Failure, planning
 from picktree.world.journal import PlanEntry
 from picktree.world.planner_names import AUTO, BUILT_IN
-from picktree.world.robot_model.loading import load_robot
+from picktree.world.planning_scene import PlanningScene
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box
 from picktree.world.values import Array, ObjectId, Pose

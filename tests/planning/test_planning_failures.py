@@ -23,8 +23,8 @@ from picktree.robot.planning.requests import (
     UprightConstraint,
 )
 from picktree.robot.planning.solver import RequestSolver
-from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.causes import Failure, planning
+from picktree.world.planning_scene import PlanningScene
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box
 from picktree.world.values import Array, Bounds, ObjectId, Pose

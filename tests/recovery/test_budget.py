@@ -10,10 +10,10 @@ import pytest
 from picktree.files.yaml.document import read_document
 from picktree.recovery import NODES as RECOVERY
 from picktree.robot.world import World
+from picktree.trees.flow import NodeStatus
 from picktree.trees.loading.loader import examine, parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.runner import build
-from picktree.trees.status import NodeStatus
 from picktree.world.journal import Plain
 
 from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.world.belief.planning_scene import BeliefObject
+from picktree.world.planning_scene import BeliefObject
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box, Cylinder
 from picktree.world.values import ObjectId, Pose, Vector3

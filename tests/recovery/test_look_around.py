@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from picktree.simulation.faults.device_entries import AtTime, CameraDrop
+from picktree.simulation.fault_entries import AtTime, CameraDrop
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Doing
 from picktree.world.scene.scene_loading import load_scene

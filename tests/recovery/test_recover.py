@@ -7,10 +7,10 @@ from typing import cast
 
 from picktree.recovery import Recover
 from picktree.robot.world import World
+from picktree.trees.flow import NodeStatus
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.runner import build
-from picktree.trees.status import NodeStatus
 
 from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters
 

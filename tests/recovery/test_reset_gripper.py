@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from picktree.simulation.faults.device_entries import AtTime, GripperJam
+from picktree.simulation.fault_entries import AtTime, GripperJam
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.causes import Cause, Failure, control, safety
 from picktree.world.shapes import Box

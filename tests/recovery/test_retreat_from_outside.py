@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.simulation.backends import Backend
-from picktree.world.belief.planning_scene import BeliefObject
-from picktree.world.robot_model.loading import load_robot
+from picktree.simulation.checkpoints import Backend
+from picktree.world.planning_scene import BeliefObject
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.description import SceneDescription
 from picktree.world.shapes import Box
 from picktree.world.values import Bounds, ObjectId, Pose

@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from picktree.robot.manipulation.clearing import RetreatMotion
-from picktree.robot.manipulation.put_down import _free_spots  # pyright: ignore[reportPrivateUsage]
+from picktree.robot.manipulation.retreat import (
+    RetreatMotion,
+    _free_spots,  # pyright: ignore[reportPrivateUsage]
+)
 from picktree.robot.planning.plan_service import PlanService
 from picktree.robot.planning.requests import ContactPair, MotionPlan, OffsetGoal, Request
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import Cause, Failure, FailureReport, control, place, planning
+from picktree.world.planning_scene import BeliefObject
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box
 from picktree.world.values import Array, ObjectId, Pose, Vector3
@@ -73,7 +75,7 @@ def test_out_of_what_is_believed_about_the_hand_and_to_the_pose() -> None:
 def test_with_no_way_out_it_says_what_it_is_in_and_what_was_tried_and_stays(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("picktree.robot.manipulation.clearing.MAX_ESCAPE_LENGTH", 0.03)
+    monkeypatch.setattr("picktree.robot.manipulation.retreat.MAX_ESCAPE_LENGTH", 0.03)
     made = cell()
     x, y, z = made.world.control.tcp.position
     believe(made, "ghost", (0.8, 0.8, 0.8), (x, y, z + 0.1))
@@ -191,7 +193,8 @@ def test_what_is_touched_on_the_way_home_is_left_and_gone_around(
     direction begins where the touch has left the arm."""
     from dataclasses import replace
 
-    from picktree.robot.control.motions import ArmMotion, JointImpedanceResult
+    from picktree.robot.control.commands import JointImpedanceResult
+    from picktree.robot.control.motions import ArmMotion
 
     made = cell()
     assert do(made, "GoTo: {pose: rest}") == ("SUCCESS", "")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from picktree.simulation.faults.device_entries import AtTime, CameraDrop
+from picktree.simulation.fault_entries import AtTime, CameraDrop
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from picktree.recovery.belief_restart import ResyncReport, _recognise, resync_belief  # pyright: ignore[reportPrivateUsage]
-from picktree.simulation.faults.device_entries import AtTime, CameraDrop, GripperJam
+from picktree.simulation.fault_entries import AtTime, CameraDrop, GripperJam
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import Failure, control, safety
 from picktree.world.journal import JournalEvent
+from picktree.world.planning_scene import BeliefObject
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
 

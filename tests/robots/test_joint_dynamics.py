@@ -12,11 +12,11 @@ import pybullet as pb
 import pytest
 
 from picktree.simulation.checkpoints import GripperCommand
-from picktree.simulation.engine import Client, reset
+from picktree.simulation.physics.engine import Client, reset
 from picktree.simulation.physics.robot_body import RobotBody
 from picktree.world.robot_model.description import RobotDescription
-from picktree.world.robot_model.loading import load_robot
 from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.values import Array
 
 PERIOD = 1 / 240

@@ -13,12 +13,12 @@ import trimesh
 from picktree.files.errors import PicktreeError
 from picktree.logs.binary_gltf import link_meshes, read_glb
 from picktree.robot.planning.collision_checker import robot_geometry
-from picktree.simulation.engine import Client
+from picktree.simulation.physics.engine import Client
 from picktree.simulation.physics.robot_body import RobotBody
 from picktree.world.robot_model.link_shapes import geometry_faults, link_shapes
-from picktree.world.robot_model.loading import load_robot, robot_names
 from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.urdf_geometry import links_seen_only
+from picktree.world.robot_model.robot_file import load_robot, robot_names
+from picktree.world.robot_model.urdf import links_seen_only
 from picktree.world.shapes import ConvexMesh, Cylinder, Sphere, corners, greatest_length
 from picktree.world.values import Pose
 

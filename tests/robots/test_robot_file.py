@@ -11,14 +11,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from picktree.files.errors import PicktreeError
-from picktree.files.marks import FileError
-from picktree.simulation.engine import Client
-from picktree.simulation.physics.engine_urdf import patched_urdf
-from picktree.simulation.physics.robot_body import RobotBody
-from picktree.world.robot_model.loading import load_robot, parse_robot, robot_names
+from picktree.files.errors import FileError, PicktreeError
+from picktree.simulation.physics.engine import Client
+from picktree.simulation.physics.robot_body import RobotBody, patched_urdf
 from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.urdf_geometry import UrdfPrimitive, link_geometry
+from picktree.world.robot_model.robot_file import load_robot, parse_robot, robot_names
+from picktree.world.robot_model.urdf import UrdfPrimitive, link_geometry
 from picktree.world.shapes import Box
 
 URDF = """\
@@ -243,7 +241,7 @@ def test_faulty_parts_of_fingers_are_refused(robot_file: Path, old: str, new: st
 def test_reading_a_known_robot_imports_no_simulator() -> None:
     load_robot("panda")  # its meshes are in the disk cache from here on
     code = (
-        "import sys; from picktree.world.robot_model.loading import load_robot; load_robot('panda');"
+        "import sys; from picktree.world.robot_model.robot_file import load_robot; load_robot('panda');"
         "print([m for m in ('pybullet', 'pybullet_data', 'pinocchio', 'trimesh') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

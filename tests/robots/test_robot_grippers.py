@@ -15,15 +15,15 @@ import pytest
 import trimesh
 
 from picktree.apps.commissioning.proposal import ProposalRequest, propose
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError
 from picktree.simulation.checkpoints import GripperCommand
-from picktree.simulation.engine import Client, reset
+from picktree.simulation.physics.engine import Client, reset
 from picktree.simulation.physics.robot_body import RobotBody
 from picktree.world.robot_model.description import RobotDescription
 from picktree.world.robot_model.finger_linkage import LinkageFingers, SliderPair, fingers_of
-from picktree.world.robot_model.loading import load_robot, parse_robot
 from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.urdf_geometry import link_geometry
+from picktree.world.robot_model.robot_file import load_robot, parse_robot
+from picktree.world.robot_model.urdf import link_geometry
 from picktree.world.shapes import corners
 from picktree.world.values import Array
 

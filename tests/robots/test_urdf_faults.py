@@ -9,12 +9,12 @@ import pytest
 
 from picktree.apps.cli.app import answer
 from picktree.apps.cli.file_schemas import CHECKS
-from picktree.files.diagnostics.file_checks import check_files
+from picktree.files.file_checks import check_files
 from picktree.robot.planning.collision_checker import robot_geometry
-from picktree.world.robot_model.loading import load_robot
 from picktree.world.robot_model.model import RobotModel
+from picktree.world.robot_model.robot_file import load_robot
+from picktree.world.robot_model.urdf import parsed_urdf
 from picktree.world.robot_model.urdf_faults import UrdfError
-from picktree.world.robot_model.urdf_text import parsed_urdf
 
 from .arms import ROBOT, joint, link, mini
 

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis import Run
-from picktree.analysis.explain.explain import explain
-from picktree.session.session import RunRequest, Session
-from picktree.world.run_events import CrushedEvent
+from picktree.analysis.explain.run_explanation import explain
+from picktree.analysis.run import Run
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
+from picktree.world.events import CrushedEvent
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -10,9 +10,9 @@ import pytest
 
 from picktree.robot.world import World
 from picktree.session.debugger import Breakpoint, Debugger, DebuggerStop
+from picktree.trees.flow import NodeStatus
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.runner import BehaviourTree, build
-from picktree.trees.status import NodeStatus
 
 from ..trees.scripted import FakeWorld, Run, registry, start
 

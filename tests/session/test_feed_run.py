@@ -8,16 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.resim.changes import RunChanges
-from picktree.analysis.resim.resim import ResimOrder, run_order
+from picktree.analysis.resim import ResimOrder, run_order
 from picktree.analysis.run import Run
+from picktree.analysis.run_changes import RunChanges
 from picktree.logs.run_result import RunResult
 from picktree.session.checkpoints import RunState
 from picktree.session.observer import Observer
+from picktree.session.recipe import Recording, RunRequest
 from picktree.session.recorded_recipe import RecordedRun, simulated_messages
-from picktree.session.session import Recording, RunRequest, Session
+from picktree.session.session import Session
 from picktree.trees.runner import TickReport
-from picktree.world.belief.facts import FeedProgressState
+from picktree.world.world_facts import FeedProgressState
 
 SCENE = """\
 picktree: 1

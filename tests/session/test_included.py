@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from picktree.logs.run_log import RunLog
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.mission import RecordedFiles
 

@@ -15,14 +15,15 @@ from types import ModuleType
 import pytest
 
 from picktree.files.errors import PicktreeError
+from picktree.logs import topics
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
-from picktree.logs.schema import topics
 from picktree.session.live_view import LiveServer
 from picktree.session.observer import WallClockPacer
-from picktree.session.session import RunRequest, Session
-from picktree.world.belief.planning_scene import PlanningScene
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
+from picktree.world.planning_scene import PlanningScene
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

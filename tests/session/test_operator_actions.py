@@ -9,16 +9,17 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis.explain.explanation_text import notes_on
-from picktree.analysis.resim.resim import resimulate
-from picktree.analysis.resim.whatif import what_if
+from picktree.analysis.resim import resimulate
 from picktree.analysis.run import Run
-from picktree.apps.cli.operator_prompt import DebugPrompt
+from picktree.analysis.whatif import what_if
+from picktree.apps.cli.debug_prompt import DebugPrompt
 from picktree.logs.run_result import RunResult
 from picktree.session.debugger import Debugger
+from picktree.session.recipe import RunRequest
 from picktree.session.recorded_recipe import RecordedRun
 from picktree.session.resumption import ResumeRequest, Resumption
-from picktree.session.session import RunRequest, Session
-from picktree.world.run_events import BlackboardSetEvent
+from picktree.session.session import Session
+from picktree.world.events import BlackboardSetEvent
 
 MISSION = """\
 picktree: 1

@@ -17,13 +17,13 @@ import pytest
 
 from picktree.apps.cli.app import answer
 from picktree.logs.run_log import RunLog
-from picktree.session.assembly import TICK_LENGTH
+from picktree.session.execution import TICK_LENGTH
 from picktree.session.observer import Observer
-from picktree.session.profiler import Profiler
+from picktree.session.profiler import NodeCost, Profiler, RunProfile
+from picktree.session.recipe import DEFAULT_TIME_LIMIT, RunRequest
 from picktree.session.resumption import ResumeRequest, Resumption
-from picktree.session.run_profile import NodeCost, RunProfile
-from picktree.session.session import DEFAULT_TIME_LIMIT, RunRequest, Session
-from picktree.simulation.backends import Backend
+from picktree.session.session import Session
+from picktree.simulation.checkpoints import Backend
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.runner import TickReport
 
@@ -34,11 +34,11 @@ WORKING = '''\
 import time
 
 from picktree.robot.world import World
-from picktree.trees.controls.decorator import Decorator
+from picktree.trees.decorators import Decorator
 from picktree.trees.flow import ChildFlow
 from picktree.trees.ports import In, port
 from picktree.trees.skill import Skill, Steps
-from picktree.trees.status import NodeStatus
+from picktree.trees.flow import NodeStatus
 
 
 class Around(Decorator):

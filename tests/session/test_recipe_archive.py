@@ -15,15 +15,13 @@ from typing import Annotated, Any, TypeAlias, Union, get_args, get_origin
 import pytest
 from pydantic import BaseModel, BeforeValidator
 
-from picktree.files.shipped_files import ROOT
-from picktree.files.yaml.file_models import ShortForm
-from picktree.files.yaml.named_files import NamedFile
-from picktree.session.recipe import Recipe, RunRequest, read_recipe, recipe_files
-from picktree.session.recipe_archive import RecipeFile, write_recipe
-from picktree.simulation.faults.fault_schema import FaultsFile
-from picktree.simulation.feed.heap_spawning import mesh_files
+from picktree.files.file_system import ROOT
+from picktree.files.yaml.file_models import NamedFile, ShortForm
+from picktree.session.recipe import Recipe, RecipeFile, RunRequest, read_recipe, recipe_files, write_recipe
+from picktree.simulation.fault_entries import FaultsFile
+from picktree.simulation.heap_spawning import mesh_files
 from picktree.world.robot_model.link_shapes import link_shapes
-from picktree.world.robot_model.robot_schema import RobotFile
+from picktree.world.robot_model.robot_file import RobotFile
 from picktree.world.scene.description import SceneDescription
 from picktree.world.scene.scene_schema import SceneFile
 

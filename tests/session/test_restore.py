@@ -14,10 +14,11 @@ from picktree.files.errors import PicktreeError
 from picktree.logs.mcap.reader import RawMessage
 from picktree.logs.run_result import RunResult
 from picktree.session.checkpoints import RunState
+from picktree.session.recipe import Recording, RunRequest
 from picktree.session.recorded_recipe import RecordedRun, complete_state, simulated_messages
-from picktree.session.session import Recording, RunRequest, Session
-from picktree.simulation.backends import Backend
-from picktree.world.belief.planning_scene import BeliefObject
+from picktree.session.session import Session
+from picktree.simulation.checkpoints import Backend
+from picktree.world.planning_scene import BeliefObject
 
 from ..other_process import OtherProcess
 

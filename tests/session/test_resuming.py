@@ -20,12 +20,12 @@ from picktree.files.errors import PicktreeError
 from picktree.logs.mcap.reader import McapReader
 from picktree.logs.run_log import RunLog, Stamped
 from picktree.logs.run_result import RunResult
-from picktree.session.assembly import TICK_LENGTH
-from picktree.session.execution import Execution
+from picktree.session.execution import TICK_LENGTH, Execution
 from picktree.session.observer import Observer, PresetAnswers
+from picktree.session.recipe import Recording, RunRequest
 from picktree.session.recorded_recipe import RecordedRun
 from picktree.session.resumption import ResumeRequest, Resumption
-from picktree.session.session import Recording, RunRequest, Session
+from picktree.session.session import Session
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.runner import TickReport
 from picktree.world.journal import JournalEvent

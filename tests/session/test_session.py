@@ -15,13 +15,14 @@ import pytest
 from picktree.files.errors import PicktreeError
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
-from picktree.session.assembly import TICK_LENGTH
 from picktree.session.checkpoints import RunState
+from picktree.session.execution import TICK_LENGTH
 from picktree.session.observer import Observer
-from picktree.session.session import RunRequest, Session, frozen_before_runs
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session, frozen_before_runs
 from picktree.simulation.truth import TrueBody
+from picktree.trees.flow import NodeStatus
 from picktree.trees.runner import TickReport
-from picktree.trees.status import NodeStatus
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 TOPICS = {

@@ -12,10 +12,11 @@ import pytest
 from picktree.analysis.explain.case import scene_of
 from picktree.analysis.run import Run
 from picktree.logs.run_result import RunResult
+from picktree.session.recipe import Recording, RunRequest
 from picktree.session.recorded_recipe import RecordedRun, simulated_messages
-from picktree.session.session import Recording, RunRequest, Session
-from picktree.simulation.feed.heap_spawning import mesh_files
-from picktree.world.skill_events import BinEmptiedEvent, ItemDoneEvent
+from picktree.session.session import Session
+from picktree.simulation.heap_spawning import mesh_files
+from picktree.world.events import BinEmptiedEvent, ItemDoneEvent
 
 SCENE = """\
 picktree: 1

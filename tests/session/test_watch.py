@@ -12,7 +12,8 @@ from picktree.logs.run_result import RunResult
 from picktree.session.execution import Execution
 from picktree.session.mission_edits import FileWatch, MissionReload
 from picktree.session.observer import Observer
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 from picktree.trees.runner import TickReport
 
 SORTING = """\

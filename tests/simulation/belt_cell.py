@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from picktree.simulation.feed import belt_drive
-from picktree.simulation.feed.belt_drive import BeltDrive
+from picktree.simulation import belt_feed
+from picktree.simulation.belt_feed import BeltDrive
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.scene.description import Belt, CatalogueEntry, Fixture, SceneDescription, Spawn
@@ -101,7 +101,7 @@ def wait(hardware: Hardware, seconds: float) -> None:
 def ride(hardware: Hardware, way: float) -> None:
     """Let the belt run so far, and stop."""
     belt = belt_of(hardware)
-    brake = belt.belt.speed**2 / 2 / belt_drive.BELT_ACCELERATION
+    brake = belt.belt.speed**2 / 2 / belt_feed.BELT_ACCELERATION
     end = belt.travelled + way - brake
     belt.go()
     while belt.travelled < end:

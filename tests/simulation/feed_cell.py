@@ -8,8 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from picktree.simulation.backends import Backend
-from picktree.simulation.checkpoints import Checkpoint, KinematicState
+from picktree.simulation.checkpoints import Backend, Checkpoint, KinematicState
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.scene.description import Delivery, Exchange, SceneDescription, Spawn, When, WhenClear

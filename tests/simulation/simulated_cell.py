@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from picktree.world.robot_model.description import RobotDescription
-from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.description import (
     Bin,
     CameraDescription,

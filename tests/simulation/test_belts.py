@@ -12,8 +12,8 @@ import pybullet as pb
 import pytest
 
 from picktree.files.errors import PicktreeError
+from picktree.simulation.belt_feed import BELT_ACCELERATION
 from picktree.simulation.checkpoints import Checkpoint
-from picktree.simulation.feed.belt_drive import BELT_ACCELERATION
 from picktree.simulation.physics import belts
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.scene.description import Fixture
@@ -58,7 +58,7 @@ def test_items_of_every_shape_ride_without_slipping(speed: float) -> None:
 def test_what_is_round_rolls_when_the_belt_starts_faster_than_rolling_friction_can(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("picktree.simulation.feed.belt_drive.BELT_ACCELERATION", 3.0)
+    monkeypatch.setattr("picktree.simulation.belt_feed.BELT_ACCELERATION", 3.0)
     slip = np.abs(carried(0.15)).max(axis=1)
     assert slip[[0, 1, 3]].max() < 0.3
     assert slip[5] > 1.0

@@ -10,13 +10,12 @@ from itertools import pairwise
 import pytest
 
 from picktree.files.errors import PicktreeError
-from picktree.simulation.backends import Backend
-from picktree.simulation.checkpoints import Checkpoint, KinematicState
-from picktree.simulation.engine import pb
-from picktree.simulation.faults.fault_entries import FaultTarget
-from picktree.simulation.faults.fault_states import choose_target
-from picktree.simulation.feed.feeder import goes_with
+from picktree.simulation.checkpoints import Backend, Checkpoint, KinematicState
+from picktree.simulation.fault_entries import FaultTarget
+from picktree.simulation.fault_injector import choose_target
+from picktree.simulation.feeder import goes_with
 from picktree.simulation.physics.backend import PhysicsHardware
+from picktree.simulation.physics.engine import pb
 from picktree.simulation.scorer import score
 from picktree.simulation.truth import TrueBody
 from picktree.world.scene.description import Exchange

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from trimesh import Trimesh
 
 from picktree.simulation.checkpoints import Checkpoint
-from picktree.simulation.engine import Client, pb
-from picktree.simulation.feed.spawn import SpawnedItem, displace_fixtures
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.physics.bodies import add_fixed, add_item
 from picktree.simulation.physics.contacts import Penetrations
+from picktree.simulation.physics.engine import Client, pb
+from picktree.simulation.spawn import SpawnedItem, displace_fixtures
 from picktree.simulation.truth import HoledFixtures, HoleSeating
-from picktree.world.robot_model.loading import load_robot
-from picktree.world.scene.hole_geometry import convex_pieces, outline, surface
+from picktree.world.holes import convex_pieces, outline, surface
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.scene_loading import load_scene, parse_scene
 from picktree.world.shapes import Box
 from picktree.world.values import Array, ObjectId, Pose

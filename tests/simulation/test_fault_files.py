@@ -6,39 +6,38 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files.marks import FileError
-from picktree.simulation.faults.device_entries import (
-    CameraDrop,
-    CameraMislabel,
-    CameraNoise,
-    CameraShift,
-    GripperJam,
-    GripperWeak,
-    Hang,
-    JointWeak,
-    Kill,
-    NoPlan,
-    Raise,
-    Stall,
-    WrenchBias,
-    WrenchDead,
-)  # fmt: skip
-from picktree.simulation.faults.fault_entries import (  # fmt: skip
+from picktree.files.errors import FileError
+from picktree.simulation.fault_entries import (  # fmt: skip
+    ALLOWED_KEYS,
+    REQUIRED_KEYS,
     Appear,
     AtNode,
     AtTime,
     Bump,
+    CameraDrop,
+    CameraMislabel,
+    CameraNoise,
+    CameraShift,
     FaultExpectation,
     FaultTarget,
     Friction,
+    GripperJam,
+    GripperWeak,
+    Hang,
     Heavier,
+    JointWeak,
+    Kill,
     Larger,
+    NoPlan,
+    Raise,
     Remove,
     Slip,
+    Stall,
+    WrenchBias,
+    WrenchDead,
 )
-from picktree.simulation.faults.fault_loading import load_faults, parse_faults
-from picktree.simulation.faults.fault_schema import ALLOWED_KEYS, REQUIRED_KEYS
-from picktree.world.robot_model.loading import load_robot
+from picktree.simulation.fault_loading import load_faults, parse_faults
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.scene_loading import load_scene
 from picktree.world.values import Pose
 

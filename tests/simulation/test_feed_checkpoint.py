@@ -7,8 +7,7 @@ import json
 import pytest
 
 from picktree.files.errors import PicktreeError
-from picktree.simulation.backends import Backend
-from picktree.simulation.checkpoints import Checkpoint, KinematicState
+from picktree.simulation.checkpoints import Backend, Checkpoint, KinematicState
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.values import ObjectId
 

@@ -15,14 +15,15 @@ from picktree.files.errors import PicktreeError
 from picktree.robot.perception.camera_geometry import PosedCamera
 from picktree.robot.perception.heap_mapping import map_heaps
 from picktree.robot.perception.segmentation import SegmentationInput
-from picktree.simulation.feed.heap_spawning import Sticker, mesh_files, read_thing, upright_turn
-from picktree.simulation.feed.spawn import spawn_items
 from picktree.simulation.footprints import distance, footprint
+from picktree.simulation.heap_spawning import Sticker, mesh_files, read_thing, upright_turn
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.physics.bodies import inertia
 from picktree.simulation.physics.rgbd_camera import RenderedImage, draw_tag
-from picktree.world.robot_model.loading import load_robot
+from picktree.simulation.spawn import spawn_items
+from picktree.world.heaps import heap_regions
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.description import (
     Assortment,
     CameraDescription,
@@ -30,7 +31,6 @@ from picktree.world.scene.description import (
     Destination,
     SceneDescription,
 )
-from picktree.world.scene.heap_regions import heap_regions
 from picktree.world.scene.scene_loading import load_scene, parse_scene
 from picktree.world.shapes import CompoundMesh, ConvexMesh, Sphere, bottom, top
 from picktree.world.values import ObjectId, Pose

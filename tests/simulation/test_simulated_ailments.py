@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.simulation.backends import Backend, build_hardware
-from picktree.simulation.checkpoints import KinematicState
-from picktree.simulation.faults.fault_loading import parse_faults
-from picktree.simulation.faults.injector import FaultInjector
+from picktree.simulation.backends import build_hardware
+from picktree.simulation.checkpoints import Backend, KinematicState
+from picktree.simulation.fault_injector import FaultInjector
+from picktree.simulation.fault_loading import parse_faults
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.protocols import NoImage, RgbdImage

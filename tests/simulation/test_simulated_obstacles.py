@@ -10,8 +10,8 @@ import pytest
 
 from picktree.files.errors import PicktreeError
 from picktree.simulation.checkpoints import Checkpoint, KinematicState
-from picktree.simulation.faults.fault_loading import parse_faults
-from picktree.simulation.faults.injector import FaultInjector
+from picktree.simulation.fault_injector import FaultInjector
+from picktree.simulation.fault_loading import parse_faults
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.scorer import score

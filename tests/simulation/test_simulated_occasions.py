@@ -7,11 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.simulation.faults.device_entries import AtNode, AtTime
-from picktree.simulation.faults.fault_entries import FaultFile
-from picktree.simulation.faults.fault_loading import parse_faults
-from picktree.simulation.faults.fault_states import DueFault, FaultSchedule, FaultState
-from picktree.simulation.faults.injector import FaultInjector, new_states
+from picktree.simulation.fault_entries import AtNode, AtTime, FaultFile
+from picktree.simulation.fault_injector import DueFault, FaultInjector, FaultSchedule, FaultState, new_states
+from picktree.simulation.fault_loading import parse_faults
 from picktree.simulation.kinematic.backend import KinematicHardware
 
 from .simulated_cell import cell, panda

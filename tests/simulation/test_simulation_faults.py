@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from picktree.files.errors import PicktreeError
-from picktree.simulation.faults.fault_loading import parse_faults
-from picktree.simulation.faults.injector import FaultInjector
+from picktree.simulation.fault_injector import FaultInjector
+from picktree.simulation.fault_loading import parse_faults
 from picktree.simulation.physics.backend import PhysicsHardware
 
 from .simulated_cell import cell, panda

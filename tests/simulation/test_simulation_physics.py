@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from picktree.files.errors import PicktreeError
-from picktree.simulation.engine import Client, pb
-from picktree.simulation.feed.spawn import SpawnedItem
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.physics.bodies import ItemShapes, add_item
+from picktree.simulation.physics.engine import Client, pb
+from picktree.simulation.spawn import SpawnedItem
 from picktree.world.robot_model.model import RobotModel
 from picktree.world.scene.description import CatalogueEntry, SceneDescription, SensorNoise, Spawn
 from picktree.world.shapes import Box

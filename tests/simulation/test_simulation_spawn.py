@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from picktree.files.errors import PicktreeError
-from picktree.simulation.feed.spawn import TUMBLE_HEIGHT, spawn_items
 from picktree.simulation.footprints import distance, footprint
+from picktree.simulation.spawn import TUMBLE_HEIGHT, spawn_items
 from picktree.world.scene.description import Spawn
 from picktree.world.shapes import Box, Cylinder, bottom
 from picktree.world.values import Pose

@@ -8,9 +8,9 @@ from collections import Counter
 import pytest
 
 from picktree.files.errors import PicktreeError
-from picktree.simulation.backends import Backend
-from picktree.simulation.feed.spawn import spawn_items
+from picktree.simulation.checkpoints import Backend
 from picktree.simulation.physics.backend import PhysicsHardware
+from picktree.simulation.spawn import spawn_items
 from picktree.world.protocols import FeedSignals
 from picktree.world.scene.description import AtIntervals, AtTimes
 

@@ -10,13 +10,13 @@ from typing import TypeVar
 import pytest
 
 from picktree.robot.world import World
-from picktree.session.assembly import TICK_LENGTH, assemble_world
+from picktree.session.execution import TICK_LENGTH, assemble_world
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.causes import Failure
 from picktree.world.journal import JournalEvent
 from picktree.world.protocols import Camera, NoImage, RgbdImage
-from picktree.world.robot_model.loading import load_robot
+from picktree.world.robot_model.robot_file import load_robot
 from picktree.world.scene.scene_loading import load_scene
 
 T = TypeVar("T")

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.robot.calibration import target_detection, targets
+from picktree.robot.calibration import calibration_targets, target_detection
+from picktree.robot.calibration.calibration_targets import TouchPoint
 from picktree.robot.calibration.observations import DetectedTile, TargetImage
-from picktree.robot.calibration.targets import TouchPoint
-from picktree.simulation.faults.device_entries import AtTime, CameraDrop
+from picktree.simulation.fault_entries import AtTime, CameraDrop
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Steps
+from picktree.world.events import CalibrationShotEvent, CalibrationTouchEvent
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.scene_loading import load_scene
-from picktree.world.skill_events import CalibrationShotEvent, CalibrationTouchEvent
 from picktree.world.values import Array, Pose, Vector3
 
 from .cell import Cell, mission
@@ -166,7 +166,11 @@ def wanted(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """So many touches, of the top; those beside it are nothing that a cell without physics feels."""
 
     def tops(target: Pose, size: Vector3, at_tips: Array, turned: float) -> tuple[TouchPoint, ...]:
-        found = [c for c in targets.touch_points(target, size, at_tips, turned) if c.name.startswith("top")]
+        found = [
+            c
+            for c in calibration_targets.touch_points(target, size, at_tips, turned)
+            if c.name.startswith("top")
+        ]
         return tuple((*found, *found)[:count])
 
     monkeypatch.setattr("picktree.skills.touch_target.touch_points", tops)

@@ -8,8 +8,9 @@ import pytest
 
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
-from picktree.session.session import RunRequest, Session
-from picktree.simulation.backends import Backend
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
+from picktree.simulation.checkpoints import Backend
 
 from .cell import EXAMPLES
 

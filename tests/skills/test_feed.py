@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.robot.manipulation.dropped_objects import bin_fill_level
+from picktree.robot.manipulation.bin_belief import bin_fill_level
 from picktree.robot.perception.view import BinView
 from picktree.world.scene.description import Belt
 from picktree.world.values import ObjectId, Pose

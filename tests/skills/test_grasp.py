@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from picktree.robot.manipulation.grasp_candidates import grasp_candidates
-from picktree.robot.manipulation.hold_check import GripCheck, LightObject
+from picktree.robot.manipulation.grasps import grasp_candidates
+from picktree.robot.manipulation.held_object import GripCheck, LightObject
 from picktree.robot.manipulation.pick_candidates import PickPlaceCandidate
 from picktree.robot.manipulation.pick_stream import CandidateSearch
 from picktree.robot.planning.requests import Request
-from picktree.simulation.backends import Backend
+from picktree.simulation.checkpoints import Backend
 from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.trees.flow import NodeStatus
 from picktree.trees.skill import Doing
-from picktree.trees.status import NodeStatus
-from picktree.world.belief.facts import GRASP, AttemptMemory, Refusal
 from picktree.world.causes import Cause, Failure, FailureReport, control, planning
+from picktree.world.events import PickEvent
 from picktree.world.scene.description import SceneDescription
-from picktree.world.skill_events import PickEvent
 from picktree.world.values import Array, ObjectId
+from picktree.world.world_facts import GRASP, AttemptMemory, Refusal
 
 from .cell import Cell, items, mission, sorting
 
@@ -145,7 +145,7 @@ def test_what_is_in_the_hand_already_is_felt_and_lifted_off_where_it_weighs_noth
         did.append("lift")
         yield
 
-    monkeypatch.setattr("picktree.robot.manipulation.hold_check.lift_off", lifting)
+    monkeypatch.setattr("picktree.robot.manipulation.held_object.lift_off", lifting)
     monkeypatch.setattr(cell.world.control, "settle", settling)
     monkeypatch.setattr(cell.world.control, "load", load)
     cell.start(mission(f"Grasp: {{object: {block}}}"))

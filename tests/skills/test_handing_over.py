@@ -11,13 +11,13 @@ import pytest
 
 from picktree.robot.control.motions import ArmMotion
 from picktree.robot.manipulation.pick_candidates import TRANSFER_STAGE
-from picktree.robot.manipulation.transfer_requests import transfer_requests
+from picktree.robot.manipulation.pick_place_motions import transfer_requests
 from picktree.robot.perception.view import BinView
 from picktree.robot.planning.requests import OffsetGoal, Request
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Steps
-from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.journal import CandidateSearchEntry, Entry
+from picktree.world.planning_scene import BeliefObject
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId
 
@@ -181,7 +181,7 @@ def test_the_approach_is_broken_off_when_there_is_no_way_on(monkeypatch: pytest.
         asked.append(legs[0])
         return (Request(OffsetGoal((0.0, 0.0, -0.5)), legs[0].start), *legs[1:]) if len(asked) == 1 else legs
 
-    monkeypatch.setattr("picktree.robot.manipulation.transfer_requests.transfer_requests", blocked_at_first)
+    monkeypatch.setattr("picktree.robot.manipulation.pick_place_motions.transfer_requests", blocked_at_first)
     ranked: list[CandidateSearchEntry] = []
     note = cell.world.journal.note
 
@@ -214,7 +214,7 @@ def test_a_transfer_is_made_only_from_where_the_arm_stands(
         assert first.start is not None
         return (replace(first, start=first.start + off * np.eye(7)[5]), *others)
 
-    monkeypatch.setattr("picktree.robot.manipulation.transfer_requests.transfer_requests", from_elsewhere)
+    monkeypatch.setattr("picktree.robot.manipulation.pick_place_motions.transfer_requests", from_elsewhere)
     x, y, _ = cell.world.scene.get(block).pose.position
     cell.start(mission(f"Grasp: {{object: {block}}}"))
     cell.finish()

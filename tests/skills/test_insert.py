@@ -9,9 +9,9 @@ import pytest
 
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.causes import FailureReport
+from picktree.world.events import ItemDoneEvent
 from picktree.world.scene.description import SceneDescription
 from picktree.world.scene.scene_loading import load_scene
-from picktree.world.skill_events import ItemDoneEvent
 from picktree.world.values import ObjectId, Pose
 
 from .cell import Cell, mission

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from picktree.files.errors import PicktreeError
-from picktree.simulation.backends import Backend
+from picktree.simulation.checkpoints import Backend
 
 from .cell import Cell, items, mission
 

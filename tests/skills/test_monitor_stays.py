@@ -74,7 +74,7 @@ def test_only_a_retreat_acknowledges() -> None:
     assert sorted(said) == [
         "recovery/safe_retreat.py",
         "robot/control/safety_monitor.py",
-        "robot/manipulation/clearing.py",
+        "robot/manipulation/retreat.py",
     ]
 
 
@@ -193,7 +193,7 @@ NODES = (Waits, WaitsWithTheArm, SeesToStops)
 RAISING = '''
 from picktree.trees.skill import ARM, Skill, Steps
 from picktree.world.causes import control
-from picktree.robot.control.twist import Twist
+from picktree.robot.control.commands import Twist
 
 
 class Raising(Skill):

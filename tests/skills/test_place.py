@@ -10,18 +10,17 @@ import numpy as np
 import pytest
 
 from picktree.robot.manipulation import object_placement
+from picktree.robot.manipulation.pick_place_motions import lower
 from picktree.robot.manipulation.release_poses import bin_target, levels, opens_freely, place_candidates
-from picktree.robot.manipulation.straight_lines import lower
 from picktree.robot.perception.view import BinView
 from picktree.robot.planning.requests import LegFailure, MotionPlan, Request
 from picktree.robot.world import PlaceCandidate, World
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Doing, Steps
 from picktree.world.causes import Cause, Failure, planning
+from picktree.world.events import ItemDoneEvent
 from picktree.world.shapes import Box, bottom, top
-from picktree.world.skill_events import ItemDoneEvent
-from picktree.world.trajectory import Trajectory
-from picktree.world.values import ObjectId, Pose
+from picktree.world.values import ObjectId, Pose, Trajectory
 
 from .cell import Cell, items, mission
 

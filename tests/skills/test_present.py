@@ -13,11 +13,12 @@ from picktree.logs.run_result import RunResult
 from picktree.robot.manipulation.presentation import SeenThing, presenting_poses
 from picktree.robot.perception import segmentation
 from picktree.robot.perception.held_thing import HeldView
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
+from picktree.world.events import PresentEvent, PutDownEvent
 from picktree.world.scene.description import Destination
 from picktree.world.scene.destinations import ItemTraits, unknown_traits
 from picktree.world.shapes import greatest_length
-from picktree.world.skill_events import PresentEvent, PutDownEvent
 from picktree.world.values import ObjectId, Pose
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "empty_the_tote.yaml"

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.cli.node_registries import registry
-from picktree.authoring.schema.node_reference import node_entry
-from picktree.authoring.schema.reference_text import markdown
+from picktree.apps.cli.author_commands import registry
+from picktree.authoring.schema.node_reference import markdown, node_entry
 from picktree.recovery import NODES as RECOVERY
 from picktree.skills import NODES as SKILLS
 from picktree.trees.loading.loader import parse_mission

@@ -14,9 +14,9 @@ from picktree.robot.planning.trajectory_gate import TrajectoryGate
 from picktree.robot.vision import Vision
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.causes import Failure, perception, planning
+from picktree.world.events import ItemDoneEvent, ReplannedEvent
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box
-from picktree.world.skill_events import ItemDoneEvent, ReplannedEvent
 from picktree.world.values import ObjectId, Pose
 
 from .cell import Cell, items, mission

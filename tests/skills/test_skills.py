@@ -9,8 +9,8 @@ import pytest
 
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Steps
-from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import Failure, world
+from picktree.world.planning_scene import BeliefObject
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId
 
@@ -133,7 +133,7 @@ def test_a_lift_that_is_broken_off_counts_as_a_pick(monkeypatch: pytest.MonkeyPa
     cell = Cell(mission(LOOK), items(block=1))
     (block,) = listed(cell)
     with monkeypatch.context() as patch:
-        patch.setattr("picktree.robot.manipulation.object_lift.lift", blocked)
+        patch.setattr("picktree.robot.manipulation.object_pick.lift", blocked)
         assert fails(cell, f"Grasp: {{object: {block}, onward: false}}") == "world.disturbed"
     cell.start(mission(f"Sequence: [SafeRetreat, {{Grasp: {{object: {block}}}}}]"))
     cell.finish()

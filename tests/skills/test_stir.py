@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from picktree.analysis.run import Run
+from picktree.logs.records import BodyRecord
 from picktree.logs.run_result import RunResult
-from picktree.logs.schema.records import BodyRecord
-from picktree.session.session import RunRequest, Session
-from picktree.world.skill_events import PushEvent
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
+from picktree.world.events import PushEvent
 
 SCENE = """\
 picktree: 1

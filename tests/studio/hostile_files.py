@@ -12,11 +12,11 @@ from picktree.apps.batch.batch import Batch
 from picktree.apps.batch.plan import BatchPlan
 from picktree.apps.batch.store import RESULTS_FILE, Store
 from picktree.apps.batch.tables import JobRows
-from picktree.files.shipped_files import ROOT
+from picktree.files.file_system import ROOT
 from picktree.logs.recording.recorder import Recorder
-from picktree.logs.schema.records import NodeStatusRecord, Tick, TransitionRecord, Tree, TreeNode, WriteRecord
-from picktree.world.belief.planning_scene import PlanningScene
+from picktree.logs.records import NodeStatusRecord, Tick, TransitionRecord, Tree, TreeNode, WriteRecord
 from picktree.world.journal import CandidateEntry, CandidateSearchEntry, ImageEntry, OtherEvent, PlanEntry
+from picktree.world.planning_scene import PlanningScene
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
 

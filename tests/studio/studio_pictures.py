@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 
 from ..browser import Chromium
 from .conftest import Client, Served, serving

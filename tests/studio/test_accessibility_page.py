@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from picktree.files.shipped_files import ROOT
+from picktree.files.file_system import ROOT
 from picktree.world.scene.scene_loading import SHIPPED
 
 from ..browser import Chromium

@@ -9,10 +9,9 @@ from typing import Any
 
 import pytest
 
-from picktree.apps.batch.forecast import forecast, recorded_batches
-from picktree.apps.batch.plan_loading import load_plan
-from picktree.apps.studio.batch_folder import BatchFolder
-from picktree.apps.studio.plan_text import form_of, with_key
+from picktree.apps.batch.cost_forecast import forecast, recorded_batches
+from picktree.apps.batch.plan import load_plan
+from picktree.apps.studio.batch_slice import BatchFolder, form_of, with_key
 
 from .conftest import Refused, Served
 

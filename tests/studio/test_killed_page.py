@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from picktree.files.shipped_files import ROOT
+from picktree.files.file_system import ROOT
 
 from ..browser import Chromium, wait_until
 from ..needs import CHROMIUM, needs

@@ -14,13 +14,12 @@ import pytest
 
 from picktree.apps.studio import followed_run
 from picktree.apps.studio.jobs import Jobs
-from picktree.apps.studio.live_slice import LiveSlice
-from picktree.apps.studio.run_start import RunOrder
+from picktree.apps.studio.live_slice import LiveSlice, RunOrder
 from picktree.apps.studio.slice import Studio
 from picktree.apps.studio.workspace import Workspace
 from picktree.files.errors import PicktreeError
 from picktree.session.attach_socket import SOCKET_NAME, connect_to_run
-from picktree.world.robot_model.loading import robot_names
+from picktree.world.robot_model.robot_file import robot_names
 
 from .conftest import PATIENCE
 

@@ -9,10 +9,9 @@ from typing import Any
 import pytest
 
 from picktree.apps.studio.answers import Places
-from picktree.apps.studio.edits import written
-from picktree.files.shipped_files import ROOT
-from picktree.trees.port_types import PortType
-from picktree.trees.ports import PortDeclaration
+from picktree.apps.studio.mission_slice import written
+from picktree.files.file_system import ROOT
+from picktree.trees.ports import PortDeclaration, PortType
 from picktree.world.scene.scene_loading import SHIPPED
 
 from .conftest import Client, Refused, Served

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.studio.run_table import Query, RunTable
+from picktree.apps.studio.run_slice import Query, RunTable
 from picktree.apps.studio.workspace import Workspace
-from picktree.logs.recording.rotated_log import Rotation
+from picktree.logs.log_files import Rotation
 from picktree.logs.run_result import RunResult
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 
 from .conftest import Refused, Served
 

@@ -14,8 +14,7 @@ import pytest
 
 from picktree.apps.studio.folder_slice import EXAMPLES, example_files
 from picktree.apps.studio.job_process import MAX_OUTPUT
-from picktree.apps.studio.job_records import Job
-from picktree.apps.studio.jobs import Jobs, job_text
+from picktree.apps.studio.jobs import Job, Jobs, job_text
 from picktree.apps.studio.workspace import Workspace
 from picktree.files.errors import PicktreeError
 from picktree.logs.run_log import RunLog

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from typing import Any
 
-from picktree.files.shipped_files import ROOT
+from picktree.files.file_system import ROOT
 
 from ..browser import Chromium, Told, wait_until
 from ..needs import CHROMIUM, needs, packages

@@ -8,21 +8,19 @@ from textwrap import dedent, indent
 from typing import cast
 
 from picktree.authoring.rehearsal.case_checks import examine_cases
-from picktree.authoring.rehearsal.cases_schema import CaseFile
-from picktree.authoring.rehearsal.rehearsal_result import CaseResult, Rehearsal
-from picktree.authoring.rehearsal.rehearse import rehearse
+from picktree.authoring.rehearsal.cases import CaseFile
+from picktree.authoring.rehearsal.rehearsal import CaseResult, Rehearsal, rehearse
 from picktree.files.yaml.document import Document, read_document
 from picktree.robot.world import World
-from picktree.trees.controls.decorator import Decorator
-from picktree.trees.controls.leaves import ConditionNode
-from picktree.trees.flow import LeafFlow
+from picktree.trees.decorators import Decorator
+from picktree.trees.flow import LeafFlow, NodeStatus
+from picktree.trees.leaves import ConditionNode
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import Mission
 from picktree.trees.node import Node
 from picktree.trees.ports import In, Out, port
 from picktree.trees.skill import ARM, CAMERA, GRIPPER, Skill, Steps
-from picktree.trees.status import NodeStatus
 from picktree.world.causes import grasp, perception, place, planning, safety
 from picktree.world.values import ObjectId
 

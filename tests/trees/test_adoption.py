@@ -7,9 +7,9 @@ from typing import cast
 
 import pytest
 
-from picktree.trees.controls import NODES
-from picktree.trees.status import NodeStatus
-from picktree.trees.tree_adoption import StateTransfer
+from picktree.trees.control_nodes import NODES
+from picktree.trees.flow import NodeStatus
+from picktree.trees.runner import StateTransfer
 from picktree.world.journal import JournalEvent, Plain
 
 from .scripted import FakeWorld, Run, letters, start

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from picktree.files.yaml.document import read_document
-from picktree.trees.fault_collector import MAX_FAULTS, MAX_NODES
 from picktree.trees.loading.loader import MissionReadResult, examine
 from picktree.trees.loading.registry import NodeRegistry
+from picktree.trees.mission import MAX_FAULTS, MAX_NODES
 
 from ..effort import counted
 

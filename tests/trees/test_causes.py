@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from picktree.trees.status import NodeStatus
+from picktree.trees.flow import NodeStatus
 from picktree.world.causes import FailureReport
 
 from .scripted import Run, letters, start

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from picktree.files.expressions.expression import ExpressionError
-from picktree.trees.loading.port_wires import MAX_ASSIGNMENTS, parse_assignments
-from picktree.trees.status import NodeStatus
+from picktree.files.expression_syntax import ExpressionError
+from picktree.trees.flow import NodeStatus
+from picktree.trees.loading.port_reader import MAX_ASSIGNMENTS, parse_assignments
 
 from .scripted import Run, letters, start
 

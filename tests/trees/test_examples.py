@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, cast
 import py_trees
 import pytest
 
+from picktree.trees.flow import NodeStatus
 from picktree.trees.loading.loader import load_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.runner import build
-from picktree.trees.status import NodeStatus
 
 from .scripted import FakeWorld, start
 

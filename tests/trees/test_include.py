@@ -7,10 +7,15 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError
 from picktree.files.yaml.document import read_document
-from picktree.trees.loading.loader import examine, load_mission, parse_mission, read_mission
-from picktree.trees.loading.tree_set import MAX_INCLUDED_FILES
+from picktree.trees.loading.loader import (
+    MAX_INCLUDED_FILES,
+    examine,
+    load_mission,
+    parse_mission,
+    read_mission,
+)
 from picktree.trees.mission import Mission, RecordedFiles
 
 from .scripted import registry

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from picktree.files.errors import PicktreeError
+from picktree.trees.flow import NodeStatus
 from picktree.trees.references import ATTRIBUTES, Reference
-from picktree.trees.status import NodeStatus
 
 from .scripted import FakeWorld, letters, start
 

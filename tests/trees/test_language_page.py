@@ -6,14 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files.expressions.parser import FUNCTIONS
+from picktree.files.expression_syntax import FUNCTIONS
 from picktree.trees.declaration import COMMON_KEYS
-from picktree.trees.fault_collector import MAX_NODES
-from picktree.trees.loading.loader import load_mission
-from picktree.trees.loading.tree_set import MAX_INCLUDED_FILES
-from picktree.trees.mission import library_names
+from picktree.trees.loading.loader import MAX_INCLUDED_FILES, load_mission
+from picktree.trees.mission import MAX_NODES, library_names
 from picktree.trees.references import ATTRIBUTES
-from picktree.world.belief.facts import FACTS
+from picktree.world.world_facts import FACTS
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "language.md").read_text("utf-8")
 

@@ -7,7 +7,7 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError
 from picktree.trees.loading.loader import load_mission, parse_mission
 
 from .scripted import FILE, mission, registry

@@ -10,7 +10,7 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError
 from picktree.world.causes import known_causes
 
 from .waving import WAVE, below, forgotten, mission

@@ -9,10 +9,10 @@ from typing import cast
 
 import pytest
 
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError
 from picktree.robot.world import World
+from picktree.trees.flow import NodeStatus
 from picktree.trees.runner import build
-from picktree.trees.status import NodeStatus
 from picktree.world.causes import remedy_of
 
 from .scripted import FakeWorld, Run

@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from picktree.authoring.check import check_mission
-from picktree.files.errors import PicktreeError
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError, PicktreeError
 from picktree.files.yaml.document import read_document
 from picktree.session.recipe import mission_files, plugin_versions
 from picktree.trees.loading.loader import load_mission, parse_mission

@@ -14,7 +14,7 @@ from typing import cast
 import pytest
 
 from picktree.apps.cli.app import answer
-from picktree.files.diagnostics.fault_codes import page
+from picktree.files.fault_codes import page
 from picktree.robot.world import World
 from picktree.skills import plugin
 from picktree.trees.loading.loader import load_mission

@@ -6,13 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.files.marks import FileError
-from picktree.trees.controls.leaves import ConditionNode
+from picktree.files.errors import FileError, PicktreeError
+from picktree.trees.leaves import ConditionNode
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.port_types import PortType, Range, accept_value, convert_literal
-from picktree.trees.ports import In, port
+from picktree.trees.ports import In, PortType, Range, accept_value, convert_literal, port
 
 
 def fault_of(node: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from picktree.trees.status import NodeStatus
+from picktree.trees.flow import NodeStatus
 
 from .scripted import letters, start
 

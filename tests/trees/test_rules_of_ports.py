@@ -7,7 +7,7 @@ from textwrap import dedent, indent
 
 import pytest
 
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 

@@ -15,12 +15,12 @@ import yaml
 from picktree import recovery
 from picktree.files.yaml.reader import resolve
 from picktree.robot.world import World
-from picktree.trees import controls
+from picktree.trees import control_nodes
+from picktree.trees.flow import NodeStatus
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.node import Node
 from picktree.trees.runner import build
-from picktree.trees.status import NodeStatus
 
 from .scripted import FILE, AnyFacts, FakeWorld, Run
 
@@ -182,7 +182,7 @@ def test_every_case_holds_a_rule() -> None:
 
 def test_every_node_of_the_language_has_rules() -> None:
     curing = [node for node in recovery.NODES if node.declaration.slots]
-    nodes = {node.declaration.id for node in (*controls.NODES, *curing)}
+    nodes = {node.declaration.id for node in (*control_nodes.NODES, *curing)}
     assert nodes - {rule.node for rule in rules()} == set()
 
 

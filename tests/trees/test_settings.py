@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from picktree.files.errors import PicktreeError
-from picktree.session.session import RunRequest, Session
+from picktree.session.recipe import RunRequest
+from picktree.session.session import Session
 from picktree.trees.loading.loader import load_mission
 from picktree.trees.references import Constant
 from picktree.trees.run_settings import read_settings

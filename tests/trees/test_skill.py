@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Literal, cast
 import pytest
 
 from picktree.files.errors import PicktreeError
+from picktree.trees.flow import NodeStatus
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.node import Node
 from picktree.trees.ports import In, Out, port
 from picktree.trees.runner import build
 from picktree.trees.skill import Skill, Steps
-from picktree.trees.status import NodeStatus
-from picktree.world.run_events import InternalErrorEvent
+from picktree.world.events import InternalErrorEvent
 
 from .scripted import FILE, NODES, FakeWorld, Run, letters, start
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, cast
 
 from picktree.skills.feed import AwaitItems
+from picktree.trees.flow import NodeStatus
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.ports import In, port
 from picktree.trees.runner import build
 from picktree.trees.skill import Skill, Steps
-from picktree.trees.status import NodeStatus
 
 from .scripted import FILE, NODES, FakeWorld, Run
 

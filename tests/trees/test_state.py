@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from picktree.files.errors import PicktreeError
 from picktree.trees.failure_reports import pack, report_from_plain, report_to_plain, unpack
-from picktree.trees.status import NodeStatus
+from picktree.trees.flow import NodeStatus
 from picktree.world.causes import FailureReport, all_causes
 from picktree.world.journal import Plain
 

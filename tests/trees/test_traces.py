@@ -9,7 +9,7 @@ from picktree.trees.loading.plugin import load_plugin
 
 PLUGIN = """\
 from picktree.trees.node import Node
-from picktree.trees.status import NodeStatus
+from picktree.trees.flow import NodeStatus
 
 
 class Wave(Node):

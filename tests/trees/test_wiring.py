@@ -6,9 +6,9 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError
 from picktree.robot.world import World
-from picktree.trees.controls.leaves import ConditionNode
+from picktree.trees.leaves import ConditionNode
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.ports import In, Out, port

@@ -5,9 +5,18 @@ from __future__ import annotations
 from textwrap import indent
 from typing import TYPE_CHECKING
 
-from picktree.authoring.lint.failure_reasons import UNREPORTED, FailureReasons
-from picktree.authoring.lint.flow_analysis import FlowAnalysis
-from picktree.authoring.lint.outcomes import EMPTY, KEPT, OUTER, SHARED, FlowState, Outcomes, States
+from picktree.authoring.lint.mission_survey import FlowAnalysis
+from picktree.authoring.lint.outcomes import (
+    EMPTY,
+    KEPT,
+    OUTER,
+    SHARED,
+    UNREPORTED,
+    FailureReasons,
+    FlowState,
+    Outcomes,
+    States,
+)
 from picktree.recovery import NODES as RECOVERY
 from picktree.skills.watch_scene import WatchScene
 from picktree.trees.loading.loader import parse_mission

@@ -15,8 +15,15 @@ from pydantic import TypeAdapter
 
 from picktree.files.disk_cache import VARIABLE
 from picktree.logs.triangle_meshes import shape_mesh
-from picktree.world import convex_parts
-from picktree.world.convex_parts import MAX_PARTS, body_of, moments, parts_name, parts_text, read_parts
+from picktree.world import convex_decomposition
+from picktree.world.convex_decomposition import (
+    MAX_PARTS,
+    body_of,
+    moments,
+    parts_name,
+    parts_text,
+    read_parts,
+)
 from picktree.world.mesh_reader import FlatMesh, MeshError
 from picktree.world.pad_contacts import pad_contacts, top_heights
 from picktree.world.scene.scene_entries import load_body
@@ -129,7 +136,7 @@ def test_a_mesh_that_so_few_parts_do_not_make_up_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PICKTREE_CACHE", "")
-    monkeypatch.setattr(convex_parts, "MAX_EXCESS", -0.5)
+    monkeypatch.setattr(convex_decomposition, "MAX_EXCESS", -0.5)
     with pytest.raises(
         MeshError, match=r"^the mesh is too intricate: 16 convex parts are -?\d+ % larger than it"
     ):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError
 from picktree.world.scene.description import Destination, SceneDescription
 from picktree.world.scene.destinations import ItemTraits, destination_rule
 from picktree.world.scene.scene_loading import load_scene, parse_scene

@@ -10,13 +10,20 @@ import pytest
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
-from picktree.logs.schema import topics
-from picktree.logs.schema.event_records import BeliefEvent, decode_event, event_record, events_page
-from picktree.logs.schema.json_records import encode
-from picktree.world.event_kinds import event_of
+from picktree.logs import topics
+from picktree.logs.event_records import BeliefEvent, decode_event, event_record, events_page
+from picktree.logs.records import encode
+from picktree.world.events import (
+    FaultEvent,
+    HandledEvent,
+    ItemDoneEvent,
+    PickEvent,
+    PushEvent,
+    RecoveryEvent,
+    SafetyStopEvent,
+    event_of,
+)
 from picktree.world.journal import EVENT_KINDS, Journal, JournalEvent, OtherEvent, event_fields
-from picktree.world.run_events import FaultEvent, HandledEvent, RecoveryEvent
-from picktree.world.skill_events import ItemDoneEvent, PickEvent, PushEvent, SafetyStopEvent
 
 Validator: Any = Draft202012Validator
 

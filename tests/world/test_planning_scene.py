@@ -5,9 +5,7 @@ from dataclasses import FrozenInstanceError, replace
 import pytest
 
 from picktree.files.errors import PicktreeError
-from picktree.robot.manipulation.dropped_objects import release_object
-from picktree.world.belief.facts import AttemptMemory
-from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
+from picktree.robot.manipulation.held_object import release_object
 from picktree.world.causes import (
     Cause,
     Failure,
@@ -19,10 +17,12 @@ from picktree.world.causes import (
     register_cause,
 )
 from picktree.world.computing_time import ComputeTimeAccount
+from picktree.world.planning_scene import BeliefObject, PlanningScene
 from picktree.world.random_streams import RandomStreams
 from picktree.world.scene.description import Bin, Fixture
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
+from picktree.world.world_facts import AttemptMemory
 
 TABLE = Fixture(ObjectId("table"), Box((1.0, 1.0, 0.04)), Pose((0.5, 0.0, -0.02)))
 BIN = Bin(ObjectId("red_bin"), (0.2, 0.2, 0.1), 0.005, Pose((0.5, 0.4, 0.0)))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files.marks import FileError
+from picktree.files.errors import FileError
 from picktree.files.yaml.document import read_document
 from picktree.world.scene.description import AtIntervals, AtTimes, Belt, Delivery, Exchange, Spawn, WhenClear
 from picktree.world.scene.scene_loading import check_scene, parse_scene

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from picktree.files.errors import PicktreeError
-from picktree.files.marks import FileError
-from picktree.world.scene.heap_regions import heap_regions
+from picktree.files.errors import FileError, PicktreeError
+from picktree.world.heaps import heap_regions
 from picktree.world.scene.scene_loading import load_scene, parse_scene, scene_names
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Sphere
 from picktree.world.values import Pose

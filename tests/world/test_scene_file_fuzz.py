@@ -8,11 +8,10 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.files.errors import PicktreeError
-from picktree.files.marks import FileError
-from picktree.simulation.faults.fault_loading import parse_faults
-from picktree.world.robot_model.loading import SHIPPED as ROBOTS
-from picktree.world.robot_model.loading import parse_robot
+from picktree.files.errors import FileError, PicktreeError
+from picktree.simulation.fault_loading import parse_faults
+from picktree.world.robot_model.robot_file import SHIPPED as ROBOTS
+from picktree.world.robot_model.robot_file import parse_robot
 from picktree.world.scene.scene_loading import SHIPPED as SCENES
 from picktree.world.scene.scene_loading import parse_scene
 

@@ -1,31 +1,254 @@
-"""Grammar of nodes: converts the values under `trees:` to NodeSpecs, and reports all errors with their
-places.
-
-A node is a mapping with one key, `NodeID: {port: value, …}`, or the bare ID. Children are a list under the
-node, or `do:` where it has ports of its own; other slots have names. Where one child is wanted, a list is a
-Sequence.
+"""Grammar of nodes: converts the values under `trees:` to NodeSpecs, with their children, and reports
+all errors with their places. A name of another library's node gets a suggestion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Final, TypeAlias
 
-from ...files.marks import Location, Mark
+from ...files.errors import Location, Mark
 from ...files.yaml.document import Document
 from ...files.yaml.reader import Value
-from ...files.yaml.slips import structure_hint
+from ...files.yaml.syntax_faults import structure_hint
+from ...world.causes import OUR_PREFIXES
+from ..control_nodes import Sequence
 from ..declaration import AUTOREMAP, COMMON_KEYS, IDENTIFIER, NodeDeclaration
-from ..fault_collector import MissionDiagnostics
-from ..mission import NodeSpec
+from ..mission import MissionDiagnostics, NodeSpec
 from ..node import Node
-from ..port_types import PortValues, show
-from ..ports import PortDeclaration
+from ..ports import PortDeclaration, PortValues, SlotDeclaration, show
 from ..references import Binding, Constant, ExpressionLocator
-from .children import NAME_PATTERN, ChildNames, ChildReader, Filled, labels_of
-from .foreign_words import foreign_word
-from .port_wires import PortReader
+from .port_reader import PortReader
 from .registry import NodeRegistry
+
+FOREIGN_WORDS: Final[Mapping[str, str]] = {
+    # BehaviorTree.CPP
+    "LoopBool": "a loop over a list is 'ForEach: {in: …, out: \"{key}\", do: …}'",
+    "LoopDouble": "a loop over a list is 'ForEach: {in: …, out: \"{key}\", do: …}'",
+    "LoopInt": "a loop over a list is 'ForEach: {in: …, out: \"{key}\", do: …}'",
+    "LoopString": "a loop over a list is 'ForEach: {in: …, out: \"{key}\", do: …}'",
+    "ManualSelector": "there is no choosing by hand",
+    "Precondition": "a condition stands at the node itself, as '_skipIf: …' or '_failureIf: …'",
+    "ScriptCondition": "an expression is asked by 'Condition: {if: …}'",
+    "SequenceStar": "this is of format 3; in format 4 it is <SequenceWithMemory>",
+    "SubTree": "a tree is used by its name, as 'PutDown: {object: \"{item}\"}'",
+    "SubTreePlus": "this is of format 3; in format 4 it is <SubTree>",
+    "Switch2": "Switch, with any number of cases",
+    "Switch3": "Switch, with any number of cases",
+    "Switch4": "Switch, with any number of cases",
+    "Switch5": "Switch, with any number of cases",
+    "Switch6": "Switch, with any number of cases",
+    "UnsetBlackboard": "a key cannot be taken away; write null with SetBlackboard",
+    # Nav2
+    "BackUp": "Jog moves the tool, SafeRetreat gets the arm clear",
+    "DistanceController": "RateController bounds how often a child begins",
+    "DriveOnHeading": "Jog moves the tool, GoTo the arm",
+    "GoalUpdated": "WasEntryUpdated",
+    "SingleTrigger": "RunOnce, with 'then_skip: false'",
+    "SpeedController": "RateController bounds how often a child begins",
+    "Wait": "Sleep",
+    "GoalUpdatedController": "SkipUnlessUpdated",
+    "IsGoalUpdated": "WasEntryUpdated",
+    "NonblockingSequence": "PipelineSequence comes near; it goes on past a child that runs again",
+    "PersistentSequence": "SequenceWithMemory",
+    # py_trees
+    "CheckBlackboardVariableExists": "ask for the key in a Condition, as 'Condition: {if: key != null}'",
+    "CheckBlackboardVariableValue": "ask for the value in a Condition, as 'Condition: {if: key == 3}'",
+    "EternalGuard": "a condition stands at the node itself, as '_while: …'",
+    "Failure": "AlwaysFailure",
+    "FailureIsRunning": "RetryUntilSuccessful, with 'num_attempts: -1'",
+    "FailureIsSuccess": "ForceSuccess",
+    "OneShot": "RunOnce",
+    "Retry": "RetryUntilSuccessful, or a Recover where the cause decides",
+    "RunningIsFailure": "a Timeout bounds how long a child may be RUNNING",
+    "RunningIsSuccess": "a Timeout bounds how long a child may be RUNNING",
+    "SetBlackboardVariable": "SetBlackboard",
+    "Assign": "Script",
+    "StatusToBlackboard": "an assignment stands at the node itself, as '_onSuccess: …' and '_onFailure: …'",
+    "Success": "AlwaysSuccess",
+    "SuccessIsFailure": "ForceFailure",
+    "SuccessIsRunning": "KeepRunningUntilFailure",
+    "TickCounter": "Sleep",
+    "UnsetBlackboardVariable": "a key cannot be taken away; write null with SetBlackboard",
+    "WaitForBlackboardVariable": "wait by 'RetryUntilSuccessful: {num_attempts: -1, do: {Condition: …}}'",
+    # Words of every day, and of game engines
+    "Catch": "Recover",
+    "Cooldown": "a Delay in it waits; RateController bounds how often a child begins",
+    "Drop": "Place puts down, OpenGripper lets go",
+    "Failer": "AlwaysFailure, or ForceFailure around a child",
+    "For": "ForEach over a list, Repeat for a number of times",
+    "If": "IfThenElse, or '_skipIf: …' at the node itself",
+    "Limiter": "Repeat and RetryUntilSuccessful count; Budget bounds recovery",
+    "Look": "Observe",
+    "Loop": "Repeat for a number of times, ForEach over a list",
+    "Move": "GoTo for a named pose, Jog for a distance",
+    "MoveTo": "GoTo for a named pose, Jog for a distance",
+    "Negate": "Inverter",
+    "Not": "Inverter",
+    "Pick": "Grasp",
+    "PickUp": "Grasp",
+    "Priority": "Fallback",
+    "PrioritySelector": "Fallback",
+    "Release": "OpenGripper lets go, Place puts down",
+    "Repeater": "Repeat",
+    "Selector": "Fallback",
+    "SelectorWithMemory": "Fallback",
+    "Succeeder": "AlwaysSuccess, or ForceSuccess around a child",
+    "Try": "Fallback tries one after the other, Recover handles causes",
+    "UntilFail": "KeepRunningUntilFailure",
+    "UntilFailure": "KeepRunningUntilFailure",
+    "UntilSuccess": "RetryUntilSuccessful",
+    "While": "'Repeat: {while: …, do: …}' for a loop, WhileDoElse for a choice at each tick",
+}
+"""Hint for each name that is no node here; a single word is the node that is meant."""
+_FOLDED: Final = {word.casefold(): hint for word, hint in FOREIGN_WORDS.items()}
+
+
+def foreign_word(name: str) -> str:
+    """Return what to write for a node of another library or engine; "" for an unknown word.
+
+    >>> foreign_word("selector"), foreign_word("Graps")
+    ("did you mean 'Fallback'?", '')
+    """
+    hint = _FOLDED.get(name.replace("_", "").casefold(), "")
+    return f"did you mean {hint!r}?" if hint.isidentifier() else hint
+
+
+NAME_PATTERN = re.compile(r"[^/#\x00-\x1f]{1,60}")
+"""Valid name of a node, or of a case."""
+Filled: TypeAlias = tuple[tuple[str, NodeSpec], ...]
+"""Children of a slot as (label, node); the label is the name in a table, else empty."""
+
+
+@dataclass(slots=True)
+class ChildNames:
+    """Allocator of unique names among siblings: the second `Observe` is `Observe#2`."""
+
+    _counts: dict[str, int] = field(default_factory=dict[str, int])
+
+    def take(self, name: str) -> str:
+        count = self._counts[name] = self._counts.get(name, 0) + 1
+        return name if count == 1 else f"{name}#{count}"
+
+
+class ChildReader:
+    """Reader of the slots of nodes. `node` reads a single node."""
+
+    def __init__(
+        self,
+        document: Document,
+        registry: NodeRegistry,
+        faults: MissionDiagnostics,
+        node: Callable[[Value, Location, str, ChildNames], NodeSpec | None],
+    ) -> None:
+        self._document = document
+        self._registry = registry
+        self._faults = faults
+        self._node = node
+
+    def read(
+        self,
+        declaration: NodeDeclaration,
+        slot: SlotDeclaration,
+        value: Value,
+        loc: Location,
+        trail: str,
+        names: ChildNames,
+    ) -> Filled:
+        match slot.arity:
+            case "one":
+                label = "" if slot.key == "do" else slot.key
+                found = self._one(value, loc, trail, names, label)
+                return (("", found),) if found else ()
+            case "many":
+                return self._many(declaration, slot, value, loc, trail, names)
+            case "table":
+                return self._table(slot, value, loc, trail, names)
+
+    def _one(self, value: Value, loc: Location, trail: str, names: ChildNames, label: str) -> NodeSpec | None:
+        """Read one node. A list is a Sequence, named so under `do` and after its slot elsewhere."""
+        if not isinstance(value, list):
+            return self._node(value, loc, trail, names)
+        if not value:
+            message = "the list is empty; at least one node must stand here"
+            self._fault(loc, trail, message, code="P231")
+            return None
+        name = names.take(label or Sequence.declaration.id)
+        parts = self.listed(value, loc, f"{trail}/{name}", ChildNames())
+        mark = self._document.mark(loc)
+        slots = {"do": parts}
+        return NodeSpec(Sequence.declaration.id, name, mark, Sequence, slots=slots, places={"do": mark})
+
+    def _many(
+        self,
+        declaration: NodeDeclaration,
+        slot: SlotDeclaration,
+        value: Value,
+        loc: Location,
+        trail: str,
+        names: ChildNames,
+    ) -> Filled:
+        if not isinstance(value, list):
+            found = self._node(value, loc, trail, names)
+            count, parts = 1, (("", found),) if found else ()
+        else:
+            count, parts = len(value), self.listed(value, loc, trail, names)
+        if count < slot.least or (slot.most is not None and count > slot.most):
+            limit = f"at least {slot.least}" if slot.most is None else f"{slot.least} to {slot.most}"
+            limit = f"{slot.least}" if slot.least == slot.most else limit
+            message = (
+                f"{declaration.id} has {count} {'child' if count == 1 else 'children'}; it takes {limit}"
+            )
+            self._fault(loc, trail, message, code="P229")
+        return parts
+
+    def listed(self, value: list[Value], loc: Location, trail: str, names: ChildNames) -> Filled:
+        found = (self._node(item, (*loc, index), trail, names) for index, item in enumerate(value))
+        return tuple(("", node) for node in found if node is not None)
+
+    def _table(
+        self, slot: SlotDeclaration, value: Value, loc: Location, trail: str, names: ChildNames
+    ) -> Filled:
+        if not isinstance(value, dict) or not value:
+            self._fault(loc, trail, f"{slot.key!r} is a mapping: {slot.doc}", code="P232")
+            return ()
+        found: list[tuple[str, NodeSpec]] = []
+        for key, body in value.items():
+            if slot.of == "cause":
+                self._check_pattern(key, (*loc, key), trail)
+            elif not NAME_PATTERN.fullmatch(key):
+                self._fault((*loc, key), trail, f"{show(key)} cannot name a case", code="P232", key=True)
+            node = self._one(body, (*loc, key), trail, names, key)
+            if node is not None:
+                found.append((key, node))
+        return tuple(found)
+
+    def _check_pattern(self, pattern: str, loc: Location, trail: str) -> None:
+        patterns = self._registry.patterns
+        ours = pattern.partition(".")[0] in OUR_PREFIXES
+        if pattern not in patterns and not self._registry.is_lost(pattern, near=ours):
+            plugin = self._registry.registers(pattern)
+            if plugin:
+                message = f"{show(pattern)} is registered by {plugin}, but no node declares it"
+                hint = f"add it to the 'causes' of the skill in {plugin} that fails with it"
+            else:
+                message = f"no cause is called {show(pattern)}"
+                hint = self._faults.nearest(pattern, patterns)
+            self._fault(loc, trail, message, hint, code="P233", key=True)
+
+    def _fault(
+        self, loc: Location, trail: str, message: str, hint: str = "", *, code: str, key: bool = False
+    ) -> None:
+        self._faults.at(self._document, loc, trail, message, hint, code=code, key=key)
+
+
+def labels_of(slot: SlotDeclaration, value: Value) -> tuple[str, ...]:
+    """Return one label for each child under a slot: its name in a table, else empty."""
+    if slot.arity == "table":
+        return tuple(value) if isinstance(value, dict) else ()
+    return ("",) * len(value) if isinstance(value, list) else ("",)
 
 
 @dataclass(frozen=True, slots=True)

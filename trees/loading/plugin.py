@@ -1,28 +1,381 @@
-"""Loading of plug-ins: a Python file next to the mission, or an installed module, that offers nodes."""
+"""Loading of plug-ins: a Python file next to the mission, or an installed module, that offers nodes. Its
+source is checked for motions without `yield from`, which do nothing.
+"""
 
 from __future__ import annotations
 
+import ast
+import builtins
 import hashlib
 import importlib
 import importlib.util
+import inspect
 import os
 import re
 import sys
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
-from types import ModuleType
-from typing import TypeGuard, cast, get_args
+from types import CodeType, GeneratorType, ModuleType
+from typing import Final, TypeGuard, cast, get_args
 
-from ...files.shipped_files import is_file
+from ...files.file_system import is_file
 from ...world.causes import OUR_PREFIXES, Cause, Family, known_causes, restore_causes
-from ..declaration import Hand, Kind, NodeDeclaration, Resource
+from ..declaration import Kind, NodeDeclaration, Resource
+from ..description import FILE_MODULE
+from ..flow import Hand
 from ..mission import Plugin
 from ..node import Node
-from ..tree_definition import FILE_MODULE
-from .motion_calls import check_motion_calls, compiled, watched_names
 from .plugin_import import PluginError, importing
+
+_GENERATORS = ("Doing", "Steps", "Generator", "Iterator")
+"""Return types of functions that do nothing before they are iterated."""
+_HELPER: Final = "__picktree_carried_out__"
+_PACKAGE = Path(__file__).resolve().parents[2]
+_WORLD = _PACKAGE / "robot" / "world.py"
+
+
+class UnstartedMotion(TypeError):
+    """A generator that was thrown away before it was started."""
+
+
+def check_motion_calls(source: bytes, module: Mapping[str, object], plugin: str) -> None:
+    """Check a plug-in's source. Raises PluginError for a motion that is surely called without `yield from`.
+
+    `module`: names of the executed module. What cannot be known before a run is left to `compiled`.
+    """
+    found = list(_Check(ast.parse(source), module).lost())
+    if not found:
+        return
+    first, *others = found
+    message = (
+        f"the plug-in {plugin!r}, line {first.line}: {first.where} calls {first.motion} without "
+        "'yield from', so that it does nothing"
+    )
+    further = list(dict.fromkeys(other.line for other in others if other.line != first.line))
+    if further:
+        message += f"; line{'s' if len(further) > 1 else ''} {', '.join(map(str, further))}, too"
+    raise PluginError(message, f"write 'yield from {first.motion}(…)'", code="P261")
+
+
+def compiled(source: bytes, path: Path) -> CodeType:
+    """Compile a plug-in's file so that a motion which is thrown away raises UnstartedMotion at its line."""
+    tree = _Watch(path.name).visit(compile(source, str(path), "exec", ast.PyCF_ONLY_AST))
+    return compile(ast.fix_missing_locations(tree), str(path), "exec")
+
+
+def watched_names() -> dict[str, object]:
+    """Return the names that code from `compiled` needs."""
+    return {_HELPER: _carried_out}
+
+
+def _carried_out(value: object, motion: str, place: str) -> object:
+    if _is_unstarted(value):
+        raise UnstartedMotion(f"{motion} is called without 'yield from', so that it does nothing ({place})")
+    return value
+
+
+def _is_unstarted(value: object) -> bool:
+    if type(value) is not GeneratorType:
+        return False
+    return inspect.getgeneratorstate(cast("Generator[object, object, object]", value)) == inspect.GEN_CREATED
+
+
+class _Watch(ast.NodeTransformer):
+    """Passes each value that a statement throws away, or that a `yield` gives, to the helper."""
+
+    def __init__(self, file: str) -> None:
+        self._file = file
+
+    def visit_Module(self, node: ast.Module) -> ast.AST:
+        for part in node.body:
+            if isinstance(part, ast.FunctionDef | ast.ClassDef):
+                self.generic_visit(part)
+        return node
+
+    def visit_Expr(self, node: ast.Expr) -> ast.AST:
+        self.generic_visit(node)
+        if isinstance(node.value, ast.Call):
+            node.value = self._watched(node.value)
+        return node
+
+    def visit_Yield(self, node: ast.Yield) -> ast.AST:
+        self.generic_visit(node)
+        if isinstance(node.value, ast.Call):
+            node.value = self._watched(node.value)
+        return node
+
+    def _watched(self, call: ast.Call) -> ast.Call:
+        place = f"{self._file}, line {call.lineno}"
+        said = [ast.Constant(ast.unparse(call.func)), ast.Constant(place)]
+        helper = ast.Call(ast.Name(_HELPER, ast.Load()), [call, *said], [])
+        return ast.copy_location(helper, call)
+
+
+@dataclass(frozen=True, slots=True)
+class _LostMotion:
+    line: int
+    where: str
+    """Function that calls it, as `Wave.run`."""
+    motion: str
+
+
+class _Check:
+    """Finds calls of known motions whose generator goes nowhere."""
+
+    def __init__(self, tree: ast.Module, module: Mapping[str, object]) -> None:
+        self._tree, self._module = tree, module
+
+    def lost(self) -> Iterator[_LostMotion]:
+        """Yield the calls in the order of the text."""
+        for owner, function in _functions(self._tree):
+            worlds = _worlds(function)
+            uses = _Uses(function, partial(self._known, owner))
+            where = f"{owner.name}.{function.name}" if owner is not None else function.name
+            for call in _calls(function):
+                if self._is_motion(call.func, owner, worlds) and uses.goes_nowhere(call):
+                    yield _LostMotion(call.lineno, where, ast.unparse(call.func))
+
+    def _is_motion(self, called: ast.expr, owner: ast.ClassDef | None, worlds: frozenset[str]) -> bool:
+        match called:
+            case ast.Attribute(value=ast.Attribute(value=ast.Name(id=world), attr=part), attr=name):
+                return world in worlds and name in _world_motions().get(part, ())
+            case _:
+                return inspect.isgeneratorfunction(self._known(owner, called))
+
+    def _known(self, owner: ast.ClassDef | None, named: ast.expr) -> object:
+        """Return what a name, or an attribute of `self`, of the module stands for. None: not known."""
+        match named:
+            case ast.Name(id=name):
+                return self._module.get(name, getattr(builtins, name, None))
+            case ast.Attribute(value=ast.Name(id="self"), attr=name) if owner is not None:
+                return getattr(self._module.get(owner.name), name, None)
+            case _:
+                return None
+
+
+class _Uses:
+    """Uses of the values in one function."""
+
+    def __init__(self, function: ast.FunctionDef, known: Callable[[ast.expr], object]) -> None:
+        """`known` returns what a called expression stands for, or None."""
+        self._function, self._known = function, known
+        self._above = {id(child): node for node in ast.walk(function) for child in ast.iter_child_nodes(node)}
+
+    def goes_nowhere(self, motion: ast.expr) -> bool:
+        """Return whether the generator is thrown away, or used as if it were the motion's result."""
+        match self._above[id(motion)]:
+            case ast.Expr() | ast.Yield() | ast.Compare() | ast.BinOp() | ast.FormattedValue():
+                return True
+            case ast.UnaryOp() | ast.Subscript():
+                return True
+            case ast.If(test=test) | ast.While(test=test) | ast.Assert(test=test):
+                return test is motion
+            case ast.IfExp() as choice:
+                return choice.test is motion or self.goes_nowhere(choice)
+            case ast.BoolOp() as either:
+                return self.goes_nowhere(either)
+            case ast.Attribute(attr=name):
+                return not hasattr(GeneratorType, name)
+            case ast.Return() as end:
+                return self._returned_for_nothing(end)
+            case ast.Call() | ast.keyword() as use:
+                return self._given_for_nothing(motion, use)
+            case ast.NamedExpr(target=ast.Name(id=name)) as named:
+                return self._name_goes_nowhere(name) and self.goes_nowhere(named)
+            case ast.Assign(targets=[ast.Name(id=name)]) | ast.AnnAssign(target=ast.Name(id=name)):
+                return self._name_goes_nowhere(name)
+            case ast.Assign(targets=[ast.Tuple() | ast.List()]):
+                return True
+            case _:
+                return False
+
+    def _name_goes_nowhere(self, name: str) -> bool:
+        """Return whether no use of the name can start the generator that it was set to.
+
+        A name that is set once needs only one use that a generator cannot have.
+        """
+        nodes = [node for node in ast.walk(self._function) if isinstance(node, ast.Name) and node.id == name]
+        loads = [node for node in nodes if isinstance(node.ctx, ast.Load)]
+        once = sum(isinstance(node.ctx, ast.Store) for node in nodes) == 1
+        if once and any(self._needs_result(node) for node in loads):
+            return True
+        return all(self.goes_nowhere(node) for node in loads if not self._is_asked_for(node))
+
+    def _needs_result(self, name: ast.Name) -> bool:
+        match self._above[id(name)]:
+            case ast.Attribute(attr=attribute):
+                return not hasattr(GeneratorType, attribute)
+            case ast.Subscript(value=value):
+                return value is name
+            case _:
+                return False
+
+    def _is_asked_for(self, name: ast.Name) -> bool:
+        """Return whether the name is only compared with None, which starts nothing."""
+        match self._above[id(name)]:
+            case ast.Compare(ops=[ast.Is() | ast.IsNot()]):
+                return True
+            case _:
+                return False
+
+    def _returned_for_nothing(self, end: ast.Return) -> bool:
+        """Return whether the function that returns a generator promises something else."""
+        inside: ast.AST = end
+        while not isinstance(inside, ast.FunctionDef | ast.Lambda):
+            inside = self._above[id(inside)]
+        if inside is not self._function:
+            return False
+        promised = self._function.returns
+        if _yields(self._function):
+            return promised is None or not any(word in ast.unparse(promised)[1:] for word in _WITHIN)
+        return promised is not None and self._excludes_generators(promised, self._known)
+
+    def _given_for_nothing(self, motion: ast.expr, use: ast.Call | ast.keyword) -> bool:
+        """Return whether the parameter that gets the generator is declared as something else."""
+        call = self._above[id(use)] if isinstance(use, ast.keyword) else use
+        if not isinstance(call, ast.Call) or call.func is motion:
+            return False
+        called = self._known(call.func)
+        if any(called is reader for reader in _RESULT_READERS):
+            return True
+        if not callable(called) or (isinstance(use, ast.keyword) and use.arg is None):
+            return False
+        if any(isinstance(one, ast.Starred) for one in call.args):
+            return False
+        try:
+            parameters = inspect.signature(called).parameters
+        except (TypeError, ValueError):
+            return False
+        own = [one for name, one in parameters.items() if name != "self"]
+        places = [one for one in own if one.kind in (one.POSITIONAL_ONLY, one.POSITIONAL_OR_KEYWORD)]
+        if isinstance(use, ast.keyword):
+            one = parameters.get(use.arg or "")
+        else:
+            at = next(k for k, given in enumerate(call.args) if given is motion)
+            one = places[at] if at < len(places) else None
+        if one is None or one.annotation is one.empty:
+            return False
+        names = getattr(inspect.unwrap(called), "__globals__", None) or vars(
+            sys.modules.get(getattr(called, "__module__", ""), builtins)
+        )
+        text = one.annotation if isinstance(one.annotation, str) else getattr(one.annotation, "__name__", "")
+        try:
+            declared = ast.parse(text, mode="eval").body
+        except SyntaxError:
+            return False
+        return self._excludes_generators(declared, partial(_named_in, names))
+
+    @staticmethod
+    def _excludes_generators(annotation: ast.expr, known: Callable[[ast.expr], object]) -> bool:
+        """Return whether every type of an annotation is a known class that no generator belongs to."""
+        match annotation:
+            case ast.Constant(value=None):
+                return True
+            case ast.BinOp(left=left, right=right):
+                return _Uses._excludes_generators(left, known) and _Uses._excludes_generators(right, known)
+            case ast.Name():
+                kind = known(annotation)
+            case _:
+                return False
+        try:
+            return isinstance(kind, type) and not issubclass(GeneratorType, kind)
+        except TypeError:
+            return False
+
+
+_WITHIN: Final = tuple(f"[{word}" for word in _GENERATORS) + tuple(f", {word}" for word in _GENERATORS)
+_RESULT_READERS: Final = (bool, str, repr, len, float, int, abs, round, format)
+"""Built-in functions that read a value and start no generator."""
+
+
+def _named_in(names: Mapping[str, object], named: ast.expr) -> object:
+    return names.get(named.id, getattr(builtins, named.id, None)) if isinstance(named, ast.Name) else None
+
+
+def _yields(function: ast.FunctionDef) -> bool:
+    """Return whether the function itself, without those defined in it, is a generator."""
+    todo: list[ast.AST] = list(function.body)
+    while todo:
+        node = todo.pop()
+        if isinstance(node, ast.Yield | ast.YieldFrom):
+            return True
+        if not isinstance(node, ast.FunctionDef | ast.Lambda | ast.ClassDef):
+            todo += ast.iter_child_nodes(node)
+    return False
+
+
+def _functions(tree: ast.Module) -> Iterator[tuple[ast.ClassDef | None, ast.FunctionDef]]:
+    """Yield the functions of a module, and the methods of its classes with their class."""
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef):
+            yield None, node
+        elif isinstance(node, ast.ClassDef):
+            yield from ((node, one) for one in node.body if isinstance(one, ast.FunctionDef))
+
+
+def _calls(function: ast.FunctionDef) -> list[ast.Call]:
+    """Return the calls in a function in the order of the text."""
+    found = (node for node in ast.walk(function) if isinstance(node, ast.Call))
+    return sorted(found, key=lambda node: (node.lineno, node.col_offset))
+
+
+def _worlds(function: ast.FunctionDef) -> frozenset[str]:
+    """Return the parameters that are the `World`: by their annotation, or else by their name."""
+    arguments = (*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs)
+    return frozenset(
+        one.arg
+        for one in arguments
+        if (
+            ast.unparse(one.annotation).strip("'\"").endswith("World")
+            if one.annotation
+            else one.arg == "world"
+        )
+    )
+
+
+@cache
+def _world_motions() -> Mapping[str, frozenset[str]]:
+    """Return the motions of the parts of `World` by the part's name.
+
+    They are read from the sources: a check of a mission does not import the robot's control.
+    """
+    source = _Source(_WORLD)
+    fields = (node for node in source.classes["World"].body if isinstance(node, ast.AnnAssign))
+    return {ast.unparse(node.target): source.motions(ast.unparse(node.annotation)) for node in fields}
+
+
+class _Source:
+    """Classes of one of our files, and the files from which it imports others."""
+
+    def __init__(self, path: Path) -> None:
+        tree = ast.parse(path.read_bytes())
+        self.classes = {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
+        self._files = {
+            alias.name: path.parents[node.level - 1]
+            .joinpath(*(node.module or "").split("."))
+            .with_suffix(".py")
+            for node in ast.walk(tree)
+            if isinstance(node, ast.ImportFrom) and node.level
+            for alias in node.names
+        }
+
+    def motions(self, kind: str) -> frozenset[str]:
+        """Return the names of the methods of a class and its bases that return a generator."""
+        if kind not in self.classes:
+            file = self._files.get(kind)
+            return _Source(file).motions(kind) if file is not None and file.is_file() else frozenset()
+        own = self.classes[kind]
+        bases = (self.motions(ast.unparse(base)) for base in own.bases)
+        methods = (one for one in own.body if isinstance(one, ast.FunctionDef) and not one.decorator_list)
+        return frozenset(one.name for one in methods if _returns_generator(one)).union(*bases)
+
+
+def _returns_generator(function: ast.FunctionDef) -> bool:
+    returned = function.returns
+    return returned is not None and ast.unparse(returned).partition("[")[0] in _GENERATORS
 
 
 def offered_nodes(module: ModuleType, plugin: str, attribute: str) -> tuple[type[Node], ...]:
@@ -119,8 +472,6 @@ _DOTTED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
 _OURS = "picktree."
 _RUN_ATTRIBUTE = "__picktree_run__"
 """Attribute under which a file's module keeps its `_Run`."""
-
-
 PLUGINS_VARIABLE = "PICKTREE_PLUGINS"
 """Environment variable that is `refuse` where plug-ins of missions may not be run."""
 

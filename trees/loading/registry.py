@@ -37,7 +37,9 @@ class NodeRegistry:
     """
 
     def __init__(self, nodes: Iterable[type[Node]] = (), *, installed: bool = True) -> None:
-        from ..controls import NODES  # the control nodes are made from the base, which the registry serves
+        from ..control_nodes import (
+            NODES,  # the control nodes are made from the base, which the registry serves
+        )
 
         self._nodes: dict[str, type[Node]] = {}
         self._from: dict[str, str] = {}

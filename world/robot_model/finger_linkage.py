@@ -13,7 +13,7 @@ import numpy as np
 from ..shapes import Box, corners
 from ..values import Array, Pose
 from .description import Follower, GripperDescription, Linkage
-from .urdf_tree import UrdfTree
+from .urdf import UrdfTree
 
 
 class Fingers(Protocol):

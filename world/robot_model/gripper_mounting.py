@@ -16,10 +16,8 @@ from ..colours import COLOURS
 from ..shapes import Box
 from ..values import Pose, Vector3
 from .description import RobotDescription
-from .mesh_files import PACKAGE, mesh_file
+from .urdf import PACKAGE, mesh_file, numbers_text, parsed_urdf, skeleton_of
 from .urdf_faults import UrdfError
-from .urdf_text import parsed_urdf
-from .urdf_tree import numbers_text, skeleton_of
 
 
 @dataclass(frozen=True, slots=True)

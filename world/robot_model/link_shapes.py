@@ -17,16 +17,17 @@ from .. import mesh_reader, shapes
 from ..mesh_reader import FlatMesh, MeshError, hull_corners, read_mesh
 from ..shapes import ConvexMesh, Shape, convex_hull, extents
 from ..values import Array, Pose
-from .urdf_geometry import (
+from .urdf import (
     Geometry,
     UrdfMesh,
     UrdfPrimitive,
+    UrdfTree,
     element_faults,
     link_geometry,
     links_seen_only,
+    parsed_urdf,
+    skeleton_of,
 )
-from .urdf_text import parsed_urdf
-from .urdf_tree import UrdfTree, skeleton_of
 
 
 @dataclass(frozen=True, slots=True)

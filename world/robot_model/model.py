@@ -16,8 +16,8 @@ from .description import RobotDescription
 from .finger_linkage import fingers_of
 from .gripper_mounting import mount_tool
 from .link_shapes import LinkShape, link_shapes
+from .urdf import parsed_urdf
 from .urdf_faults import MOVING, UrdfError
-from .urdf_text import parsed_urdf
 
 TCP_FRAME = "picktree_tcp"
 MIN_UPRIGHT_COSINE = 0.99

@@ -7,13 +7,12 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from ...files.expressions.expression import Expression
-from ...files.expressions.syntax_tree import LiteralValue, walk
-from ...files.expressions.type_inference import FLOAT, ValueType
+from ...files.expression_syntax import LiteralValue, walk
+from ...files.expressions import FLOAT, Expression, ValueType
 from ..colours import ITEM_COLOURS
 from ..values import ObjectId
-from .body_schema import FORMS
 from .description import Destination
+from .scene_schema import FORMS
 
 
 class Sortable(Protocol):

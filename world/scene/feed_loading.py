@@ -1,19 +1,29 @@
-"""Feed entries of scene files: checks that need several values, and conversion to values of the scene."""
+"""Spawn and feed entries of scene files: checks that need several values, as whether items have room in
+their area, and conversion to values.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
+from pathlib import Path
+from typing import Protocol
 
-from ...files.marks import Location
+import numpy as np
+
+from ...files.errors import Location
 from ...files.value_wording import describe, suggest_name
+from ...files.yaml.document import Document
 from ...files.yaml.document_checker import DocumentChecker
-from ..shapes import Box, Cylinder, Shape, Sphere, extents
+from ...files.yaml.file_models import path_of
+from ..heaps import PILE_RIM
+from ..shapes import Box, Cylinder, Shape, Sphere, corners, extents
 from ..values import Bounds, ObjectId, Pose
-from .body_schema import FixtureFile
 from .description import (
     ASSORTMENT,
+    MESH_SETS,
+    Assortment,
     AtIntervals,
     AtTimes,
     Belt,
@@ -26,8 +36,282 @@ from .description import (
     WhenClear,
 )
 from .scene_entries import body
-from .scene_schema import FeedFile, WhenFile
-from .spawn_areas import check_area, check_crowding, check_kinds, check_tote, tote_area
+from .scene_schema import AreaFile, AssortmentFile, FeedFile, FixtureFile, SpawnFile, WhenFile
+
+MAX_COVERED_SHARE = 0.8
+"""Share of an area that items and their gaps may cover."""
+Outline = tuple[float, float]
+"""Area of an item's footprint with half the gap around it, m², and its greatest reach from the centre, m."""
+
+
+class ItemLoad(Protocol):
+    """An entry of a file whose items are set down together. What could not be read raises `UnreadPart`."""
+
+    @property
+    def of(self) -> dict[str, int]: ...
+    @property
+    def lying(self) -> float: ...
+
+
+def check_spawn(
+    check: DocumentChecker,
+    n: int,
+    entry: SpawnFile,
+    catalogue: Mapping[str, CatalogueEntry | None],
+    bodies: Sequence[Fixture | Bin] | None,
+    workspace: Bounds | None,
+    assorted: bool = False,
+) -> None:
+    """Faults of one spawn entry. Faulty kinds count as none; None stands for what could not be read.
+
+    `assorted`: whether the scene has an assortment.
+    """
+    loc: Location = ("spawn", n)
+    check_kinds(check, loc, entry, {**catalogue, ASSORTMENT: None} if assorted else catalogue)
+    with check.readable():
+        _check_heap(check, loc, entry, bodies)
+    with check.readable():
+        rim = 0.0 if entry.drop is None else PILE_RIM
+        may_lie = entry.area is not None and check_area(check, loc, entry.area, bodies, workspace, rim)
+        if may_lie and entry.area is not None and entry.drop is None:
+            check_crowding(check, loc, entry, entry.area, 0.0 if entry.touching else entry.gap, catalogue)
+        if entry.touching and entry.tumbled:
+            message = "'touching' and 'tumbled' exclude each other: what is dropped comes to lie anywhere"
+            check.fault((*loc, "touching"), message, "give one of them", code="P112", key=True)
+
+
+def _check_heap(
+    check: DocumentChecker, loc: Location, entry: SpawnFile, bodies: Sequence[Fixture | Bin] | None
+) -> None:
+    """Faults of how and into what items are poured."""
+    if entry.area is None and entry.into is None:
+        hint = "a rectangle on the table; or 'into', a tote"
+        check.fault(loc, "'area' is missing", hint, code="P105", key=True)
+    if entry.area is not None and entry.into is not None:
+        message = "'area' and 'into' exclude each other"
+        check.fault((*loc, "into"), message, "give one of them", code="P112", key=True)
+    if entry.into is not None:
+        check_tote(check, loc, entry.into, bodies)
+    if entry.drop is None and (entry.into is not None or ASSORTMENT in entry.of):
+        which = "'drop: heap'" if entry.into is not None else "'drop: pile' or 'drop: packed'"
+        hint = f"items are poured into a tote, and things of an assortment lie in heaps: {which}"
+        check.fault(loc, "'drop' is missing", hint, code="P105", key=True)
+    if entry.drop is not None and (entry.drop == "heap") != (entry.into is not None):
+        hint = "'heap' with 'into', a tote; 'pile' or 'packed' with 'area', on the table"
+        check.fault((*loc, "drop"), f"'drop: {entry.drop}' does not go with this place", hint, code="P112")
+    for name in ("tumbled", "touching"):
+        if entry.drop is not None and getattr(entry, name):
+            message = f"'drop' and {name!r} exclude each other: what is poured comes to lie anywhere"
+            check.fault((*loc, name), message, "give one of them", code="P112", key=True)
+
+
+def check_tote(
+    check: DocumentChecker, loc: Location, name: str, bodies: Sequence[Fixture | Bin] | None
+) -> None:
+    """Whether there is the tote into which items are poured."""
+    totes = [str(b.id) for b in bodies or () if isinstance(b, Bin) and b.is_tote]
+    if bodies is not None and name not in totes:
+        hint = suggest_name(name, totes)
+        check.fault((*loc, "into"), f"there is no tote {name!r}", hint, code="P416")
+
+
+def check_kinds(
+    check: DocumentChecker, loc: Location, entry: ItemLoad, catalogue: Mapping[str, CatalogueEntry | None]
+) -> None:
+    """Whether the catalogue has what the entry asks for."""
+    with check.readable():
+        for name in entry.of:
+            if name not in catalogue:
+                hint = suggest_name(name, catalogue)
+                message = f"the catalogue has no {describe(name)}"
+                check.fault((*loc, "of", name), message, hint, code="P410", key=True)
+
+
+def check_area(
+    check: DocumentChecker,
+    loc: Location,
+    area: AreaFile,
+    bodies: Sequence[Fixture | Bin] | None,
+    workspace: Bounds | None,
+    rim: float = 0.0,
+) -> bool:
+    """Whether the area is one at all; faults also when it lies where nothing can be set down or reached.
+
+    `rim`: width about it in which things of a heap may come to lie, m.
+    """
+    (x0, y0), (x1, y1) = area.min, area.max
+    if x1 <= x0 or y1 <= y0:
+        message = "the area is empty: 'max' must be greater than 'min' along x and y"
+        check.fault((*loc, "area"), message, code="P411")
+        return False
+    _check_place(check, loc, area, bodies, workspace, rim)
+    return True
+
+
+def _check_place(
+    check: DocumentChecker,
+    loc: Location,
+    area: AreaFile,
+    bodies: Sequence[Fixture | Bin] | None,
+    workspace: Bounds | None,
+    rim: float,
+) -> None:
+    (x0, y0), (x1, y1) = area.min, area.max
+    x0, y0, x1, y1 = x0 - rim, y0 - rim, x1 + rim, y1 + rim
+    points = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)]
+    about = f" with its rim of {1000 * rim:g} mm" if rim else ""
+    if workspace is not None:
+        (wx0, wy0, _), (wx1, wy1, _) = workspace.min, workspace.max
+        if any(not (wx0 <= x <= wx1 and wy0 <= y <= wy1) for x, y in points):
+            hint = f"which is x {wx0:g} … {wx1:g} m, y {wy0:g} … {wy1:g} m"
+            check.fault((*loc, "area"), f"the area{about} is outside the workspace", hint, code="P412")
+    # A table that could not be read is not missed a second time.
+    if bodies is not None and any(not _covered(bodies, x, y) for x, y in points):
+        message = f"the area{about} is not over a level fixture"
+        check.fault((*loc, "area"), message, "items stand on a table", code="P413")
+        return
+    below = next((b for b in bodies or () if isinstance(b, Bin) and _overlaps(b, points)), None)
+    if below is not None:
+        hint = "move one of them: items are set down on the table, beside bins"
+        check.fault((*loc, "area"), f"the area{about} lies over {below.id}", hint, code="P426")
+
+
+def check_crowding(
+    check: DocumentChecker,
+    loc: Location,
+    entry: ItemLoad,
+    area: AreaFile,
+    gap: float,
+    catalogue: Mapping[str, CatalogueEntry | None],
+) -> None:
+    """Whether all items of the entry fit into the area together."""
+    (x0, y0), (x1, y1) = area.min, area.max
+    outlines = [
+        (entry.of[name], _outline(known.shape, gap, entry.lying))
+        for name in entry.of
+        if (known := catalogue.get(name)) is not None
+    ]
+    if not outlines:
+        return
+    needed = sum(number * area for number, (area, _) in outlines)
+    reach = max(reach for _, (_, reach) in outlines)
+    offered = (x1 - x0 + 2 * reach + gap) * (y1 - y0 + 2 * reach + gap)
+    if needed > MAX_COVERED_SHARE * offered:
+        count = sum(entry.of.values())
+        message = (
+            f"{count} items with gaps of {1000 * gap:g} mm do not fit: "
+            f"they need {needed:.3f} m², and the area with its rim has {offered:.3f} m²"
+        )
+        hint = "enlarge the area, or ask for fewer items or smaller gaps"
+        check.fault((*loc, "area"), message, hint, code="P414")
+
+
+def _overlaps(each: Bin, area: Sequence[tuple[float, float]]) -> bool:
+    """Return whether a bin is below an area with these corners: no axis of the two separates them."""
+    x, y, _ = each.size
+    own = [each.pose.apply(np.array([a * x / 2, b * y / 2, 0.0]))[:2] for a in (-1, 1) for b in (-1, 1)]
+    across = each.pose.rotation()[:2, :2].T
+    for axis in (*across, *np.eye(2)):
+        one, other = np.array(own) @ axis, np.array(area) @ axis
+        if one.max() <= other.min() + 1e-9 or other.max() <= one.min() + 1e-9:
+            return False
+    return True
+
+
+def _covered(bodies: Iterable[Fixture | Bin], x: float, y: float) -> bool:
+    for fixture in bodies:
+        if isinstance(fixture, Bin):
+            continue
+        rotation = fixture.pose.rotation()
+        if abs(rotation[2, 2]) < 0.999 or not isinstance(fixture.shape, Box):
+            continue
+        away = rotation.T @ (np.array([x, y, fixture.pose.position[2]]) - fixture.pose.position)
+        width, depth, _ = fixture.shape.size
+        if abs(away[0]) <= width / 2 + 1e-9 and abs(away[1]) <= depth / 2 + 1e-9:
+            return True
+    return False
+
+
+def _outline(shape: Shape, gap: float, lying: float) -> Outline:
+    match shape:
+        case Sphere(radius):
+            return math.pi * (radius + gap / 2) ** 2, radius
+        case Cylinder(radius, height):
+            upright = math.pi * (radius + gap / 2) ** 2
+            flat = (2 * radius + gap) * (height + gap)
+            reach = radius if lying == 0 else math.hypot(radius, height / 2)
+            return (1 - lying) * upright + lying * flat, reach
+        case _:
+            spread = np.ptp(corners(shape)[:, :2], axis=0)
+            # A hull fills at least half of the rectangle around it.
+            share = 1.0 if isinstance(shape, Box) else 0.5
+            return share * float(spread[0] + gap) * float(spread[1] + gap), float(np.hypot(*spread)) / 2
+
+
+MAX_ASSORTMENT_BYTES = 32_000_000
+"""Greatest size of all files of an assortment together: each log holds them."""
+
+
+def check_assortment(check: DocumentChecker, entry: AssortmentFile | None) -> bool:
+    """Check the assortment, and return whether there is one."""
+    if entry is None:
+        return False
+    folder = Path(_meshes(check.document, entry.meshes))
+    if entry.meshes not in MESH_SETS and not any(folder.glob("*.obj")):
+        hint = f"a folder beside this file, or {', '.join(MESH_SETS)}"
+        message = f"there are no OBJ files in {entry.meshes!r}"
+        check.fault(("assortment", "meshes"), message, hint, code="P409")
+    elif entry.meshes not in MESH_SETS:
+        size = sum(file.stat().st_size for file in folder.glob("*.obj"))
+        if size > MAX_ASSORTMENT_BYTES:
+            message = f"the OBJ files in {entry.meshes!r} have {size / 1e6:.0f} MB together"
+            hint = f"{MAX_ASSORTMENT_BYTES / 1e6:.0f} MB at most, because each log holds them"
+            check.fault(("assortment", "meshes"), message, hint, code="P409")
+    return True
+
+
+def assortment(document: Document, entry: AssortmentFile | None) -> Assortment | None:
+    """The assortment of a file without faults; None: it has none."""
+    if entry is None:
+        return None
+    meshes = _meshes(document, entry.meshes)
+    return Assortment(
+        meshes, entry.scale, entry.density, entry.friction, entry.least_mass, entry.tags, entry.tag_size
+    )
+
+
+def _meshes(document: Document, name: str) -> str:
+    """Return the name of a set, or the path of a folder, which counts from the file that names it."""
+    if name in MESH_SETS:
+        return name
+    return str(path_of(document, ("assortment", "meshes"), name).resolve())
+
+
+def tote_area(tote: Bin) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the corners of the area about a tote, which is not turned for it, m."""
+    (x, y, _), (wide, deep, _) = tote.pose.position, tote.size
+    return (x - wide / 2, y - deep / 2), (x + wide / 2, y + deep / 2)
+
+
+def spawn(entry: SpawnFile, bins: Mapping[str, Bin]) -> Spawn:
+    """A spawn entry without faults."""
+    if entry.area is not None:
+        area = (entry.area.min, entry.area.max)
+    else:
+        assert entry.into is not None
+        area = tote_area(bins[entry.into])
+    return Spawn(
+        counts=tuple(entry.of.items()),
+        colours=entry.colours,
+        area=area,
+        gap=entry.gap,
+        lying=entry.lying,
+        tumbled=entry.tumbled,
+        touching=entry.touching,
+        into=None if entry.into is None else ObjectId(entry.into),
+        drop=entry.drop,
+    )
+
 
 DEFAULT_GAP = 0.025
 DEFAULT_SPACING = 0.15

@@ -8,18 +8,15 @@ from pathlib import Path
 
 import yaml
 
-from ...files.errors import PicktreeError
-from ...files.expressions.expression import Expression, ExpressionError
-from ...files.expressions.type_inference import INT, ValueType, check_types
-from ...files.marks import CheckedFile, Diagnostic, FileError, Location
-from ...files.shipped_files import find_file, shipped_names
+from ...files.errors import CheckedFile, Diagnostic, FileError, Location, PicktreeError
+from ...files.expression_syntax import ExpressionError
+from ...files.expressions import INT, Expression, ValueType, check_types
+from ...files.file_system import find_file, shipped_names
 from ...files.value_wording import suggest_name
 from ...files.yaml.document import Document, merge_patch, read_document
 from ...files.yaml.document_checker import DocumentChecker
-from ...files.yaml.named_files import located
+from ...files.yaml.file_models import located
 from ..values import Bounds, ObjectId, Pose
-from .body_schema import CatalogueFile, FixtureFile, UnknownFile
-from .calibration_results import SceneCalibration
 from .description import (
     MESH_SETS,
     MIN_FELT_MASS,
@@ -30,25 +27,47 @@ from .description import (
     Fixture,
     Hole,
     SafetyLimits,
+    SceneCalibration,
     SceneDescription,
     SensorNoise,
     Thinking,
 )
 from .destinations import MEASURES, can_hold, rule_names
-from .feed_loading import belt, check_belts, check_feed, check_totes, delivery
-from .hole_loading import check_fits, holes
-from .scene_entries import body, camera, check_body, check_camera, check_unknown, hidden_body, kind
+from .feed_loading import (
+    assortment,
+    belt,
+    check_assortment,
+    check_belts,
+    check_feed,
+    check_spawn,
+    check_totes,
+    delivery,
+    spawn,
+)
+from .scene_entries import (
+    body,
+    camera,
+    check_body,
+    check_camera,
+    check_fits,
+    check_unknown,
+    hidden_body,
+    holes,
+    kind,
+)
 from .scene_schema import (
     SECTIONS,
     CalibrationFile,
     CameraFile,
+    CatalogueFile,
     DestinationFile,
     FeedFile,
+    FixtureFile,
     RestFile,
     SceneFile,
     SpawnFile,
+    UnknownFile,
 )
-from .spawn_areas import assortment, check_assortment, check_spawn, spawn
 
 
 def condition(

@@ -1,0 +1,182 @@
+"""Explanations of many runs: root causes and recoveries, counted, with a typical run of each cause."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from ...files.errors import PicktreeError
+from ...files.fault_rendering import Paint, plain
+from ...files.value_wording import listed
+from ...logs.episode_counts import CauseCount, CureCount, added_cures, by_cause
+from ...logs.log_files import find_log
+from ...logs.run_index import logs_below
+from ..run import Run
+from .explanation import CONFIDENCES, Confidence, RootCause, counted, wrapped
+from .run_explanation import explain
+
+
+@dataclass(frozen=True, slots=True)
+class CauseOfRuns:
+    """One root cause over many runs."""
+
+    cause: str
+    runs: int
+    """Number of runs that have it."""
+    first: int
+    """Number of runs in which it stands first."""
+    items: int
+    """Number of items that are not where they belong because of it."""
+    seconds: float
+    """Simulated s that it cost, over all runs."""
+    confidence: tuple[tuple[Confidence, int], ...]
+    """Number of runs by confidence."""
+    typical: str
+    """Folder or log of a run with a cost in the middle."""
+    title: str
+    """Description in that run."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExplainedRuns:
+    """Root causes of many runs, those first that cost most items, then most runs."""
+
+    folder: str
+    statuses: tuple[tuple[str, int], ...]
+    """Number of runs by the status of their outcome."""
+    items: tuple[int, int]
+    """Numbers of sorted items and of all items, over the runs that have a result."""
+    causes: tuple[CauseOfRuns, ...]
+    cures: tuple[CauseCount, ...]
+    """Causes of failures with what was tried or done instead, with the most time lost first."""
+    unreadable: tuple[str, ...]
+    """Sentences about logs that could not be read."""
+    notes: tuple[str, ...] = ()
+    """Sentences about what the counts leave out, such as jobs without logs."""
+
+    @property
+    def runs(self) -> int:
+        return sum(number for _, number in self.statuses)
+
+
+def holds_runs(where: str) -> bool:
+    """Whether a path is a folder of runs, and neither a log nor the folder of one run."""
+    folder = Path(where)
+    try:
+        return folder.is_dir() and not find_log(folder)
+    except PicktreeError:
+        return bool(logs_below(folder))
+
+
+def explain_runs(
+    folder: Path, say: Callable[[str], None] = lambda text: None, notes: Sequence[str] = ()
+) -> ExplainedRuns:
+    """Explain all runs of a folder; `say` is called with the number of each.
+
+    `notes`: sentences about what the folder's logs leave out.
+
+    Raises PicktreeError when the folder holds no log.
+    """
+    logs = logs_below(folder)
+    if not logs:
+        raise PicktreeError(f"{folder}: no log in it; give a log, a run's folder, or a folder of runs")
+    statuses: Counter[str] = Counter()
+    cures: list[CureCount] = []
+    items = (0, 0)
+    found: dict[str, list[tuple[RootCause, bool, str]]] = {}
+    unreadable: list[str] = []
+    for number, log in enumerate(logs, 1):
+        say(f"{number} of {len(logs)}")
+        try:
+            with Run(log) as run:
+                told = explain(run, items=False)
+        except PicktreeError as error:
+            unreadable.append(str(error))
+            continue
+        statuses[told.outcome.status] += 1
+        cures += told.recovery.cures
+        items = (items[0] + (told.outcome.items_sorted or 0), items[1] + (told.outcome.items_total or 0))
+        where = str(log.parent if log.name == "log.mcap" else log)
+        for place, root in enumerate(told.root_causes):
+            found.setdefault(root.cause, []).append((root, place == 0, where))
+    causes = sorted((_cause(*each) for each in found.items()), key=lambda c: (-c.items, -c.runs, -c.seconds))
+    counts = by_cause(added_cures(cures))
+    return ExplainedRuns(
+        str(folder),
+        tuple(statuses.most_common()),
+        items,
+        tuple(causes),
+        counts,
+        tuple(unreadable),
+        tuple(notes),
+    )
+
+
+def _cause(cause: str, found: Sequence[tuple[RootCause, bool, str]]) -> CauseOfRuns:
+    middle = sorted(found, key=lambda each: (len(each[0].items), each[0].seconds_lost))[len(found) // 2]
+    sure = Counter(root.confidence for root, _, _ in found)
+    return CauseOfRuns(
+        cause=cause,
+        runs=len({where for _, _, where in found}),
+        first=sum(first for _, first, _ in found),
+        items=sum(len(root.items) for root, _, _ in found),
+        seconds=round(sum(root.seconds_lost for root, _, _ in found), 2),
+        confidence=tuple((word, sure[word]) for word in CONFIDENCES if sure[word]),
+        typical=middle[2],
+        title=middle[0].title,
+    )
+
+
+def runs_text(found: ExplainedRuns, program: str = "picktree", paint: Paint = plain) -> str:
+    """Return a text for a terminal, without a trailing newline."""
+    return "\n".join(_lines(found, program, paint))
+
+
+def _lines(found: ExplainedRuns, program: str, paint: Paint) -> Iterator[str]:
+    ends = ", ".join(f"{number} {status}" for status, number in found.statuses)
+    done, total = found.items
+    items = f"; {done} of {counted(total, 'item')} sorted" if total else ""
+    yield from wrapped(f"{counted(found.runs, 'run')} in {found.folder}: {ends}{items}", "")
+    for sentence in (*found.notes, *found.unreadable):
+        yield from wrapped(f"Note: {sentence}", "")
+    if found.causes:
+        yield ""
+        yield from _roots(found, program, paint)
+    if found.cures:
+        yield ""
+        yield paint("Recovery", "place")
+        width = max(len(each.cause) for each in found.cures)
+        for each in found.cures:
+            yield from wrapped(f"{each.cause:<{width}}  {each.to_text()}", "  ", " " * (width + 4))
+
+
+def _roots(found: ExplainedRuns, program: str, paint: Paint) -> Iterator[str]:
+    yield paint(f"Root causes ({len(found.causes)})", "place")
+    width = max(len(each.cause) for each in found.causes)
+    yield f"  {'cause':<{width}}  runs  first  items   s lost"
+    for each in found.causes:
+        numbers = f"{each.runs:>4}  {each.first:>5}  {each.items:>5}  {each.seconds:>7.1f}"
+        yield f"  {paint(f'{each.cause:<{width}}', 'warning')}  {numbers}"
+        yield from wrapped(each.title, "     ")
+        sure = listed([f"{word} {number}" for word, number in each.confidence], 3)
+        yield f"     {sure}; {program} explain {shlex.quote(each.typical)}"
+
+
+def runs_json_text(found: ExplainedRuns) -> str:
+    """Return one object with a trailing newline; docs/explain.md names its keys."""
+    causes = [{**asdict(each), "confidence": dict(each.confidence)} for each in found.causes]
+    told = {
+        "folder": found.folder,
+        "runs": found.runs,
+        "statuses": dict(found.statuses),
+        "items": {"sorted": found.items[0], "total": found.items[1]},
+        "causes": causes,
+        "cures": [asdict(cure) for each in found.cures for cure in each.by_cure],
+        "unreadable": list(found.unreadable),
+        "notes": list(found.notes),
+    }
+    return json.dumps(told, ensure_ascii=False, indent=2) + "\n"

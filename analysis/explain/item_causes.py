@@ -1,0 +1,378 @@
+"""Causes that lie in items: where an item truly was, and what it truly is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...logs.event_records import ImageEvent
+from ...logs.records import BodyRecord
+from ...world.events import DeliveryEvent
+from ...world.scene.description import CameraDescription
+from ...world.shapes import Shape, convex_hull, corners, extents
+from ...world.values import Pose
+from .body_tracks import horizontal_distance
+from .case import Investigation
+from .device_causes import seen_displaced
+from .explanation import FailureStory, Finding, between, counted, distance, force, number, place, seconds
+from .held_items import EMPTY, grip_within, held_periods
+
+MOVED = 0.015
+"""A true item that is this far from where it was when last seen has moved, m."""
+BEGUN = 0.008
+"""Distance beyond which an item counts as moving already, m."""
+MISPLACED = 0.012
+"""A belief this far from the truth while the item was seen is wrong, m."""
+BESIDE = 0.12
+"""The hand this near to an item may have pushed it, m."""
+TOUCHED = 6.0
+"""Force at the wrist that tells of a touch, N: more than the hand's own weight gives when it is swung."""
+NOWHERE = "it is nowhere in the robot's world any more"
+STEP = 0.1
+"""Between two looks at where the hand was, s."""
+SEEKING = frozenset(
+    {
+        "grasp.missed", "grasp.slipped", "grasp.no_candidate", "world.unknown_object", "world.disturbed",
+        "perception.not_found", "perception.stale", "place.missed",
+    }
+)  # fmt: skip
+"""Causes that an item which is elsewhere may have."""
+
+
+@dataclass(frozen=True, slots=True)
+class ItemDisplacement:
+    """An item's way between two samples of the truth."""
+
+    start: float
+    end: float
+    way: float
+    """Distance from the place where it was last seen to its place in the end, m."""
+
+
+def wrong_location_cause(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Whether the item was truly elsewhere, or nowhere, when the hand reached for it or should hold it."""
+    if failure.cause not in SEEKING or not failure.item:
+        return None
+    item, true = failure.item, case.pairs.get(failure.item)
+    if true is None:
+        return None
+    reached = _reached(case, failure)
+    return _taken(case, failure, true, reached) or _moved(case, failure, item, true, reached)
+
+
+def _reached(case: Investigation, failure: FailureStory) -> float:
+    """Return when the fingers closed, else when it failed."""
+    visit = case.visit(failure)
+    grip = grip_within(case, visit.start, failure.time) if failure.cause.startswith("grasp.") else None
+    return failure.time if grip is None else grip.closed
+
+
+def _taken(case: Investigation, failure: FailureStory, true: str, reached: float) -> Finding | None:
+    gone = case.gone(true)
+    if gone is None or gone[1] > max(reached, failure.time) + case.sampled:
+        return None
+    item = failure.item
+    was = case.belief.at(item, gone[0])
+    held = was is not None and was.attached
+    last = case.truth.tracks[true].bodies[-1].pose.position
+    title = f"{item} was taken {'out of the hand' if held else 'away'} {between(*gone)}: {NOWHERE}"
+    reasons = [f"its true place is in the log until {seconds(gone[0])} ({place(last)}), and then no more"]
+    reasons += _felt_nothing(failure)
+    reasons += _seen_empty(case, item, gone[0])
+    return Finding("item.gone", true, title, tuple(reasons), item, gone[0])
+
+
+def _moved(
+    case: Investigation, failure: FailureStory, item: str, true: str, reached: float
+) -> Finding | None:
+    believed = case.belief.tracks[item].before(reached)
+    if believed is None or believed.attached or failure.cause == "grasp.slipped":
+        return None
+    moving = way_since(case, true, _settled(case, item, reached), reached)
+    now = None if moving is None else case.truth.tracks[true].before(max(moving.end, reached))
+    if moving is None or now is None or horizontal_distance(now, believed) < MISPLACED:
+        return None
+    pushed, told = by_the_arm(case, true, moving)
+    verb = "the arm pushed it" if pushed else "it had moved"
+    title = (
+        f"{item} was not where it was believed to be: {verb} by {distance(moving.way)} "
+        f"{between(moving.start, moving.end)}"
+    )
+    reasons = [
+        f"it was last seen at {seconds(believed.last_seen)}, and believed at {place(believed.pose.position)} "
+        f"when the hand got there at {seconds(reached)}"
+    ]
+    reasons.append(
+        f"truly it was at {place(now.pose.position)}, {distance(horizontal_distance(now, believed))} away"
+    )
+    reasons.append(told)
+    reasons += _felt_nothing(failure)
+    cause = "item.pushed_by_arm" if pushed else "item.moved"
+    lay = case.truth.tracks[true].before(moving.start)
+    inside = "" if lay is None else case.bin_at(lay)
+    if inside and not pushed and case.bin_at(now) != inside:
+        cause = "item.left_bin"
+        title = f"{item} left {inside} again after it had been placed, {between(moving.start, moving.end)}"
+    return Finding(cause, true, title, tuple(reasons), item, moving.start)
+
+
+def _settled(case: Investigation, item: str, until: float) -> float:
+    """Return since when the belief has had the item where it has it at that time, s."""
+    changes = [at.time for at in case.changes(item, end=until)]
+    return changes[-1] if changes else 0.0
+
+
+def way_since(case: Investigation, true: str, seen: float, until: float) -> ItemDisplacement | None:
+    """Return how a true item moved away between two times, if it did; None for one that was carried."""
+    track = case.truth.tracks[true]
+    bodies = [
+        (t, b) for t, b in zip(track.times, track.bodies, strict=True) if seen <= t <= until + case.sampled
+    ]
+    carried = max((t for t, _ in bodies if _carried(case, true, t)), default=None)
+    start = track.before(seen) if carried is None else track.after(carried + case.sampled / 2)
+    if start is None:
+        return None
+    samples = [(t, horizontal_distance(start, b)) for t, b in bodies if carried is None or t > carried]
+    if not samples:
+        return None
+    far = next((d for _, d in samples if d > MOVED), None)
+    if far is None:
+        return None
+    begun = next(t for t, way in samples if way > BEGUN)
+    rested = max((t for t, _ in samples if t < begun), default=seen)
+    way = next((d for t, d in reversed(samples) if t <= until), far)
+    return ItemDisplacement(rested, max(begun, rested), max(way, far))
+
+
+def by_the_arm(case: Investigation, true: str, moving: ItemDisplacement) -> tuple[bool, str]:
+    """Whether the arm moved the item, and what tells so."""
+    track = case.truth.tracks[true]
+    body, after = track.before(moving.start) or track.first, track.after(moving.end) or track.bodies[-1]
+    times = np.arange(moving.start, moving.end + 1e-6, STEP)
+    where = [(float(time), hand) for time in times if (hand := case.hand(float(time))) is not None]
+    hands = [hand for _, hand in where]
+    if not hands:
+        return False, "where the hand was then is not in the log"
+    nearest = min(math.dist(hand, body.pose.position) for hand in hands)
+    if nearest > BESIDE:
+        return False, f"something else than the arm moved it: the hand was {distance(nearest)} away, or more"
+    wrenches = case.run.wrenches
+    # Elsewhere on its way the hand is swung, and feels its own weight.
+    beside = np.array([time for time, hand in where if math.dist(hand, body.pose.position) <= BESIDE])
+    here = (np.abs(wrenches.times[:, None] - beside) <= STEP / 2).any(axis=1)
+    felt = float(np.linalg.norm(wrenches.forces[here], axis=1).max()) if bool(here.any()) else 0.0
+    if felt < TOUCHED:
+        return False, f"something else than the arm moved it: the hand felt no more than {force(felt)} then"
+    left = min(math.dist(hand, after.pose.position) for hand in hands)
+    if left > 2 * BESIDE and body.form not in ("sphere", "cylinder"):
+        return (
+            False,
+            f"something else than the arm moved it: the hand did not follow it ({distance(left)} away)",
+        )
+    return True, f"the hand was {distance(nearest)} from it then, and felt {force(felt)}"
+
+
+def misjudged(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Whether the item lay still, and was believed somewhere else all the time."""
+    true = case.pairs.get(failure.item)
+    if true is None or failure.cause not in SEEKING or failure.cause == "grasp.slipped":
+        return None
+    reached = _reached(case, failure)
+    believed, body = case.belief.tracks[failure.item].before(reached), case.truth.at(true, reached)
+    if (
+        believed is None
+        or body is None
+        or believed.attached
+        or horizontal_distance(body, believed) < MISPLACED
+    ):
+        return None
+    if (camera := seen_displaced(case, failure.item, reached)) is not None:
+        return camera
+    settled = _settled(case, failure.item, reached)
+    reasons = (f"believed at {place(believed.pose.position)}, truly at {place(body.pose.position)}",)
+    off = distance(horizontal_distance(body, believed))
+    if any(p.item == failure.item and believed.last_seen < p.end <= reached for p in case.once(held_periods)):
+        title = f"{failure.item} lay {off} from where it was believed to have come to rest"
+        reasons = (*reasons, f"it had been let go at {seconds(settled)} and not been seen since")
+        return Finding("item.fell_elsewhere", true, title, reasons, failure.item, settled)
+    title = f"{failure.item} was believed {off} from where it lay when it was seen"
+    return Finding("perception.misjudged", true, title, reasons, failure.item, settled)
+
+
+def _carried(case: Investigation, true: str, time: float) -> bool:
+    """Whether the robot believed at that time that it held the item."""
+    for item in case.believed.get(true, ()):
+        body = case.belief.at(item, time)
+        if body is not None and body.attached:
+            return True
+    return False
+
+
+def _felt_nothing(failure: FailureStory) -> list[str]:
+    width = number(failure, "width")
+    if width is None or width > EMPTY:
+        return []
+    return [f"the fingers met ({max(width, 0.0) * 1000:.1f} mm) and hold nothing"]
+
+
+def _seen_empty(case: Investigation, item: str, since: float) -> list[str]:
+    for at in case.changes(item, since):
+        if at.record.after is None:
+            return [f"at {seconds(at.time)} {at.record.reason}, and the robot gave it up"]
+    return []
+
+
+def never_seen(case: Investigation, true: str) -> Finding:
+    """Return the finding about a true item that was never believed to be there."""
+    body = case.truth.tracks[true].first
+    cameras = [c for c in case.scene.cameras if c.on == "world"] if case.scene else []
+    views = [f"it lies outside the picture of {c.name}" for c in cameras if not in_picture(c, body)]
+    hidden = [f"it lies within the picture of {c.name}, hidden or not recognised" for c in cameras]
+    looks = len(case.events(ImageEvent))
+    title = f"{case.name_of(true)} was never seen: it lies at {place(body.pose.position)}"
+    reasons = (*(views or hidden), f"the robot looked {counted(looks, 'time')}")
+    return Finding("item.never_seen", true, title, reasons, true, None)
+
+
+def in_picture(camera: CameraDescription, body: BodyRecord) -> bool:
+    """Whether the body's centre is within the picture, as far as the camera hangs where it is believed to."""
+    x, y, z = (camera.pose.inverse() @ body.pose).position
+    width, height = camera.size
+    if z <= 0.0:
+        return False
+    across = np.tan(camera.fov / 2)
+    return bool(abs(y / z) <= across and abs(x / z) <= across * width / height)
+
+
+LARGER = 1.08
+"""A true size of this many times the catalogue's is another one."""
+CARRIED = ("control.", "tree.", "internal.", "planning.budget", "perception.no_image", "safety.stale_sensor")
+"""Failures that an item's own size has nothing to do with."""
+
+
+def size_of(case: Investigation, true: str, time: float) -> float:
+    """Return the size of a true item as a multiple of its kind's; 1 where the catalogue does not tell."""
+    entry, body = case.entry_of(true), case.truth.tracks[true].before(time)
+    if entry is None or body is None:
+        return 1.0
+    (low, high), (least, most) = (extents(s, np.eye(3)) for s in (body.shape, entry.shape))
+    return float(np.median((high - low) / np.maximum(most - least, 1e-6)))
+
+
+def too_wide(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Whether the hand does not open wide enough for an item."""
+    if failure.cause != "grasp.no_candidate" or number(failure, "candidates") != 0:
+        return None
+    body = case.belief.at(failure.item, failure.time)
+    if body is None:
+        return None
+    width = _least_width(body.shape, body.pose)
+    most = float(case.run.gripper.widths.max(initial=0.0))
+    if width < most:
+        return None
+    title = f"{failure.item} is too wide for the hand: {1000 * width:.0f} mm at its narrowest"
+    reasons = (f"the fingers were {1000 * most:.0f} mm open at most", "no grasp of its width exists")
+    return Finding("item.too_wide", failure.item, title, reasons, failure.item, failure.time)
+
+
+def _least_width(shape: Shape, pose: Pose) -> float:
+    """Return the least width of a body seen from above, m: across an edge of its outline."""
+    outline = (corners(shape) @ pose.rotation().T)[:, :2]
+    across = convex_hull(outline).equations[:, :2]
+    return float(np.ptp(outline @ across.T, axis=0).min())
+
+
+def larger(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Whether the item, or one in the way of its grasp, truly has another size than its kind."""
+    if failure.cause.startswith(CARRIED):
+        return None
+    touched = [by.split("/")[0] for choice in failure.choices for r in choice.rejections if (by := r.by)]
+    for item in (failure.item, *dict.fromkeys(touched)):
+        true = case.pairs.get(item)
+        if true is None:
+            continue
+        factor = size_of(case, true, failure.time)
+        if factor > LARGER or factor < 1 / LARGER:
+            return _another_size(case, true, item, factor)
+    return None
+
+
+def another_size(case: Investigation, true: str) -> Finding | None:
+    """Whether an item that a camera shows, and that was not recognised, has another size than its kind."""
+    cameras = [camera for camera in case.scene.cameras if camera.on == "world"] if case.scene else []
+    if not any(in_picture(camera, case.truth.tracks[true].first) for camera in cameras):
+        return None
+    factor = size_of(case, true, case.truth.tracks[true].times[-1])
+    if 1 / LARGER <= factor <= LARGER:
+        return None
+    return _another_size(case, true, case.name_of(true), factor)
+
+
+def _another_size(case: Investigation, true: str, item: str, factor: float) -> Finding:
+    body = case.truth.tracks[true].last
+    names = case.believed.get(true, ())
+    title = f"{item} is truly {factor:.2g} times as large as a {body.kind} of the catalogue"
+    kinds = sorted({b.kind for name in names for b in case.belief.tracks[name].bodies} - {body.kind})
+    reasons = [f"it is a {body.colour} {body.kind}"]
+    if kinds:
+        reasons.append(f"it was taken for a {' and a '.join(kinds)}")
+    if len(names) > 1:
+        reasons.append(f"it was believed to be {counted(len(names), 'item')}: {', '.join(names[:4])}")
+    return Finding("item.larger", true, title, tuple(reasons), item, None)
+
+
+def nothing_there(case: Investigation, failure: FailureStory) -> Finding | None:
+    """Whether the item that failed never was a true one of its own, or one that it touched was not."""
+    phantoms = case.identities.phantoms
+    if failure.cause.startswith(CARRIED):
+        return None
+    touched = [by.split("/")[0] for choice in failure.choices for r in choice.rejections if (by := r.by)]
+    held = [body.id for body in case.believed_at(failure.time) if body.attached]
+    item = next((name for name in (failure.item, *held, *touched) if name in phantoms), "")
+    if not item:
+        return None
+    seen = case.identities.by_item[item][0]
+    near = phantoms[item]
+    if near:
+        of = case.truth.tracks[near].first
+        names = [name for name in case.believed.get(near, ()) if name not in phantoms]
+        known = f", as is {names[0]}" if names else ""
+        title = f"{item} does not exist by itself: it is seen in the {of.colour} {of.kind} ({near}){known}"
+        reasons = (f"at {seconds(seen.time)} the camera took it for a {seen.seen.colour} {seen.seen.kind}",)
+        return Finding("perception.twin", near, title, reasons, item, seen.time)
+    stands = case.obstacle_at(seen.seen)
+    if stands:
+        title = (
+            f"{item} is no item: {stands}, which the robot was not told of, was taken for a {seen.seen.kind}"
+        )
+        return Finding(
+            "perception.phantom", item, title, (f"it was seen so at {seconds(seen.time)}",), item, seen.time
+        )
+    title = f"{item} does not exist: nothing lies at {place(seen.seen.pose.position)}"
+    reasons = (
+        f"the camera took something for a {seen.seen.colour} {seen.seen.kind} at {seconds(seen.time)}",
+    )
+    return Finding("perception.phantom", item, title, reasons, item, seen.time)
+
+
+def appeared(case: Investigation, true: str) -> Finding | None:
+    """Whether a true item came when nobody looked any more, without the feed."""
+    first = case.truth.tracks[true].times[0]
+    if first <= case.truth.times[0] + 1e-6 or case.believed.get(true):
+        return None
+    fed = any(abs(at.time - first) < 2.0 for at in case.events(DeliveryEvent))
+    looks = [at.time for at in case.events(ImageEvent)]
+    before = case.truth.times[max(case.truth.times.index(first) - 1, 0)]
+    later = sum(time > first for time in looks)
+    lies = place(case.truth.tracks[true].first.pose.position)
+    title = f"{case.name_of(true)} came {between(before, first)}, at {lies}"
+    title += ", after the last look" if not later else ", and was not seen"
+    reasons = (
+        f"the robot looked {counted(later, 'time')} after that, the last time at {seconds(looks[-1])}"
+        if looks
+        else "the robot never looked",
+        "the scene's feed brought it" if fed else "it is none of those that lay there at the start",
+    )
+    return Finding("item.appeared", true, title, reasons, true, first)

@@ -1,0 +1,637 @@
+"""Explanation of why a run ended as it did, from its log alone: its failures and items, each as a story."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ...files.value_wording import listed
+from ...logs.event_records import BeliefEvent
+from ...logs.log_files import NEXT_METADATA
+from ...logs.records import BodyRecord, Candidates, Plan
+from ...logs.run_account import Failure, RunAccount
+from ...logs.run_log import Stamped
+from ...logs.visits import HALTED, Visit, VisitTree
+from ...robot.manipulation.pick_candidates import count_rejections
+from ...simulation.scorer import ItemScore
+from ...world.causes import Cause, all_causes, remedy_of
+from ...world.events import FaultEvent, HandledEvent, ItemDoneEvent, PickEvent, SafetyStopEvent, SetAsideEvent
+from ...world.heaps import heap_id
+from ...world.journal import JournalEvent
+from ...world.scene.destinations import is_at
+from ...world.world_facts import RODE_ON, TAKEN_AWAY
+from .body_tracks import horizontal_distance
+from .case import Investigation
+from .explanation import (
+    CandidateChoice,
+    ExplainedOutcome,
+    Explanation,
+    FailureStory,
+    ItemEvent,
+    ItemState,
+    ItemStory,
+    KeyMoment,
+    RejectedCandidate,
+    RootCause,
+    distance,
+    number,
+    place,
+    seconds,
+)
+from .held_items import held_periods
+from .item_causes import MISPLACED
+from .root_causes import root_causes_of
+
+if TYPE_CHECKING:
+    from ...logs.run_record import RunRecord
+
+PLANS = 3
+"""Failing plans in a row that are told."""
+
+
+def choices_before(run: RunRecord, source: Visit) -> tuple[CandidateChoice, ...]:
+    """Those within the visit that failed and of its item, or of the heap in it, in the order of time."""
+    names = (source.item, heap_id(source.item))
+    found = [
+        _of_candidates(at)
+        for at in run.candidates
+        if source.start - 1e-6 <= at.time <= source.end + 1e-6 and at.record.object in names
+    ]
+    plans = [at for at in run.plans if source.start - 1e-6 <= at.time <= source.end + 1e-6]
+    refused = [at for at in plans if at.record.outcome != "found"]
+    if refused and plans[-1] is refused[-1]:
+        found.append(_of_plans(refused, len(plans), source.item))
+    return tuple(sorted(found, key=lambda choice: choice.time))
+
+
+def _of_candidates(at: Stamped[Candidates]) -> CandidateChoice:
+    record = at.record
+    stages = tuple((stage.name, stage.count) for stage in record.stages)
+    found = count_rejections(record.tried, record.into)
+    if found:
+        rejections = tuple(RejectedCandidate(f.name, f.words, f.count, f.stage, f.by) for f in found)
+        return CandidateChoice(at.time, record.purpose, record.object, stages, rejections)
+    refused = Counter(c.verdict for c in record.tried if c.verdict != "accepted")
+    names: dict[str, str] = {}
+    for candidate in record.tried:
+        names.setdefault(candidate.verdict, candidate.name)
+    return CandidateChoice(
+        at.time,
+        record.purpose,
+        record.object,
+        stages,
+        tuple(RejectedCandidate(names[reason], reason, count) for reason, count in refused.most_common()),
+    )
+
+
+def _of_plans(refused: list[Stamped[Plan]], plans: int, item: str) -> CandidateChoice:
+    """Plans that failed with the same words, numbers aside, are told as one."""
+    alike: dict[str, list[Stamped[Plan]]] = {}
+    for at in refused:
+        words = re.sub(r"[\d.]+", "#", f"{at.record.outcome} {at.record.message}")
+        alike.setdefault(words, []).append(at)
+    return CandidateChoice(
+        refused[-1].time,
+        "plan",
+        item,
+        (("asked for", plans), ("found", plans - len(refused))),
+        tuple(
+            RejectedCandidate(
+                group[0].record.request, f"{group[0].record.outcome}: {group[0].record.message}", len(group)
+            )
+            for group in sorted(alike.values(), key=len, reverse=True)
+        ),
+    )
+
+
+_IN_MOTION = ("world.disturbed", "safety.", "control.")
+LATELY = 5.0
+"""Time before a failure whose events are told with it, s."""
+
+
+def failure_context(
+    case: Investigation, failure: FailureStory, planted: Sequence[Stamped[FaultEvent]]
+) -> tuple[str, ...]:
+    return (
+        *_belief(case, failure),
+        *_hand(case, failure),
+        *_stops(case, failure),
+        *_halted(case, failure),
+        *_faults(case, failure, planted),
+    )
+
+
+def _belief(case: Investigation, failure: FailureStory) -> list[str]:
+    """Where the item was believed to be, and where it truly was."""
+    if not failure.item:
+        return []
+    before = failure.time - 1e-3  # the belief of the moment before, which the failure may have changed
+    believed, true = case.belief.at(failure.item, before), case.pairs.get(failure.item)
+    really = None if true is None else _really(case, failure, true)
+    bins = case.scene.bins if case.scene else ()
+    if believed is None and any(failure.item == bin_.id for bin_ in bins):
+        return []
+    if believed is None:
+        return [f"belief: {failure.item} is not known"]
+    where = "in the hand" if believed.attached else f"at {place(believed.pose.position)}"
+    told = [f"belief: {failure.item} {where}, last seen at {seconds(believed.last_seen)}"]
+    if true is not None and _gone(case, failure, true):
+        told.append(f"truth: {failure.item} is nowhere any more")
+    elif really is not None and horizontal_distance(really, believed) > MISPLACED:
+        off = distance(horizontal_distance(really, believed))
+        told.append(f"truth: {failure.item} at {place(really.pose.position)}, {off} from the belief")
+    return told
+
+
+def _really(case: Investigation, failure: FailureStory, true: str) -> BodyRecord | None:
+    """The item as it truly was just after the failure, unless the hand moved it about."""
+    later = next((t for t in case.truth.times if t >= failure.time - 1e-6), case.end)
+    then = case.belief.at(failure.item, later)
+    carried = then is not None and then.attached
+    return None if carried else case.truth.at(true, later)
+
+
+def _gone(case: Investigation, failure: FailureStory, true: str) -> bool:
+    gone = case.gone(true)
+    return gone is not None and gone[1] <= failure.time + case.sampled
+
+
+def _hand(case: Investigation, failure: FailureStory) -> list[str]:
+    gripper = case.run.gripper
+    told = number(failure, "width") is not None or not failure.cause.startswith(_IN_MOTION)
+    if told or not len(gripper.times):
+        return []
+    at = max(int((gripper.times <= failure.time + 1e-6).sum()) - 1, 0)
+    width = float(gripper.widths[at])
+    return [f"hand: the fingers were {max(width, 0.0) * 1000:.0f} mm open"]
+
+
+def _stops(case: Investigation, failure: FailureStory) -> list[str]:
+    visit = case.visit(failure)
+    return [
+        f"safety: the arm was stopped at {seconds(at.time)}: {at.record.message}"
+        for at in case.events(SafetyStopEvent, start=visit.start, end=failure.time)
+    ]
+
+
+def _halted(case: Investigation, failure: FailureStory) -> list[str]:
+    visit = case.visit(failure)
+    stopped = [
+        v.name
+        for v in case.family.visits
+        if v.outcome == HALTED and v.last == visit.last and case.family.within(v, visit)
+    ]
+    return [f"stopped with it: {listed(stopped[::-1], 4)}"] if stopped else []
+
+
+def _faults(case: Investigation, failure: FailureStory, planted: Sequence[Stamped[FaultEvent]]) -> list[str]:
+    true = case.pairs.get(failure.item)
+    return [
+        f"planted: {at.record.message} ({failure.time - at.time:.1f} s before)"
+        for at in planted
+        if true is not None and at.record.item == true and failure.time - LATELY <= at.time <= failure.time
+    ]
+
+
+def failures_of(run: RunRecord, account: RunAccount) -> tuple[FailureStory, ...]:
+    """Every failure with a cause, in the order of their times. A false condition is none."""
+    causes = {cause.name: cause for cause in all_causes()}
+    charged: set[int | None] = {None}
+    found: list[FailureStory] = []
+    before: list[Visit] = []
+    for failure in account.failures:
+        story = _story(run, len(found), failure, causes.get(failure.source.cause))
+        episode = account.recovery.of_failure(story.cause, story.time, story.node)
+        lost = 0.0 if episode in charged or episode is None else account.recovery.episodes[episode].seconds
+        charged.add(episode)
+        follows = _follows(failure.source, before, account.tree)
+        found.append(replace(story, because_of=follows, episode=episode, seconds_lost=lost))
+        before.append(failure.source)
+    return tuple(found)
+
+
+def _story(run: RunRecord, number: int, failure: Failure, cause: Cause | None) -> FailureStory:
+    source, course = failure.source, failure.course
+    node = source.origin or source.path
+    known = run.tree_at(source.end).nodes
+    return FailureStory(
+        number=number,
+        time=source.end,
+        tick=source.last,
+        visit=source.number,
+        node=node,
+        id=next((n.id for n in known if n.path == node), source.id),
+        item=source.item,
+        attempt=source.attempt,
+        cause=source.cause,
+        sentence=cause.sentence if cause else "",
+        remedy=remedy_of(cause, source.evidence) if cause else "",
+        message=source.message,
+        evidence=source.evidence,
+        chain=course.chain,
+        handled_by=course.handled_by,
+        fate=course.fate,
+        fate_by=course.fate_by,
+        fate_at=course.fate_at,
+        because_of=None,
+        choices=choices_before(run, source),
+        observed=(),
+    )
+
+
+def _follows(source: Visit, before: Sequence[Visit], family: VisitTree) -> int | None:
+    """Return the number of the earlier failure that this one follows from."""
+    for earlier_number in reversed(range(len(before))):
+        earlier = before[earlier_number]
+        if _within_the_answer(source, earlier, family) or _consequence(source, earlier, family):
+            return earlier_number
+    return None
+
+
+def _within_the_answer(source: Visit, earlier: Visit, family: VisitTree) -> bool:
+    """Whether it failed while the earlier failure was being dealt with: in a handler, or in giving up."""
+    lineage = {v.parent: v for v in (source, *family.above(source))}
+    ours = earlier
+    for above in family.above(earlier):
+        if above.number in lineage:
+            branch = lineage[above.number]
+            answers = above.id in _ANSWERING and branch.path != ours.path and branch.number > ours.number
+            between = (v for v in family.children(above) if ours.number < v.number < branch.number)
+            return answers and all(v.path != ours.path for v in between)
+        ours = above
+    return False
+
+
+_ANSWERING = frozenset({"Recover", "RecoveryNode"})
+
+
+def _consequence(source: Visit, earlier: Visit, family: VisitTree) -> bool:
+    """Whether the earlier failure lost the item, left it in the hand, or would only be met again."""
+    if source.evidence.get("unchanged") is True:
+        return (earlier.item, earlier.cause) == (source.item, source.cause)
+    held = source.evidence.get("held")
+    if isinstance(held, str) and held:
+        return held == earlier.item != source.item
+    if "held" in source.evidence and source.id != "Grasp":  # nothing was in the hand
+        return earlier.id == "Grasp" and earlier.item == source.item
+    if source.cause == "control.tracking" and earlier.cause == "tree.timeout":
+        return source.end - earlier.end < BRAKING  # the arm had not come to rest when it was to go on
+    if not source.item or source.item != earlier.item or source.cause == earlier.cause:
+        return False
+    if source.cause not in _LOST or earlier.cause not in _LOSING:
+        return False
+    shared = {v.number for v in family.above(earlier)} & {v.number for v in family.above(source)}
+    return any(family.visits[n].item == source.item for n in shared)
+
+
+BRAKING = 1.0
+"""The arm is at rest so long after it was halted, s."""
+_LOSING = frozenset(
+    {"grasp.missed", "grasp.slipped", "world.disturbed", "place.missed", "world.unknown_object"}
+)
+_LOST = frozenset({"world.unknown_object", "grasp.slipped", "perception.not_found", "grasp.no_candidate"})
+AGAIN = 0.02
+"""An item that is seen this far from where it was believed has moved, m."""
+TOLD = 1.0
+"""A failure this soon after the item left the hand tells of it, s."""
+_NO_LONGER_HELD = "no longer in the hand"
+
+
+def items_of(case: Investigation) -> tuple[ItemStory, ...]:
+    """Return a story for each item, however many names it had; then those that never were seen."""
+    phantoms = case.identities.phantoms
+    known: dict[str, list[str]] = {}
+    for id_, track in case.belief.tracks.items():
+        if track.first.role == "item":
+            true = "" if id_ in phantoms else case.pairs.get(id_, "")
+            known.setdefault(true or id_, []).append(id_)
+    found = [_item_story(case, names) for names in known.values()]
+    unseen = [true for true in case.truth.tracks if true not in case.believed]
+    return (*found, *(_unseen(case, true) for true in unseen))
+
+
+def _item_story(case: Investigation, names: Sequence[str]) -> ItemStory:
+    """The story of one item by all its names, the first of which is the one it goes by."""
+    item, last = names[0], names[-1]
+    body = case.belief.tracks[last].last
+    failed = [f for f in case.failures if f.item in names]
+    events = [
+        event
+        for name in names
+        for at in case.once(_events_by_item).get(name, ())
+        for event in _happened(at, "" if name == item else f" as {name}")
+        if not event.what.startswith(_NO_LONGER_HELD)
+        or not any(0.0 <= f.time - at.time < TOLD for f in failed)
+    ]
+    events += [ItemEvent(f.time, f"{f.name} failed: {f.cause}", f.node, f.number) for f in failed]
+    dropped = [p for p in case.once(held_periods) if p.item in names and p.left is not None]
+    events += [
+        ItemEvent(p.left[1], "truly not in the hand any more")
+        for p in dropped
+        if p.left and p.end - p.left[1] > TOLD
+    ]
+    true = "" if item in case.identities.phantoms else case.pairs.get(item, "")
+    return ItemStory(
+        item,
+        body.kind,
+        body.colour,
+        _state(case, last),
+        tuple(sorted(events, key=lambda event: event.time)),
+        _truth(case, true) if true else _no_item(case, item),
+        tuple(names),
+    )
+
+
+def _no_item(case: Investigation, item: str) -> str:
+    """The truth of a belief that is no item of its own; empty where the log holds no truth."""
+    if item not in case.identities.phantoms:
+        return ""
+    near = case.identities.phantoms[item]
+    return f"truly a part of {case.name_of(near)}" if near else "truly nothing was there"
+
+
+def _unseen(case: Investigation, true: str) -> ItemStory:
+    body = case.truth.tracks[true].last
+    score = case.scores.get(true)
+    state = "done" if score is not None and score.is_in_place else "left"
+    bin_ = case.bin_at(body)
+    heaped = case.scene is not None and any(each.id == bin_ and each.is_tote for each in case.scene.bins)
+    unknown = "never taken out" if heaped else "never seen"
+    return ItemStory(true, body.kind, body.colour, state, (), f"{_truth(case, true)}; {unknown}")
+
+
+def _state(case: Investigation, item: str) -> ItemState:
+    body = case.belief.at(item, case.end)
+    if body is None:
+        last = case.belief.tracks[item].last
+        if case.departed.get(case.pairs.get(item, "")) != last.place:
+            return "gone"
+        return "done" if is_at(last.place, case.destination(last)) else "left"
+    if body.attached:
+        return "held"
+    aside = [at.time for at in case.events(SetAsideEvent) if at.record.object == item]
+    placed = [at.time for at in case.events(ItemDoneEvent) if at.record.object == item]
+    if aside and aside[-1] >= max(placed, default=-1.0):
+        return "aside"
+    score = case.scores.get(case.pairs.get(item, ""))
+    if score is not None:
+        return "done" if score.verdict == "sorted" else "left"
+    destination = case.destination(body)
+    return "done" if destination and is_at(body.place, destination) else "left"
+
+
+def _truth(case: Investigation, true: str) -> str:
+    """Return where it really is in the end, in the scorer's words."""
+    score: ItemScore | None = case.scores.get(true)
+    if case.gone(true) is not None:
+        return "truly nowhere any more"
+    body = case.truth.tracks[true].bodies[-1]
+    lies = case.bin_at(body)
+    where = f"in {lies}" if lies else f"at {place(body.pose.position)}"
+    if lies and score is not None and score.seat is not None and not score.reason:
+        where += f", {1000 * score.seat.depth:.1f} mm deep"
+    if score is not None and score.reason:
+        where += f": {score.reason}"
+    elif score is not None and score.is_in_place:
+        where += ", where it belongs"
+    elif score is not None and score.destination and score.destination == lies:
+        where += ", where it belongs, but does not rest in it"
+    elif score is not None and score.destination:
+        where += f"; it belongs into {score.destination}"
+    return f"truly {where}, and was taken away with it" if true in case.departed else f"truly {where}"
+
+
+def _events_by_item(case: Investigation) -> dict[str, list[Stamped[JournalEvent]]]:
+    """Return the events of each item, by its name."""
+    found: dict[str, list[Stamped[JournalEvent]]] = {}
+    for at in case.run.events:
+        event = at.record
+        if isinstance(event, HandledEvent) and isinstance(event.element, str):
+            found.setdefault(event.element, []).append(at)
+        elif isinstance(event, PickEvent | ItemDoneEvent | SetAsideEvent | BeliefEvent):
+            found.setdefault(event.object, []).append(at)
+    return found
+
+
+def _happened(at: Stamped[JournalEvent], known_as: str) -> list[ItemEvent]:
+    """`known_as`: other name under which something happened to the item."""
+    event = at.record
+    match event:
+        case HandledEvent():
+            return [ItemEvent(at.time, "passed over", event.node)]
+        case PickEvent() if event.held:
+            return [ItemEvent(at.time, f"held{known_as}{_felt(event)}", event.node)]
+        case ItemDoneEvent():
+            told = f"placed into {event.into}" if event.into else "put down"
+            return [ItemEvent(at.time, f"{told}{known_as}", event.node)]
+        case SetAsideEvent():
+            return [ItemEvent(at.time, "set aside: left where it lies", event.node)]
+        case BeliefEvent():
+            told = _change(event)
+            return [ItemEvent(at.time, f"{told}{known_as}")] if told else []
+        case _:
+            return []
+
+
+def _felt(pick: PickEvent) -> str:
+    if pick.width is None or pick.load is None:
+        return ""
+    return f" ({pick.width * 1000:.0f} mm between the fingers, {pick.load:.2f} N on the wrist)"
+
+
+def _change(event: BeliefEvent) -> str:
+    """A change of the belief in words; empty for one that is not worth a line, or told by another event."""
+    before, after, reason = event.before, event.after, event.reason
+    if after is None:
+        return reason if reason in (RODE_ON, TAKEN_AWAY) else f"given up: {reason}"
+    if before is None:
+        return f"seen for the first time, at {place(after.pose.position)}"
+    if reason == "seen":
+        moved = math.dist(before.pose.position[:2], after.pose.position[:2])
+        return f"seen again, {distance(moved)} from where it was believed" if moved > AGAIN else ""
+    if before.attached and not after.attached and reason != "placed":
+        return f"{_NO_LONGER_HELD}: {reason}"
+    return ""
+
+
+def outcome_of(case: Investigation, visits: Sequence[Visit]) -> ExplainedOutcome:
+    run, end = case.run, case.end
+    result = run.result
+    if result is None:
+        return ExplainedOutcome(_status(run), _cut_off(run, visits, end), end, None, None)
+    items = result.items
+    homeless = sum(not score.destination for score in case.scores.values())
+    counts = f"{items.sorted} of {items.total} items are where they belong"
+    if homeless:
+        counts += f" ({homeless} of all belong nowhere by the scene's rules)"
+    if items.misplaced:
+        counts += f", {items.misplaced} in a wrong bin"
+    if items.left:
+        counts += f", {items.left} left"
+    aside = {at.record.object for at in case.events(SetAsideEvent)}
+    elsewhere = {at.record.object for at in case.events(ItemDoneEvent) if not at.record.into}
+    told = [f"{len(aside)} set aside"] * bool(aside) + [f"{len(elsewhere)} put down elsewhere"] * bool(
+        elsewhere
+    )
+    counts += f" (the robot: {', '.join(told)})" if told else ""
+    sentence = {
+        "success": f"the mission succeeded and its goal is reached: {counts}",
+        "incomplete": f"the mission ended in SUCCESS, but its goal is missed: {counts}",
+        "failure": f"the mission ended in FAILURE: {result.message or 'a condition did not hold'}; {counts}",
+        "timeout": f"the run was ended at its limit of time{_doing(visits)}; {counts}",
+        "paused": f"the run waits for help: {result.message}; {counts}",
+        "interrupted": f"the run was interrupted{_doing(visits)}; {counts}",
+    }[result.status]
+    return ExplainedOutcome(result.status, sentence, end, items.sorted, items.total)
+
+
+def _status(run: RunRecord) -> str:
+    ended = run.log.result.get("ended", "")
+    if ended and ended != "orderly":
+        return "crashed"
+    if _next_file(run):
+        return "continued"
+    if run.log.going_on:
+        return "running"
+    return "unknown" if run.log.lacks_result else "killed"
+
+
+def _next_file(run: RunRecord) -> str:
+    """Return the name of the file that continues this one of a rotated log.
+
+    It is empty for a whole log, and for the last file.
+    """
+    log = run.log
+    return log.metadata.get(NEXT_METADATA, {}).get("part", "") if log.part > 1 else ""
+
+
+def _cut_off(run: RunRecord, visits: Sequence[Visit], end: float) -> str:
+    ended = run.log.result.get("ended", "")
+    if ended and ended != "orderly":
+        return f"the run was ended at {end:.2f} s by an error of the program ({ended}){_doing(visits)}"
+    if following := _next_file(run):
+        return f"this file of the log ends at {end:.2f} s, and {following} goes on{_doing(visits)}"
+    if run.log.going_on:
+        return f"the run is still going on: its log has come to {end:.2f} s{_doing(visits)}"
+    if run.log.lacks_result:
+        return f"the log ends at {end:.2f} s, and the result of the run was left out{_doing(visits)}"
+    return f"the log ends at {end:.2f} s without a result: the process was killed{_doing(visits)}"
+
+
+def _doing(visits: Sequence[Visit]) -> str:
+    """Return the nodes that ran when the log ended, as a phrase."""
+    running = [v for v in visits if v.outcome == "RUNNING"]
+    if not running:
+        return ""
+    last = max(running, key=lambda v: (v.path.count("/"), v.number))
+    return f" while {last.name_and_item} was running"
+
+
+MOST = 8
+CLOSE = 0.6
+"""Moments nearer than this are one, s."""
+WATCH = {
+    "run.going_on": "the last that the log holds",
+    "item.gone": "the item vanishes from the truth, and the belief keeps it",
+    "item.moved": "truth and belief of the item part",
+    "item.pushed_by_arm": "the hand touches the item on its way",
+    "item.left_bin": "the item leaves the bin",
+    "item.slippery": "the wrist's load, the opening: the item slides out of the fingers",
+    "item.heavy": "the wrist's force while the hand lifts",
+    "item.out_of_reach": "how far the item lies from the arm's base",
+    "item.crowded": "the neighbours around the item",
+    "item.beside_bin": "the bin's wall beside the item",
+    "arm.hides_items": "the camera's picture, and the arm in it",
+    "heap.out_of_reach": "what is left in the tote, and the grasps that were refused",
+    "heap.empty": "the empty tote",
+    "bin.under_arm": "the arm over the bin",
+    "item.never_seen": "the camera's picture, and where the item truly lies",
+    "camera.off": "truth beside belief of any item: all are off the same way",
+    "grasp.weak": "the fingers' force and the wrist's load while the hand lifts",
+    "scene.blocked": "what stands between hand and item",
+    "bin.full": "how much lies in the bin",
+    "bin.crowded": "what lies in the bin below the hand",
+    "planner.budget": "the way that had to be found",
+    "tree.timeout": "what was still running",
+    "run.limit": "what was still running",
+    "run.killed": "the last that the log holds",
+    "run.crashed": "the last that the log holds",
+    "mission.wrong_bin": "into which bin the item goes",
+    "place.beside": "where the item comes down",
+}
+
+
+def key_moments(
+    causes: Sequence[RootCause], failures: Sequence[FailureStory], outcome: ExplainedOutcome
+) -> tuple[KeyMoment, ...]:
+    """Return when each root cause happened and first showed, then what ended the run."""
+    found: list[KeyMoment] = []
+
+    def add(look: KeyMoment) -> None:
+        if len(found) < MOST and all(abs(look.time - other.time) > CLOSE for other in found):
+            found.append(look)
+
+    for cause in causes:
+        first = failures[cause.failures[0]] if cause.failures else None
+        watch = WATCH.get(cause.cause, "")
+        told = f"{cause.item}: {watch}" if watch and cause.item else watch
+        if cause.time is not None and cause.time > 0.0:
+            add(KeyMoment(cause.time, told or cause.title, first.number if first else None))
+        if first is not None:
+            add(KeyMoment(first.time, f"{first.name_and_item} fails: {first.cause}", first.number))
+    for failure in failures:
+        if failure.fate == "ended":
+            add(
+                KeyMoment(
+                    failure.time, f"the failure that ended the mission: {failure.cause}", failure.number
+                )
+            )
+    if outcome.status != "success" and causes:
+        add(KeyMoment(outcome.end, "the end: truth beside belief of everything"))
+    return tuple(found)
+
+
+def explain(run: RunRecord, *, faults: bool = True, items: bool = True) -> Explanation:
+    """Return why a run ended as it did: root causes, failures, stories of items, key moments.
+
+    `faults`: injected faults are quoted where they concern the same items. The root causes follow from the
+    rest of the log, with and without them. `items`: the stories of items are included.
+
+    Raises PicktreeError where the log is damaged.
+    """
+    account = run.account
+    failures = failures_of(run, account)
+    case = Investigation(run, account.tree, failures)
+    outcome = outcome_of(case, account.visits)
+    planted = case.events(FaultEvent) if faults else []
+    causes = root_causes_of(case, outcome, planted)
+    recovery = account.recovery
+    return Explanation(
+        outcome=outcome,
+        failures=tuple(_told(case, failure, causes, planted) for failure in failures),
+        root_causes=causes,
+        items=items_of(case) if items else (),
+        look_at=key_moments(causes, failures, outcome),
+        recovery=recovery if faults else replace(recovery, planted=()),
+    )
+
+
+def _told(
+    case: Investigation,
+    failure: FailureStory,
+    causes: Sequence[RootCause],
+    planted: Sequence[Stamped[FaultEvent]],
+) -> FailureStory:
+    """The failure with what only the whole run tells."""
+    names = case.believed.get(case.pairs.get(failure.item, ""), ())
+    done = [at.time for at in case.events(ItemDoneEvent, start=failure.time) if at.record.object in names]
+    return replace(
+        failure,
+        observed=failure_context(case, failure, planted),
+        made_good_at=done[0] if done and failure.fate in ("passed_over", "branched") else None,
+        root_cause=next((n for n, cause in enumerate(causes) if failure.number in cause.failures), None),
+    )

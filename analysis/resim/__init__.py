@@ -1,1 +1,0 @@
-"""Re-simulation of recorded runs, unchanged or with changes."""

@@ -1,1 +1,0 @@
-"""Drawings of missions: SVG, HTML, DOT and text, with the layout by Graphviz."""

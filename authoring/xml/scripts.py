@@ -1,0 +1,507 @@
+"""Scripts of BehaviorTree.CPP: expressions as scripts, where they can express them, and scripts as
+expressions.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final, Literal, NoReturn, TypeAlias, cast
+
+from ...files.expression_syntax import (
+    Arithmetic,
+    Attribute,
+    Call,
+    ComparisonChain,
+    ComparisonLink,
+    Conditional,
+    Element,
+    ListOf,
+    LiteralValue,
+    Logic,
+    Name,
+    Not,
+    Part,
+    Relation,
+    Sign,
+)
+from ...files.expressions import Expression
+from ...trees.references import Assignment
+from ...world.world_facts import FACTS
+
+# Precedence of each kind of part, as in the parser of expressions.
+_CHOICE, _OR, _AND, _NOT, _RELATION, _SUM, _PRODUCT, _SIGN, _VALUE = range(9)
+
+
+def expression_text(part: Part) -> str:
+    """Return a text that parses to the same parts."""
+    match part:
+        case LiteralValue(value=value):
+            return literal_text(value)
+        case Name(name=name):
+            return name
+        case Attribute(owner=owner, name=name):
+            number = isinstance(owner, LiteralValue) and type(owner.value) in (int, float)
+            return f"({expression_text(owner)}).{name}" if number else f"{_within(owner, _VALUE)}.{name}"
+        case Element(owner=owner, index=index):
+            return f"{_within(owner, _VALUE)}[{expression_text(index)}]"
+        case Not(operand=operand):
+            return f"not {_within(operand, _NOT)}"
+        case Sign(symbol=symbol, operand=operand):
+            return f"{symbol}{_within(operand, _SIGN)}"
+        case Arithmetic(symbol=symbol, left=left, right=right):
+            binding = _binding(part)
+            return f"{_within(left, binding)} {symbol} {_within(right, binding + 1)}"
+        case ComparisonChain(first=first, rest=rest):
+            words = [_within(first, _SUM)]
+            for related in rest:
+                words += [related.relation, _within(related.operand, _SUM)]
+            return " ".join(words)
+        case Logic(symbol=symbol, parts=parts):
+            return f" {symbol} ".join(_within(lower, _binding(part) + 1) for lower in parts)
+        case Conditional(test=test, yes=yes, no=no):
+            return f"{_within(yes, _OR)} if {_within(test, _OR)} else {_within(no, _CHOICE)}"
+        case ListOf(items=items):
+            return f"[{', '.join(map(expression_text, items))}]"
+        case Call(function=function, arguments=arguments):
+            return f"{function}({', '.join(map(expression_text, arguments))})"
+
+
+def literal_text(value: str | int | float | bool | None) -> str:
+    """Return a constant as an expression writes it."""
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return "true" if value else "false"
+        case int() | float():
+            return repr(value)
+        case str():
+            escaped = value.replace("\\", "\\\\").replace("\n", "\\n").replace("\t", "\\t")
+            quote = '"' if "'" in escaped and '"' not in escaped else "'"
+            return quote + escaped.replace(quote, f"\\{quote}") + quote
+
+
+def _within(part: Part, least: int) -> str:
+    text = expression_text(part)
+    return text if _binding(part) >= least else f"({text})"
+
+
+def _binding(part: Part) -> int:
+    match part:
+        case Conditional():
+            return _CHOICE
+        case Logic(symbol=symbol):
+            return _OR if symbol == "or" else _AND
+        case Not():
+            return _NOT
+        case ComparisonChain():
+            return _RELATION
+        case Arithmetic(symbol=symbol):
+            return _SUM if symbol in ("+", "-") else _PRODUCT
+        case Sign():
+            return _SIGN
+        case _:
+            return _VALUE
+
+
+LARGEST_INTEGER = 2**53
+"""Largest whole number that scripts compute with: BehaviorTree.CPP throws where a double is not exact."""
+_SCRIPT_LOGIC = {"and": "&&", "or": "||"}
+
+
+class NotExpressible(Exception):
+    """Expression that BehaviorTree.CPP's scripts cannot express; the text gives the reason."""
+
+
+def script(expression: Expression) -> str:
+    """Return the expression as a script. Raises NotExpressible."""
+    return _text(expression.root)
+
+
+def assignments_script(assignments: Iterable[Assignment]) -> str:
+    """Return assignments as `a := 1; b = a + 1`. Raises NotExpressible."""
+    return "; ".join(_assignment(assignment) for assignment in assignments)
+
+
+def constant_script(key: str, value: object) -> str:
+    """Return `key := value` for a scalar. Raises NotExpressible."""
+    _check_name(key)
+    if not isinstance(value, str | int | float | bool):
+        raise NotExpressible("there are no lists and mappings")
+    return f"{key} := {_literal(value)}"
+
+
+def _literal(value: str | int | float | bool | None) -> str:
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case int():
+            if abs(value) > LARGEST_INTEGER:
+                raise NotExpressible("the number is too large")
+            return str(value)
+        case float():
+            return repr(value)
+        case str():
+            # From 4.9 on double quotes are none.
+            if "'" in value or not value.isascii() or not value.isprintable():
+                raise NotExpressible("a text with such characters")
+            return f"'{value}'"
+        case None:
+            raise NotExpressible("there is no null")
+
+
+def _assignment(assignment: Assignment) -> str:
+    _check_name(assignment.key)
+    return f"{assignment.key} {':=' if assignment.new else '='} {script(assignment.value)}"
+
+
+def _text(part: Part) -> str:
+    match part:
+        case LiteralValue(value=value):
+            return _literal(value)
+        case Name(name=name):
+            _check_name(name)
+            return name
+        case Not(operand=operand):
+            return f"!{_atom(operand)}"
+        case Sign(symbol="-", operand=operand):
+            return f"-{_atom(operand)}"
+        case Arithmetic(symbol="+", left=left, right=right) if _is_text(part):
+            return f"{_atom(left)} .. {_atom(right)}"
+        case Arithmetic(symbol="+" | "-" | "*" | "/" as symbol, left=left, right=right):
+            return f"{_left_operand(symbol, left)} {symbol} {_operand(symbol, right)}"
+        case ComparisonChain(first=first, rest=rest):
+            words = [_compared(first)]
+            for related in rest:
+                if related.relation in ("in", "not in"):
+                    raise NotExpressible(f"there is no {related.relation!r}")
+                words += [related.relation, _compared(related.operand)]
+            return " ".join(words)
+        case Logic(symbol=symbol, parts=parts):
+            return f" {_SCRIPT_LOGIC[symbol]} ".join(_in_logic(lower) for lower in parts)
+        case Conditional(test=test, yes=yes, no=no):
+            return f"{_in_logic(test)} ? {_in_logic(yes)} : {_in_logic(no)}"
+        case _:
+            raise NotExpressible("there are no attributes, lists, functions and other operators")
+
+
+def _is_text(part: Part) -> bool:
+    """Whether a sum certainly is a text: then it is joined, which `+` does not do with a number."""
+    match part:
+        case LiteralValue(value=value):
+            return isinstance(value, str)
+        case Arithmetic(symbol="+", left=left, right=right):
+            return _is_text(left) or _is_text(right)
+        case _:
+            return False
+
+
+def _check_name(name: str) -> None:
+    if name in FACTS:
+        raise NotExpressible(f"{name!r} is a fact of the world, not a key of the blackboard")
+    if name.startswith(("true", "false")):
+        raise NotExpressible(f"{name!r} begins like a constant")
+
+
+def _bracketed(part: Part) -> str:
+    return f"({_text(part)})"
+
+
+def _atom(part: Part) -> str:
+    return _text(part) if isinstance(part, LiteralValue | Name) else _bracketed(part)
+
+
+def _operand(symbol: str, part: Part) -> str:
+    """Return a right operand, in brackets if it could be read as part of the operator's chain."""
+    tighter = symbol in ("+", "-") and isinstance(part, Arithmetic) and part.symbol in ("*", "/")
+    return _text(part) if tighter else _atom(part)
+
+
+def _left_operand(symbol: str, part: Part) -> str:
+    """Return a left operand; operators of the same kind are evaluated in order, without brackets."""
+    same = isinstance(part, Arithmetic) and (symbol in ("+", "-") or part.symbol in ("*", "/"))
+    return _text(part) if same else _atom(part)
+
+
+def _compared(part: Part) -> str:
+    return _text(part) if isinstance(part, Arithmetic | Not | Sign) else _atom(part)
+
+
+def _in_logic(part: Part) -> str:
+    return _text(part) if isinstance(part, ComparisonChain | Arithmetic | Not | Sign) else _atom(part)
+
+
+MAX_SCRIPT_LENGTH: Final = 4000
+MAX_SCRIPT_DEPTH: Final = 40
+_TOKEN = re.compile(
+    r"""(?P<space>\s+)
+    |(?P<hex>0[xX][0-9a-fA-F]+\b)
+    |(?P<number>\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.]))
+    |(?P<text>'[^']*'|"[^"]*")
+    |(?P<name>@?[A-Za-z_]\w*)
+    |(?P<symbol>:=|[-+*/]=|==|!=|<=|>=|&&|\|\||\.\.|[-+*/<>()!?:=;&|^~])""",
+    re.VERBOSE | re.ASCII,
+)
+_NO_COUNTERPART = {
+    "&": "bitwise operators", "|": "bitwise operators", "^": "bitwise operators", "~": "bitwise operators",
+}  # fmt: skip
+OUR_WORDS = ("and", "or", "not", "in", "if", "else", "null", "is", "for", "lambda", "True", "False", "None")
+_ASSIGNMENTS = (":=", "=", "+=", "-=", "*=", "/=")
+_EXPRESSION_LOGIC: dict[str, Literal["and", "or"]] = {"&&": "and", "||": "or"}
+
+
+class ScriptError(ValueError):
+    """Error in a script, or a part that expressions lack, with the index of the character."""
+
+    def __init__(self, message: str, offset: int) -> None:
+        super().__init__(message)
+        self.offset = offset
+
+
+Kind: TypeAlias = Literal["hex", "number", "text", "name", "symbol", "end"]
+
+
+@dataclass(frozen=True, slots=True)
+class _Token:
+    kind: Kind
+    text: str
+    at: int
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """Statement `key := value`, `key = value` (not `new`), or a bare value (no key)."""
+
+    key: str
+    new: bool
+    value: Part
+
+    def constant(self) -> str | int | float | bool | None:
+        """Literal, or `"{key}"` for a copy, that is written in any case; else None."""
+        if not self.new:
+            return None
+        match self.value:
+            case Name(name=name):
+                return f"{{{name}}}"
+            case LiteralValue(value=str() as text) if "{" in text:
+                return None
+            case LiteralValue(value=value):
+                return value
+            case Sign(symbol="-", operand=LiteralValue(value=int() | float() as number)) if (
+                number is not True
+            ):
+                return -number
+            case _:
+                return None
+
+    def text(self) -> str:
+        """Return the statement as a postcondition writes it."""
+        operator = ":=" if self.new else "="
+        return f"{self.key} {operator} {expression_text(self.value)}"
+
+
+def read_expression(script: str, enums: Mapping[str, int] | None = None) -> Part:
+    """Return the script's single expression. Raises ScriptError."""
+    statements = _Parser(script, enums or {}).statements()
+    if len(statements) != 1 or statements[0].key:
+        raise ScriptError("one expression without an assignment is wanted", 0)
+    return statements[0].value
+
+
+def read_parts(script: str, enums: Mapping[str, int] | None = None) -> tuple[Statement, ...]:
+    """Return assignments and bare values of a script. Raises ScriptError."""
+    return _Parser(script, enums or {}).statements()
+
+
+def names_in(script: str) -> tuple[str, ...]:
+    """Return the names in a script; none when it cannot be read."""
+    try:
+        return tuple(token.text for token in _tokens(script) if token.kind == "name")
+    except ScriptError:
+        return ()
+
+
+def with_names(script: str, names: Mapping[str, str]) -> str:
+    """Return the script with other names; one that cannot be read is left as it is."""
+    try:
+        tokens = [token for token in _tokens(script) if token.kind == "name"]
+    except ScriptError:
+        return script
+    for token in reversed(tokens):
+        root = "@" if token.text.startswith("@") else ""
+        name = token.text[len(root) :]
+        script = f"{script[: token.at]}{root}{names.get(name, name)}{script[token.at + len(token.text) :]}"
+    return script
+
+
+def _tokens(script: str) -> Iterator[_Token]:
+    at = 0
+    while at < len(script):
+        match = _TOKEN.match(script, at)
+        if match is None:
+            raise ScriptError(f"{script[at]!r} has no meaning in a script", at)
+        if match.lastgroup != "space":
+            yield _Token(cast("Kind", match.lastgroup), match[0], at)
+        at = match.end()
+    yield _Token("end", "", at)
+
+
+class _Parser:
+    def __init__(self, script: str, enums: Mapping[str, int]) -> None:
+        self._enums = enums
+        if len(script) > MAX_SCRIPT_LENGTH:
+            raise ScriptError(f"the script is longer than {MAX_SCRIPT_LENGTH} characters", 0)
+        self._tokens = list(_tokens(script))
+        self._next = 0
+        self._depth = 0
+
+    def statements(self) -> tuple[Statement, ...]:
+        found: list[Statement] = []
+        while not self._ended():
+            found.append(self._statement())
+            while self._is(";"):
+                self._take()
+        if not found:
+            raise ScriptError("the script is empty", 0)
+        return tuple(found)
+
+    @property
+    def _token(self) -> _Token:
+        return self._tokens[self._next]
+
+    def _ended(self) -> bool:
+        return self._token.kind == "end"
+
+    def _is(self, *symbols: str) -> bool:
+        return self._token.kind == "symbol" and self._token.text in symbols
+
+    def _take(self) -> _Token:
+        token = self._token
+        self._next += 1
+        return token
+
+    def _expect(self, symbol: str) -> None:
+        if not self._is(symbol):
+            self._unexpected(f"{symbol!r} is missing")
+        self._take()
+
+    def _unexpected(self, otherwise: str) -> NoReturn:
+        token = self._token
+        if token.kind == "symbol" and token.text in _NO_COUNTERPART:
+            raise ScriptError(f"{_NO_COUNTERPART[token.text]} have no counterpart", token.at)
+        raise ScriptError(otherwise, token.at)
+
+    def _statement(self) -> Statement:
+        target = self._token
+        assigned = target.kind == "name" and self._tokens[self._next + 1].text in (":=", "=")
+        # Scripts may write to any word, though expressions cannot name each.
+        left = Name(target.at, self._take().text) if assigned else self._choice()
+        if not self._is(*_ASSIGNMENTS):
+            return Statement("", False, left)
+        operator = self._take()
+        if not isinstance(left, Name):
+            raise ScriptError("only a key of the tree can be assigned to", target.at)
+        value = self._choice()
+        if self._is(*_ASSIGNMENTS):
+            self._unexpected("only one key can be assigned to")
+        if operator.text in (":=", "="):
+            return Statement(left.name, operator.text == ":=", value)
+        symbol = cast("Literal['+', '-', '*', '/']", operator.text[0])
+        return Statement(left.name, False, Arithmetic(operator.at, symbol, left, value))
+
+    def _choice(self) -> Part:
+        test = self._logic()
+        if not self._is("?"):
+            return test
+        at = self._take().at
+        yes = self._nested()
+        self._expect(":")
+        return Conditional(at, test, yes, self._nested())
+
+    def _nested(self) -> Part:
+        self._deeper()
+        part = self._choice()
+        self._depth -= 1
+        return part
+
+    def _deeper(self) -> None:
+        self._depth += 1
+        if self._depth > MAX_SCRIPT_DEPTH:
+            raise ScriptError(f"the script is nested more than {MAX_SCRIPT_DEPTH} deep", self._token.at)
+
+    def _logic(self) -> Part:
+        """Parse `||`, and `&&`, which binds more tightly since BehaviorTree.CPP 4.9."""
+        return self._joined("||", lambda: self._joined("&&", self._comparison))
+
+    def _joined(self, symbol: str, operand: Callable[[], Part]) -> Part:
+        first, rest = operand(), list[Part]()
+        at = self._token.at
+        while self._is(symbol):
+            self._take()
+            rest.append(operand())
+        return Logic(at, _EXPRESSION_LOGIC[symbol], (first, *rest)) if rest else first
+
+    def _comparison(self) -> Part:
+        first, rest = self._sum(), list[ComparisonLink]()
+        at = self._token.at
+        while self._is("==", "!=", "<", "<=", ">", ">="):
+            token = self._take()
+            rest.append(ComparisonLink(token.at, cast("Relation", token.text), self._sum()))
+        if self._is(*_NO_COUNTERPART):
+            self._unexpected("")
+        return ComparisonChain(at, first, tuple(rest)) if rest else first
+
+    def _sum(self) -> Part:
+        left = self._product()
+        while self._is("+", "-", ".."):
+            token = self._take()
+            left = Arithmetic(token.at, "-" if token.text == "-" else "+", left, self._product())
+        return left
+
+    def _product(self) -> Part:
+        left = self._prefixed()
+        while self._is("*", "/"):
+            token = self._take()
+            left = Arithmetic(token.at, "*" if token.text == "*" else "/", left, self._prefixed())
+        return left
+
+    def _prefixed(self) -> Part:
+        if self._is("-", "!"):
+            token = self._take()
+            self._deeper()
+            operand = self._prefixed()
+            self._depth -= 1
+            return Sign(token.at, "-", operand) if token.text == "-" else Not(token.at, operand)
+        return self._value()
+
+    def _value(self) -> Part:
+        token = self._token
+        if self._is("("):
+            self._take()
+            part = self._nested()
+            self._expect(")")
+            return part
+        if token.kind in ("end", "symbol"):
+            self._unexpected("a value is missing")
+        self._take()
+        match token.kind:
+            case "hex":
+                return LiteralValue(token.at, int(token.text, 16))
+            case "number":
+                whole = token.text.isdigit() and len(token.text) < 20
+                return LiteralValue(token.at, int(token.text) if whole else float(token.text))
+            case "text":
+                return LiteralValue(token.at, token.text[1:-1])
+            case _:
+                return self._name(token)
+
+    def _name(self, token: _Token) -> Part:
+        if token.text in ("true", "false"):
+            return LiteralValue(token.at, token.text == "true")
+        if token.text in self._enums:
+            return LiteralValue(token.at, self._enums[token.text])
+        if token.text in OUR_WORDS:
+            raise ScriptError(f"{token.text!r} cannot be the name of a key in an expression", token.at)
+        return Name(token.at, token.text)

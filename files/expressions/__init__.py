@@ -1,1 +1,0 @@
-"""The expression language: tokens, parser, types, evaluation."""

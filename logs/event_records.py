@@ -1,0 +1,150 @@
+"""Events in a log: the kinds that the recorder itself adds, and the way between events and their records."""
+
+from __future__ import annotations
+
+import inspect
+import types
+from collections.abc import Iterable, Mapping
+from functools import cache
+from typing import TYPE_CHECKING, Annotated, Any, Self, cast, get_args
+
+from ..world.events import event_of
+from ..world.journal import EVENT_KINDS, EventField, JournalEvent, OtherEvent, event_fields
+from .records import BodyRecord, Event, decode, is_viewable, schema, value_schema
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
+
+_PAGE = """\
+# Events
+
+A message on the topic `/events` of a [log](logs.md) has `kind`, `message`, `node` and `data`. `node` is the
+path of the node that noted it, empty when none did. These are the kinds, with the values in their `data`.
+
+In Python each kind is a class and each value an attribute: `at.record.object` for `at` in `run.events`
+([analysis.md](analysis.md)). An event of another kind, or one that lacks a value, is an `OtherEvent` with
+what was recorded in `data`.
+
+The JSON Schema of the topic, which each log holds, has an alternative for each kind, for the kinds that
+plug-ins declare, and one for all others. Viewers are offered the values that have one type in every kind;
+a plug-in whose value has such a name and another type declares its kind as a class below `JournalEvent`.
+
+| kind | recorded when | values |
+|---|---|---|
+"""
+
+
+class ImageEvent(JournalEvent, kind="image"):
+    """A camera took an image."""
+
+    findings: Annotated[tuple[str, ...], "what perception found in it, a line each"] = ()
+
+
+class BeliefEvent(JournalEvent, kind="belief"):
+    """The belief changed."""
+
+    version: Annotated[int, "version of the belief after the change"]
+    object: Annotated[str, "id of the object in the belief"]
+    reason: Annotated[str, "reason of the change"]
+    before: Annotated[BodyRecord | None, "object before the change; null for a new one"]
+    after: Annotated[BodyRecord | None, "object after the change; null for one that was removed"]
+
+    @classmethod
+    def from_data(cls, message: str, node: str, data: Mapping[str, object]) -> Self:
+        """Return the event with these values. Raises ValueError when one is missing or has another type."""
+        bodies = {name: _body(data.get(name)) for name in ("before", "after")}
+        plain = super().from_data(message, node, {**data, "before": None, "after": None})
+        return cls(
+            message, node, extra=plain.extra, version=plain.version, object=plain.object, reason=plain.reason,
+            before=bodies["before"], after=bodies["after"],
+        )  # fmt: skip
+
+
+def event_record(event: JournalEvent) -> Event:
+    """Return the record of an event."""
+    return Event(event.kind, event.message, event.node, event.data)
+
+
+def decode_event(data: bytes) -> JournalEvent:
+    """Decode an event. One of an unknown kind, or without a value that its kind needs, is an `OtherEvent`."""
+    record = decode(Event, data)
+    return event_of(record.kind, record.message, record.node, record.data)
+
+
+def event_schema() -> dict[str, object]:
+    """Return the JSON Schema of a message on `/events`: the values of each declared kind, and any other kind.
+
+    Viewers read `properties` alone. The values of `data` that are listed there have one type in every kind.
+    """
+    return _event_schema(tuple(EVENT_KINDS.values()))
+
+
+@cache
+def _event_schema(kinds: tuple[type[JournalEvent], ...]) -> dict[str, object]:
+    common = schema(Event)
+    properties = cast("dict[str, object]", common["properties"])
+    data = {"type": "object", "properties": _shared_values(kinds)}
+    other = {"properties": {"kind": {"not": {"enum": [kind.NAME for kind in kinds]}}}}
+    return {
+        **common,
+        "properties": {**properties, "data": data},
+        "oneOf": [*map(_kind_schema, kinds), {"title": OtherEvent.__name__, **other}],
+    }
+
+
+def _kind_schema(kind: type[JournalEvent]) -> dict[str, object]:
+    """Return the schema that holds for the events of one kind, beside that of every event.
+
+    It has no descriptions: each file of a log holds it twice, and writes it anew each second.
+    """
+    values = event_fields(kind)
+    data = {
+        "properties": {each.name: value_schema(each.hint) for each in values},
+        "required": [each.name for each in values if each.required],
+    }
+    return {"title": kind.__name__, "properties": {"kind": {"const": kind.NAME}, "data": data}}
+
+
+def _shared_values(kinds: Iterable[type[JournalEvent]]) -> dict[str, dict[str, object]]:
+    """Return the schemas of the values that have one type in all kinds that have them, and are never null."""
+    found: dict[str, list[dict[str, object]]] = {}
+    for kind in kinds:
+        for each in event_fields(kind):
+            found.setdefault(each.name, []).append(value_schema(_recorded_type(kind, each)))
+    return {name: said[0] for name, said in found.items() if is_viewable(said[0]) and _are_equal(said)}
+
+
+def _recorded_type(kind: type[JournalEvent], value: EventField) -> object:
+    """Return the type of a recorded value. One whose default is None is left out while it is None."""
+    given = [arm for arm in get_args(value.hint) if arm is not types.NoneType]
+    left_out = value.default is None and kind.data is JournalEvent.data
+    return given[0] if left_out and len(given) == 1 else value.hint
+
+
+def _are_equal(schemas: Iterable[object]) -> bool:
+    first, *others = schemas
+    return all(other == first for other in others)
+
+
+def events_page() -> str:
+    """Return the page `docs/events.md`: all kinds of event with their fields."""
+    rows = (
+        f"| `{name}` | {(inspect.getdoc(kind) or '').splitlines()[0]} | {_values(kind)} |"
+        for name, kind in sorted(EVENT_KINDS.items())
+    )
+    return _PAGE + "\n".join(rows) + "\n"
+
+
+def _values(kind: type[JournalEvent]) -> str:
+    return "<br>".join(f"`{each.name}`: {each.text}" for each in event_fields(kind))
+
+
+def _body(value: object) -> BodyRecord | None:
+    return None if value is None else _body_adapter().validate_python(value)
+
+
+@cache
+def _body_adapter() -> TypeAdapter[BodyRecord]:
+    from pydantic import TypeAdapter  # needed for reading only, and slow to import
+
+    return TypeAdapter[Any](BodyRecord)

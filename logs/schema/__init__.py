@@ -1,1 +1,0 @@
-"""Schema of a log: records, topics, JSON Schemas."""

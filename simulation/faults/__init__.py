@@ -1,1 +1,0 @@
-"""Fault injection: active faults, their schedule and their records."""

@@ -1,1 +1,0 @@
-"""Feed of a run: items that arrive on tables and belts, and the exchange of bins."""

@@ -1,0 +1,569 @@
+"""Feeder of a simulated cell behind `protocols.Feed`, on both backends: feeds of tables and totes, and
+exchange of bins.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+from ..files.errors import PicktreeError
+from ..world.events import BinExchangedEvent, DeliveryEvent
+from ..world.journal import JournalEvent
+from ..world.protocols import FeedSignals
+from ..world.random_streams import RandomStreams
+from ..world.scene.description import AtIntervals, AtTimes, Bin, Delivery, SceneDescription, WhenClear
+from ..world.scene.feed_loading import reach
+from ..world.values import Array, ObjectId, Quaternion
+from .belt_feed import BeltDrive, BeltFeed, BeltFeedState
+from .feed_cell import CELL_CHECK_INTERVAL, FeedCell, ItemSource, Zone
+from .footprints import footprint, support_height
+from .spawn import LooseItem, SpawnedItem, draw_heap, draw_load, lay_out_some, occupied_outlines, set_down
+from .truth import TrueBody
+
+MIN_ARM_DISTANCE = 0.05
+"""Least distance between new items and the arm, m."""
+DROP_HEIGHT = 5e-4
+"""Height above the support from which new items drop, m."""
+MAX_SETTLING_TIME = 3.0
+"""Longest wait for new items to come to rest, s."""
+RETRY_INTERVAL = 1.0
+"""Time between two searches for free room on the table, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class WaitingItem:
+    """Item of a load for which there was no room."""
+
+    kind: str
+    colour: str
+    turn: Quaternion
+
+
+@dataclass(frozen=True, slots=True)
+class TableFeedState:
+    """Progress of a feed entry with an area."""
+
+    drawn: int = 0
+    """Number of items drawn so far, the waiting ones included."""
+    waiting: tuple[WaitingItem, ...] = ()
+    """Items that come with the next load."""
+    loads: int = 0
+    """Number of loads set down."""
+    tries: int = 0
+    """Number of searches for room."""
+    pending: bool = False
+    """Whether a load is due."""
+    due: float = 0.0
+    """Simulated time of the next load by the schedule, or of the next search for room, s."""
+    no_room: bool = False
+    """Whether there was no room for any item of the load."""
+    obstructed: bool = False
+    settling: tuple[ObjectId, ...] = ()
+    """Items that were set down and may still move."""
+    until: float = 0.0
+    """Simulated time until which the feed waits for them to come to rest, s."""
+    deliveries: int = 0
+
+
+class TableFeed:
+    """`ItemSource` of a feed entry with an area. Raises PicktreeError when not even one of its items fits
+    there."""
+
+    def __init__(self, scene: SceneDescription, number: int, cell: FeedCell, seed: int) -> None:
+        self._scene = scene
+        self._number = number
+        self._where = f"{scene.source or scene.name}: feed[{number}]"
+        self._delivery: Delivery = scene.deliveries[number]
+        self._load = self._delivery.load
+        self._size = sum(count for _, count in self._load.counts)
+        when = self._delivery.when
+        self._total = self._delivery.total
+        if self._total is None and isinstance(when, AtTimes):
+            self._total = self._size * len(when.times)
+        self._cell = cell
+        self._streams = RandomStreams(seed)
+        self._standing = occupied_outlines(scene)
+        widest = max(reach(scene.entry(kind).shape, 1.0) for kind, _ in self._load.counts)
+        (x0, y0), (x1, y1) = self._load.area
+        middle, half = ((x0 + x1) / 2, (y0 + y1) / 2), ((x1 - x0) / 2, (y1 - y0) / 2)
+        self._zone = Zone(middle, 0.0, half).grown(widest + MIN_ARM_DISTANCE)
+        levels = (support_height(scene.fixtures, x, y) for x in (x0, x1) for y in (y0, y1))
+        self._level = min((level for level in levels if level is not None), default=-math.inf)
+        """Height of the table, m; lower bodies take no room."""
+        self._events: list[JournalEvent] = []
+        self._state = TableFeedState(due=when.period if isinstance(when, AtIntervals) else 0.0)
+        first, _ = self._hand()
+        if not self._places(first, empty=True):
+            raise PicktreeError(
+                f"{self._where}: no item fits into the area of {x1 - x0:.2f} × {y1 - y0:.2f} m beside what "
+                "stands there; make it larger, or put it elsewhere"
+            )
+
+    @property
+    def exhausted(self) -> bool:
+        return self._all_brought and not self._state.settling
+
+    @property
+    def busy(self) -> bool:
+        state = self._state
+        return bool(state.settling) or (state.pending and not state.no_room)
+
+    @property
+    def obstructed(self) -> bool:
+        return self._state.obstructed
+
+    @property
+    def deliveries(self) -> int:
+        return self._state.deliveries
+
+    def ready(self) -> None:
+        """Request the next load, unless one is coming to rest or all have come."""
+        if isinstance(self._delivery.when, WhenClear) and not self._state.settling and not self._all_brought:
+            self._state = replace(self._state, pending=True)
+
+    def stepped(self, step: int) -> None:
+        if step % CELL_CHECK_INTERVAL:
+            return
+        if self._state.settling:
+            self._wait_for_rest()
+            return
+        now, state = self._cell.now, self._state
+        if not state.pending:
+            if not self._is_due(now):
+                return
+            state = replace(state, pending=True)
+        if state.no_room and now < state.due - 1e-9:
+            return
+        self._state = replace(state, obstructed=self._cell.arm_over(self._zone))
+        if not self._state.obstructed:
+            self._bring(now)
+
+    def take_events(self) -> tuple[JournalEvent, ...]:
+        events, self._events = tuple(self._events), []
+        return events
+
+    def state(self) -> TableFeedState:
+        """Return the progress for a checkpoint."""
+        return self._state
+
+    def restore(self, state: TableFeedState) -> None:
+        self._state = state
+
+    @property
+    def _all_brought(self) -> bool:
+        return self._state.drawn == self._total and not self._state.waiting
+
+    def _is_due(self, now: float) -> bool:
+        """Return whether a load is due by the schedule. Items without room in the last load come as soon as
+        there is room."""
+        if self._all_brought:
+            return False
+        match self._delivery.when:
+            case WhenClear():
+                return False
+            case AtIntervals():
+                return now >= self._state.due - 1e-9
+            case AtTimes(times):
+                return self._state.loads >= len(times) or now >= times[self._state.loads] - 1e-9
+
+    def _bring(self, now: float) -> None:
+        hand, drawn = self._hand()
+        places = self._places(hand)
+        state = replace(self._state, tries=self._state.tries + 1)
+        if not places:
+            self._state = replace(state, no_room=True, due=now + RETRY_INTERVAL)
+            return
+        put = [self._put(hand[k], place) for k, place in sorted(places.items())]
+        waiting = tuple(
+            WaitingItem(item.kind, item.colour, item.turn) for k, item in enumerate(hand) if k not in places
+        )
+        self._state = replace(
+            state,
+            drawn=drawn,
+            waiting=waiting,
+            loads=state.loads + 1,
+            pending=False,
+            no_room=False,
+            due=self._next_due(now),
+            settling=tuple(put),
+            until=now + MAX_SETTLING_TIME,
+        )
+        self._tell(len(put), len(waiting))
+
+    def _hand(self) -> tuple[list[LooseItem], int]:
+        """Return the next items, the waiting ones first, and the number drawn after them."""
+        state, total = self._state, self._total
+        hand = [LooseItem(item.kind, item.colour, item.turn) for item in state.waiting]
+        drawn = state.drawn
+        load: list[LooseItem] = []
+        while len(hand) < self._size and (total is None or drawn < total):
+            k = drawn % self._size
+            if k == 0 or not load:
+                load = self._drawn(drawn // self._size)
+            hand.append(load[k])
+            drawn += 1
+        return hand, drawn
+
+    def _drawn(self, load: int) -> list[LooseItem]:
+        """Draw the load with a number, in random order, from scene and seed alone."""
+        rng = self._streams.at(f"feed/{self._number}", load)
+        items = draw_load(self._scene, self._load, rng)
+        return [items[k] for k in rng.permutation(len(items))]
+
+    def _places(self, hand: list[LooseItem], *, empty: bool = False) -> dict[int, Array]:
+        """Return free places by the items' position in the hand; `empty`: as if no item were on the table."""
+        outlines = [footprint(self._scene.entry(item.kind).shape, item.turn) for item in hand]
+        taken = list(self._standing)
+        if not empty:
+            taken += [
+                footprint(b.shape, b.pose.orientation).at(b.pose.position[:2])
+                for b in self._cell.here()
+                if b.pose.position[2] > self._level
+            ]
+        rng = self._streams.at(f"feed/{self._number}/place", self._state.tries)
+        return dict(lay_out_some(self._load, outlines, taken, rng))
+
+    def _put(self, item: LooseItem, place: Array) -> ObjectId:
+        made = set_down(self._scene, self._load, item, place, self._cell.next_id(), self._where)
+        pose = made.pose.shifted((0.0, 0.0, DROP_HEIGHT))
+        self._cell.put(
+            SpawnedItem(made.id, made.entry, made.colour, pose, made.dropped, brought_by=self._number)
+        )
+        return made.id
+
+    def _next_due(self, now: float) -> float:
+        match self._delivery.when:
+            case AtIntervals(period):
+                return (int((now + 1e-9) // period) + 1) * period
+            case _:
+                return now
+
+    def _wait_for_rest(self) -> None:
+        state = self._state
+        if self._cell.at_rest(state.settling) or self._cell.now >= state.until:
+            self._state = replace(state, settling=(), deliveries=state.deliveries + 1)
+
+    def _tell(self, items: int, waiting: int) -> None:
+        number = self._state.loads
+        message = f"{_count_phrase(items)} set down" + (f", {waiting} more found no room" if waiting else "")
+        self._events.append(
+            DeliveryEvent(message, feed=self._number, number=number, items=items, waiting=waiting)
+        )
+
+
+def _count_phrase(items: int) -> str:
+    return "1 item is" if items == 1 else f"{items} items are"
+
+
+MAX_POURED_SETTLING_TIME = 5.0
+"""Longest wait for poured items to come to rest, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class ToteFeedState:
+    """Progress of a feed entry with a tote."""
+
+    drawn: int = 0
+    """Number of items drawn so far."""
+    loads: int = 0
+    """Number of loads poured."""
+    settling: tuple[ObjectId, ...] = ()
+    """Items that were poured and may still move."""
+    until: float = 0.0
+    """Simulated time until which the feed waits for them to come to rest, s."""
+    deliveries: int = 0
+
+
+class ToteFeed:
+    """`ItemSource` of a feed entry with a tote. Raises PicktreeError when an item is wider than the tote."""
+
+    obstructed = False
+    """The exchange of the tote waits for the arm, not the feed."""
+
+    def __init__(self, scene: SceneDescription, number: int, cell: FeedCell, seed: int) -> None:
+        self._scene = scene
+        self._number = number
+        self._delivery = scene.deliveries[number]
+        into = self._delivery.load.into
+        if into is None:
+            raise PicktreeError(f"feed[{number}] has no tote")
+        self.tote = into
+        self._cell = cell
+        self._streams = RandomStreams(seed)
+        self._events: list[JournalEvent] = []
+        self._state = ToteFeedState()
+        self._drawn()
+
+    @property
+    def exhausted(self) -> bool:
+        return self._state.drawn == self._delivery.total and not self._state.settling
+
+    @property
+    def busy(self) -> bool:
+        """Whether poured items may still move."""
+        return bool(self._state.settling)
+
+    @property
+    def deliveries(self) -> int:
+        return self._state.deliveries
+
+    def ready(self) -> None:
+        """Do nothing: a load comes with the exchange of its tote."""
+
+    def fill(self) -> bool:
+        """Pour the next load into the tote, and return whether anything was left to pour."""
+        state, total = self._state, self._delivery.total
+        load = self._drawn()[: None if total is None else total - state.drawn]
+        if not load:
+            return False
+        names: list[ObjectId] = []
+        for item in load:
+            names.append(self._cell.next_id())
+            self._cell.put(replace(item, id=names[-1], brought_by=self._number))
+        self._state = replace(
+            state,
+            drawn=state.drawn + len(load),
+            loads=state.loads + 1,
+            settling=tuple(names),
+            until=self._cell.now + MAX_POURED_SETTLING_TIME,
+        )
+        message = f"{self.tote} comes with {len(load)} item{'s' if len(load) > 1 else ''}"
+        self._events.append(
+            DeliveryEvent(message, feed=self._number, number=state.loads + 1, items=len(load), waiting=0)
+        )
+        return True
+
+    def stepped(self, step: int) -> None:
+        state = self._state
+        if not state.settling or step % CELL_CHECK_INTERVAL:
+            return
+        if self._cell.at_rest(state.settling) or self._cell.now >= state.until:
+            self._state = replace(state, settling=(), deliveries=state.deliveries + 1)
+
+    def take_events(self) -> tuple[JournalEvent, ...]:
+        events, self._events = tuple(self._events), []
+        return events
+
+    def state(self) -> ToteFeedState:
+        """Return the progress for a checkpoint."""
+        return self._state
+
+    def restore(self, state: ToteFeedState) -> None:
+        self._state = state
+
+    def _drawn(self) -> list[SpawnedItem]:
+        """Draw the next load above its tote, from scene and seed alone."""
+        where = f"{self._scene.source or self._scene.name}: feed[{self._number}]"
+        rng = self._streams.at(f"feed/{self._number}", self._state.loads)
+        return draw_heap(self._scene, self._delivery.load, rng, where)
+
+
+MIN_BIN_ARM_DISTANCE = 0.05
+"""Least distance between the bin and the arm during the exchange, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExchangeState:
+    """Requested and completed exchanges of bins."""
+
+    asked: tuple[ObjectId, ...] = ()
+    """Requested bins, in order; the first one is being exchanged."""
+    worked: float = 0.0
+    """Time worked on the present exchange with the arm out of the way, s."""
+    obstructed: bool = False
+    done: Mapping[ObjectId, int] = field(default_factory=dict[ObjectId, int])
+    """Number of exchanges of each bin."""
+
+
+class BinExchange:
+    """Exchange of bins by one person, one bin after the other. A tote with a feed comes back full. Without
+    `exchange` in the scene requests are ignored."""
+
+    def __init__(self, scene: SceneDescription, cell: FeedCell, totes: Iterable[ToteFeed] = ()) -> None:
+        self._cell = cell
+        self._totes = {each.tote: each for each in totes}
+        self._bins: Mapping[str, Bin] = {each.id: each for each in scene.bins}
+        self._exchange = scene.exchange
+        self._asked: list[ObjectId] = []
+        self._worked = 0.0
+        self._done: Counter[ObjectId] = Counter()
+        self.obstructed = False
+        self._events: list[JournalEvent] = []
+
+    @property
+    def busy(self) -> bool:
+        return bool(self._asked)
+
+    @property
+    def done(self) -> Mapping[ObjectId, int]:
+        """Number of exchanges of each bin; a copy. A full tote counts when its items have come to rest."""
+        moving = {name for name, tote in self._totes.items() if tote.busy}
+        return {name: number - (name in moving) for name, number in self._done.items()}
+
+    def ask(self, bin_id: ObjectId) -> None:
+        """Request the exchange of a bin. Raises PicktreeError when the scene has no such bin."""
+        if bin_id not in self._bins:
+            raise PicktreeError(f"there is no bin {bin_id!r}; known: {', '.join(self._bins)}")
+        if self._exchange is not None and bin_id not in self._asked:
+            self._asked.append(bin_id)
+
+    def stepped(self, step: int) -> None:
+        """Advance by one control period, the step-th of the run."""
+        if not self._asked or step % CELL_CHECK_INTERVAL:
+            return
+        each = self._bins[self._asked[0]]
+        self.obstructed = self._cell.arm_over(_zone(each))
+        if self.obstructed:
+            return
+        self._worked += CELL_CHECK_INTERVAL * self._cell.period
+        assert self._exchange is not None
+        if self._worked >= self._exchange.seconds - 1e-9:
+            self._carry_out(each)
+
+    def take_events(self) -> tuple[JournalEvent, ...]:
+        """Return the events since the last call."""
+        events, self._events = tuple(self._events), []
+        return events
+
+    def state(self) -> ExchangeState:
+        """Return the state for a checkpoint."""
+        return ExchangeState(tuple(self._asked), self._worked, self.obstructed, dict(self._done))
+
+    def restore(self, state: ExchangeState) -> None:
+        self._asked, self._worked = list(state.asked), state.worked
+        self.obstructed, self._done = state.obstructed, Counter(state.done)
+
+    def _carry_out(self, each: Bin) -> None:
+        inside = [body.id for body in self._cell.here() if goes_with(each, body)]
+        self._cell.take_with(each.id, inside)
+        self._asked.pop(0)
+        self._worked = 0.0
+        self._done[each.id] += 1
+        number = self._done[each.id]
+        tote = self._totes.get(each.id)
+        other = "a full" if tote is not None and tote.fill() else "an empty"
+        message = f"{each.id} is exchanged for {other} one, with {_counted(len(inside))} in it"
+        self._events.append(BinExchangedEvent(message, bin=each.id, items=len(inside), number=number))
+
+
+def goes_with(each: Bin, body: TrueBody) -> bool:
+    """Return whether a bin takes the item along when it is carried off.
+
+    That is so when the item's centre is over the bin and above its underside: inside, on the heap or across a
+    wall. An item that leans on the bin from outside stays.
+    """
+    x, y, z = (each.pose.inverse() @ body.pose).position
+    return abs(x) < each.size[0] / 2 and abs(y) < each.size[1] / 2 and z > 0.0
+
+
+def _zone(each: Bin) -> Zone:
+    x, y, _ = each.pose.position
+    across = each.pose.rotation()[:, 0]
+    yaw = math.atan2(float(across[1]), float(across[0]))
+    return Zone((x, y), yaw, (each.size[0] / 2, each.size[1] / 2)).grown(MIN_BIN_ARM_DISTANCE)
+
+
+def _counted(items: int) -> str:
+    return "1 item" if items == 1 else f"{items} items"
+
+
+@dataclass(frozen=True, slots=True)
+class FeederState:
+    """State of the feeder for a checkpoint; each part in the order of the scene file."""
+
+    tables: tuple[TableFeedState, ...] = ()
+    belts: tuple[BeltFeedState, ...] = ()
+    exchange: ExchangeState = field(default_factory=ExchangeState)
+    totes: tuple[ToteFeedState, ...] = ()
+
+
+class Feeder:
+    """Feeder: runs the entries of the scene's feed and the exchange of bins."""
+
+    def __init__(
+        self, scene: SceneDescription, cell: FeedCell, seed: int, belts: Mapping[ObjectId, BeltDrive]
+    ) -> None:
+        """Build the sources. Raises PicktreeError when no item of an entry fits into its area."""
+        self._tables = tuple(
+            TableFeed(scene, n, cell, seed)
+            for n, delivery in enumerate(scene.deliveries)
+            if delivery.belt is None and delivery.load.into is None
+        )
+        self._belts = tuple(
+            BeltFeed(scene, n, cell, belts[delivery.belt], seed)
+            for n, delivery in enumerate(scene.deliveries)
+            if delivery.belt is not None
+        )
+        self._totes = tuple(
+            ToteFeed(scene, n, cell, seed)
+            for n, delivery in enumerate(scene.deliveries)
+            if delivery.load.into is not None
+        )
+        self._bringers: tuple[ItemSource, ...] = (*self._tables, *self._belts, *self._totes)
+        self._exchange = BinExchange(scene, cell, self._totes)
+
+    def ready(self) -> None:
+        for each in self._bringers:
+            each.ready()
+
+    def exchange(self, bin_id: ObjectId) -> None:
+        self._exchange.ask(bin_id)
+
+    def read(self) -> FeedSignals:
+        bringers, exchange = self._bringers, self._exchange
+        return FeedSignals(
+            exhausted=all(each.exhausted for each in bringers),
+            busy=exchange.busy or any(each.busy for each in bringers),
+            obstructed=exchange.obstructed or any(each.obstructed for each in bringers),
+            deliveries=sum(each.deliveries for each in bringers),
+            exchanges=exchange.done,
+        )
+
+    def stepped(self, step: int) -> None:
+        """Advance by one control period, the step-th of the run."""
+        for each in self._bringers:
+            each.stepped(step)
+        self._exchange.stepped(step)
+
+    def take_events(self) -> tuple[JournalEvent, ...]:
+        """Return the events since the last call, for the journal. They name numbers, bins and belts, never
+        places of items."""
+        events = [event for each in self._bringers for event in each.take_events()]
+        return (*events, *self._exchange.take_events())
+
+    def state(self) -> FeederState:
+        """Return the state for a checkpoint. It does not include pending events."""
+        return FeederState(
+            tuple(each.state() for each in self._tables),
+            tuple(each.state() for each in self._belts),
+            self._exchange.state(),
+            tuple(each.state() for each in self._totes),
+        )
+
+    def restore(self, state: FeederState) -> None:
+        """Take over a state. Raises PicktreeError when it is of another feed."""
+        for what, saved, own in (
+            ("an area", state.tables, self._tables),
+            ("a belt", state.belts, self._belts),
+            ("a tote", state.totes, self._totes),
+        ):
+            if len(saved) != len(own):
+                raise PicktreeError(
+                    f"the checkpoint's feed has {len(saved)} with {what} among its entries, "
+                    f"but the scene's has {len(own)}"
+                )
+        for each, table in zip(self._tables, state.tables, strict=True):
+            each.restore(table)
+        for each, belt in zip(self._belts, state.belts, strict=True):
+            each.restore(belt)
+        for each, tote in zip(self._totes, state.totes, strict=True):
+            each.restore(tote)
+        self._exchange.restore(state.exchange)
+
+
+def has_feeder(scene: SceneDescription) -> bool:
+    """Return whether the scene has deliveries, belts or an exchange of bins."""
+    return bool(scene.deliveries or scene.belts or scene.exchange)

@@ -1,1 +1,0 @@
-"""Belief of the robot, and memory of failed attempts."""
