@@ -80,7 +80,7 @@ check: $(DEV)
 	run ruff check; \
 	run ruff format --check; \
 	run pyright --stats --pythonpath "$(BIN)/python"; \
-	run lint-imports --no-logo --no-cache; \
+	run python tests/import_contracts.py; \
 	[ -z "$$failed" ] || { echo "failed:$$failed" >&2; exit 1; }
 
 # What is written from the declarations in the code; tests say when it is out of date.

@@ -32,7 +32,7 @@ from os.path import realpath
 __path__[:] = map(realpath, __path__)
 __file__ = realpath(__file__)
 
-from .files.arithmetic import pin  # noqa: E402 - it gets the real path, too
+from picktree.files import pin  # noqa: E402 - it gets the real path, too
 
 pin()  # before any library that computes is loaded
 
@@ -61,19 +61,19 @@ __all__ = [
     "run",
 ]
 
-_PLACES = {
-    "Batch": ("apps.api.batches", "BatchResult"),
-    "Cell": ("apps.api.cell", "Cell"),
-    "Mission": ("apps.api.mission", "Mission"),
-    "PicktreeError": ("files.errors", "PicktreeError"),
-    "PoseGoal": ("robot.planning.requests", "PoseGoal"),
-    "Run": ("apps.api.runs", "MissionRun"),
-    "Tree": ("trees.description", "TreeDefinition"),
-    "batch": ("apps.api.batches", "batch"),
-    "load": ("apps.api.mission", "load"),
-    "run": ("apps.api.runs", "run"),
+_DOORS = {
+    "Batch": ("apps.api", "BatchResult"),
+    "Cell": ("apps.api", "Cell"),
+    "Mission": ("apps.api", "Mission"),
+    "PicktreeError": ("files", "PicktreeError"),
+    "PoseGoal": ("robot.planning", "PoseGoal"),
+    "Run": ("apps.api", "MissionRun"),
+    "Tree": ("trees", "TreeDefinition"),
+    "batch": ("apps.api", "batch"),
+    "load": ("apps.api", "load"),
+    "run": ("apps.api", "run"),
 }
-"""Module and attribute of the names that are no nodes. They are imported on request: the command line must
+"""Door and name there of the names that are no nodes. They are imported on request: the command line must
 answer at once."""
 
 
@@ -88,8 +88,8 @@ def __getattr__(name: str) -> object:
         return import_module(".apps.api.nodes", __name__)
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module, attribute = _PLACES.get(name, ("apps.api.nodes", name))
-    found = getattr(import_module(f".{module}", __name__), attribute)
+    door, known_as = _DOORS.get(name, ("apps.api.nodes", name))
+    found = getattr(import_module(f".{door}", __name__), known_as)
     globals()[name] = found
     return found
 

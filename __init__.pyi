@@ -1,9 +1,11 @@
+from .apps.api import BatchResult as Batch
+from .apps.api import Cell as Cell
+from .apps.api import Mission as Mission
+from .apps.api import MissionRun as Run
+from .apps.api import batch as batch
+from .apps.api import load as load
 from .apps.api import nodes as nodes
-from .apps.api.batches import BatchResult as Batch
-from .apps.api.batches import batch as batch
-from .apps.api.cell import Cell as Cell
-from .apps.api.mission import Mission as Mission
-from .apps.api.mission import load as load
+from .apps.api import run as run
 from .apps.api.nodes import Fallback as Fallback
 from .apps.api.nodes import ForEach as ForEach
 from .apps.api.nodes import Grasp as Grasp
@@ -14,11 +16,9 @@ from .apps.api.nodes import Push as Push
 from .apps.api.nodes import Recover as Recover
 from .apps.api.nodes import Sequence as Sequence
 from .apps.api.nodes import SubTree as SubTree
-from .apps.api.runs import MissionRun as Run
-from .apps.api.runs import run as run
-from .files.errors import PicktreeError as PicktreeError
-from .robot.planning.requests import PoseGoal as PoseGoal
-from .trees.description import TreeDefinition as Tree
+from .files import PicktreeError as PicktreeError
+from .robot.planning import PoseGoal as PoseGoal
+from .trees import TreeDefinition as Tree
 
 __all__ = [
     "Batch",

@@ -6,14 +6,14 @@ import gc
 import sys
 from io import TextIOWrapper
 
-from .files.arithmetic import restart
+from picktree.files import restart
 
 
 def main() -> None:
     restart()
     # Imports make hundreds of thousands of objects that stay: looking for garbage among them costs a tenth.
     gc.set_threshold(50_000, 20, 100)
-    from .apps.cli.app import answer
+    from picktree.apps.cli import answer
 
     stdout: object = sys.stdout
     if isinstance(stdout, TextIOWrapper):

@@ -1,19 +1,5 @@
 """Answers from a log: explanations, comparisons, re-simulation, reports, pictures, exports."""
 
-from __future__ import annotations
+import lazy_loader
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from .run import Run
-
-__all__ = ["Run"]
-
-
-def __getattr__(name: str) -> object:
-    """Import `Run` on request: most of this room is needed by few commands."""
-    if name == "Run":
-        from .run import Run
-
-        return Run
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

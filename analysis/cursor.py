@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import bisect
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, TypeAlias, TypeVar
 
-from ..files.errors import PicktreeError
-from ..files.node_patterns import find_nodes
-from ..logs.event_records import BeliefEvent
-from ..logs.records import Control, Joints, Plan, Scene, TransitionRecord, Tree, WrenchReading, WriteRecord
-from ..logs.run_log import Stamped
-from ..logs.series import TickAt
-from ..logs.visits import Visit, ticks_with_trees
-from ..world.journal import JournalEvent
+from picktree.files import PicktreeError, find_nodes
+from picktree.logs import BeliefEvent, Stamped, log_records, node_visits, series
+from picktree.world import JournalEvent
+
 from .run import Run
 
 
@@ -26,7 +22,7 @@ class NodeChange:
     tick: int
     time: float
     """Time of the tick, simulated s."""
-    transition: TransitionRecord
+    transition: log_records.TransitionRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +32,7 @@ class KeyChange:
     tick: int
     time: float
     """Time of the tick, simulated s."""
-    write: WriteRecord
+    write: log_records.WriteRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +46,7 @@ class TickHistory:
 def tick_history(run: Run) -> TickHistory:
     moves: list[NodeChange] = []
     writes: list[KeyChange] = []
-    for number, (at, _) in enumerate(ticks_with_trees(run.log)):
+    for number, (at, _) in enumerate(node_visits.ticks_with_trees(run.log)):
         if at.record is None:
             continue
         moves += [NodeChange(number, at.time, transition) for transition in at.record.transitions]
@@ -77,7 +73,7 @@ class CursorChanges:
     """Events about changes of the belief."""
     events: tuple[Stamped[JournalEvent], ...]
     """All other events."""
-    plans: tuple[Stamped[Plan], ...]
+    plans: tuple[Stamped[log_records.Plan], ...]
 
 
 class Cursor:
@@ -102,11 +98,11 @@ class Cursor:
         return self.run.ticks.times[self.number]
 
     @property
-    def tick(self) -> TickAt:
+    def tick(self) -> series.TickAt:
         return self.run.ticks[self.number]
 
     @property
-    def tree(self) -> Tree:
+    def tree(self) -> log_records.Tree:
         """Tree that was ticked."""
         return self.run.tree_at(self.time)
 
@@ -137,12 +133,12 @@ class Cursor:
         """Go to the next tick with the start or end of a node."""
         self._go([move.tick for move in self.course.moves], "change", back=back)
 
-    def next_failure(self, *, back: bool = False) -> Visit:
+    def next_failure(self, *, back: bool = False) -> node_visits.Visit:
         """Go to the next tick in which a node itself failed, and return its visit."""
         self._go([visit.last for visit in self.failures], "failure", back=back)
         return next(visit for visit in self.failures if visit.last == self.number)
 
-    def next_of(self, node: str, edge: Edge = "begin", *, back: bool = False) -> Visit:
+    def next_of(self, node: str, edge: Edge = "begin", *, back: bool = False) -> node_visits.Visit:
         """Go to the next tick with the start or end of a node, and return its visit.
 
         `node` is a path, the end of one, a type, or a pattern of paths with `*`; all matching nodes count.
@@ -151,9 +147,9 @@ class Cursor:
         visits = [visit for visit in self.run.account.visits if visit.path in paths]
         if edge == "end":
             visits = [visit for visit in visits if visit.outcome != "RUNNING"]
-        where: Callable[[Visit], int] = lambda visit: visit.first if edge == "begin" else visit.last  # noqa: E731
-        self._go(sorted(where(visit) for visit in visits), f"{edge} of {node}", back=back)
-        return next(visit for visit in visits if where(visit) == self.number)
+        ticks = {visit.first if edge == "begin" else visit.last: visit for visit in reversed(visits)}
+        self._go(sorted(ticks), f"{edge} of {node}", back=back)
+        return ticks[self.number]
 
     def next_stop(self, stops: Collection[tuple[str, Edge]], *, back: bool = False) -> None:
         """Go to the next tick with the start or end of one of these nodes (by path)."""
@@ -164,7 +160,7 @@ class Cursor:
         ]
         self._go(edges, "breakpoint that is met", back=back)
 
-    def next_item(self, item: str, *, back: bool = False) -> Visit:
+    def next_item(self, item: str, *, back: bool = False) -> node_visits.Visit:
         """Go to the next tick in which a visit for this object began, and return it."""
         visits = [visit for visit in self.run.account.visits if visit.item == item]
         if not visits:
@@ -175,21 +171,21 @@ class Cursor:
     # State at the position.
 
     @cached_property
-    def failures(self) -> tuple[Visit, ...]:
+    def failures(self) -> tuple[node_visits.Visit, ...]:
         """Visits that failed by themselves, in the order of the failures; within a tick from below
         upwards."""
         failed = [visit for visit in self.run.account.visits if visit.failed_itself]
         return tuple(sorted(failed, key=lambda visit: (visit.last, -visit.path.count("/"))))
 
     @property
-    def failure(self) -> Visit | None:
+    def failure(self) -> node_visits.Visit | None:
         """Last failure at the cursor or before; of several in one tick the lowest. None when there is
         none."""
         before = [visit for visit in self.failures if visit.last <= self.number]
         return next((visit for visit in before if visit.last == before[-1].last), None)
 
     @property
-    def visits(self) -> tuple[Visit, ...]:
+    def visits(self) -> tuple[node_visits.Visit, ...]:
         """Visits that are open at the cursor, or begin or end there; the outermost first."""
         return tuple(
             visit
@@ -197,7 +193,7 @@ class Cursor:
             if visit.first <= self.number and (self.number <= visit.last or visit.outcome == "RUNNING")
         )
 
-    def last_visit(self, path: str) -> Visit | None:
+    def last_visit(self, path: str) -> node_visits.Visit | None:
         """Return the last visit of a node that began at the cursor or before; None when there is none."""
         begun = [v for v in self.run.account.visits if v.path == path and v.first <= self.number]
         return begun[-1] if begun else None
@@ -208,20 +204,20 @@ class Cursor:
         return self.run.blackboard_at(self.time)
 
     @property
-    def belief(self) -> Scene | None:
+    def belief(self) -> log_records.Scene | None:
         at = self.run.log.belief_at(self.time)
         return at.record if at else None
 
     @property
-    def joints(self) -> Joints | None:
+    def joints(self) -> log_records.Joints | None:
         return next((at.record for at in self.run.log.joints(self.time, self.time)), None)
 
     @property
-    def wrench(self) -> WrenchReading | None:
+    def wrench(self) -> log_records.WrenchReading | None:
         return next((at.record for at in self.run.log.wrenches(self.time, self.time)), None)
 
     @property
-    def control(self) -> Control | None:
+    def control(self) -> log_records.Control | None:
         """Set point of the servo; None in older logs."""
         return next((at.record for at in self.run.log.controls(self.time, self.time)), None)
 

@@ -10,24 +10,13 @@ from typing import Any, cast
 
 import orjson
 
-from ..logs import topics
-from ..logs.mcap.reader import RawMessage
-from ..logs.recording import foxglove_messages
-from ..logs.topics import Digest, Topic
-from ..session.observer import Interrupter
-from ..session.recorded_recipe import simulated_messages
-from ..trees.mission import MAIN
-from .compare.message_difference import (
-    NO_FIELD,
-    FieldDifference,
-    MessageDifference,
-    Missing,
-    first_differing_field,
-    moments,
-    present,
-)
-from .compare.run_diff import aligned
-from .compare.run_outcome import RunOutcome
+from picktree.analysis.compare import RunOutcome, message_differences, run_diff
+from picktree.logs import Digest, Topic, topics
+from picktree.logs.mcap import RawMessage
+from picktree.logs.recording import foxglove_messages
+from picktree.session import Interrupter, simulated_messages
+from picktree.trees import MAIN
+
 from .run import Run
 
 _FIXED = frozenset(topic.name for topic in topics.FIXED)
@@ -36,7 +25,7 @@ _SCENE_TOPICS = (topics.OBJECTS.name, topics.TRUTH.name)
 
 def message_difference(
     topic: str, schema: str, recorded: bytes, now: bytes, *, older: bool
-) -> FieldDifference | None:
+) -> message_differences.FieldDifference | None:
     """Return the first field in which two messages differ; None when they agree.
 
     `older`: the recorded message is of a version that wrote less. Fields that it lacks are then ignored.
@@ -44,13 +33,15 @@ def message_difference(
     if recorded == now:
         return None
     if not older:
-        return first_differing_field(schema, recorded, now) or NO_FIELD
+        return (
+            message_differences.first_differing_field(schema, recorded, now) or message_differences.NO_FIELD
+        )
     if topic in _SCENE_TOPICS:
         if foxglove_messages.read_scene(recorded) == foxglove_messages.read_scene(now):
             return None
     elif schema.startswith("picktree."):
         now = orjson.dumps(_reduced(orjson.loads(recorded), orjson.loads(now)))
-    return first_differing_field(schema, recorded, now)
+    return message_differences.first_differing_field(schema, recorded, now)
 
 
 def restrict_to_common_nodes(recorded: bytes, now: bytes) -> tuple[bytes, bytes]:
@@ -122,8 +113,8 @@ class RecordComparison(Interrupter):
         s. `other_tree`: its tree differs from the recorded one. `stop_at_difference`: the run
         ends at the first difference.
         """
-        self.difference: MessageDifference | None = None
-        self.trees: MessageDifference | None = None
+        self.difference: message_differences.MessageDifference | None = None
+        self.trees: message_differences.MessageDifference | None = None
         """First difference of the trees. The behaviour is compared nevertheless."""
         self.ticks = 0
         """Number of ticks that agree."""
@@ -136,7 +127,7 @@ class RecordComparison(Interrupter):
         self.until = end if until is None else until if end is None else min(until, end)
         """End of the comparison, simulated s; None: the end of the run."""
         expected = _without_final_truth(simulated_messages(run.log, since, self.until), cut=is_cut(run))
-        self._expected = moments(present(expected, run.log.gaps))
+        self._expected = message_differences.moments(message_differences.present(expected, run.log.gaps))
         self._at = next(self._expected, None)
         """Messages of the record at the time that is compared now; None: its end."""
         self._schemas = {name: topic.schema for name, topic in run.log.topics.items()}
@@ -194,7 +185,7 @@ class RecordComparison(Interrupter):
                 recorded, data = (without_settings(tick, self._settings) for tick in (recorded, data))
         found = message_difference(topic, self._schemas[topic], recorded, data, older=self._older)
         if found is not None:
-            apart = MessageDifference.at(self._run, topic, time, field=found)
+            apart = message_differences.MessageDifference.at(self._run, topic, time, field=found)
             if topic == topics.TREE.name:
                 self.trees, self._other_tree = self.trees or apart, True
             else:
@@ -227,8 +218,8 @@ class RecordComparison(Interrupter):
         log = self._run.log
         return topic not in self._schemas and (log.is_rewritten or (self._older and topic in _FIXED))
 
-    def _differ(self, topic: str, time: int, missing: Missing) -> None:
-        self.difference = MessageDifference.at(self._run, topic, time, missing=missing)
+    def _differ(self, topic: str, time: int, missing: message_differences.Missing) -> None:
+        self.difference = message_differences.MessageDifference.at(self._run, topic, time, missing=missing)
 
 
 def is_cut(run: Run) -> bool:
@@ -254,7 +245,7 @@ _MAX_VALUE_LENGTH = 100
 """Maximum number of characters of a displayed value."""
 
 
-def difference_lines(apart: MessageDifference) -> Iterator[str]:
+def difference_lines(apart: message_differences.MessageDifference) -> Iterator[str]:
     field = f" {apart.field}" if apart.field else ""
     of = f" ({apart.of})" if apart.of else ""
     yield f"different from tick {apart.tick} on, {apart.time:.2f} s: {apart.topic}{field}{of}"
@@ -275,7 +266,7 @@ def outcome_table(a: RunOutcome, b: RunOutcome, name_a: str, name_b: str) -> Ite
     rows += [(what, say_a, say_b) for (what, say_a), (_, say_b) in zip(_rows(a), _rows(b), strict=True)]
     causes = sorted({*a.failures, *b.failures})
     rows += [(f"  {cause}", str(a.failures.get(cause, 0)), str(b.failures.get(cause, 0))) for cause in causes]
-    yield from aligned(rows)
+    yield from run_diff.aligned(rows)
 
 
 def _rows(outcome: RunOutcome) -> list[tuple[str, str]]:
@@ -291,7 +282,7 @@ def _rows(outcome: RunOutcome) -> list[tuple[str, str]]:
     ]
 
 
-def difference_json(apart: MessageDifference | None) -> dict[str, Any] | None:
+def difference_json(apart: message_differences.MessageDifference | None) -> dict[str, Any] | None:
     if apart is None:
         return None
     return {

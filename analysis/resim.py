@@ -24,22 +24,13 @@ from typing import IO, Any, cast
 
 from pydantic import TypeAdapter
 
-from ..files.errors import FileError, PicktreeError
-from ..files.fault_rendering import fault_lines
-from ..logs.records import Arithmetic, arithmetic_difference
-from ..logs.run_result import RunResult
-from ..session import environment
-from ..session.arithmetic_probe import arithmetic
-from ..session.observer import Observer
-from ..session.recipe import ROBOT_MESHES, Recording
-from ..session.recorded_recipe import RecordedRun
-from ..session.session import Session
-from ..trees.runner import TickReport
-from ..world.scene.scene_loading import load_scene
-from .compare.alignment import align
-from .compare.message_difference import MessageDifference
-from .compare.run_diff import parting_lines
-from .compare.run_outcome import RunOutcome, outcome_of
+from picktree.analysis.compare import RunOutcome, align, message_differences, outcome_of, run_diff
+from picktree.files import FileError, PicktreeError, fault_lines
+from picktree.logs import RunResult, log_records
+from picktree.session import Observer, RecordedRun, Session, arithmetic, environment, run_recipe
+from picktree.trees import TickReport
+from picktree.world.scene import load_scene
+
 from .record_comparison import RecordComparison, difference_json, difference_lines, is_cut, outcome_table
 from .run import Run
 from .run_changes import RunChanges, apply_changes, parse_tick
@@ -59,13 +50,13 @@ class Reason:
         return f"{self.what}: {self.recorded or 'none'} then, {self.now or 'none'} now"
 
 
-def reasons(run: Run, now: Arithmetic) -> tuple[Reason, ...]:
+def reasons(run: Run, now: log_records.Arithmetic) -> tuple[Reason, ...]:
     """Return the differences, the likeliest first; empty when everything is as in the log.
 
     `now` is the arithmetic of the process that has run it again.
     """
     recorded = run.info.arithmetic
-    departed = arithmetic_difference(recorded, now)
+    departed = log_records.arithmetic_difference(recorded, now)
     return (
         *_changed_attachments(run),
         *_sources(run),
@@ -149,7 +140,7 @@ def _modules(run: Run) -> Iterator[Reason]:
 def _meshes(run: Run) -> Iterator[Reason]:
     """Yield differences of meshes of a robot from an installed package: their content is not in the log."""
     for name, (digest, path) in _files(run).items():
-        if name.startswith(ROBOT_MESHES) and name not in run.log.attachments:
+        if name.startswith(run_recipe.ROBOT_MESHES) and name not in run.log.attachments:
             now = _hash(Path(path))
             if now is not None and now != digest:
                 yield Reason(f"the robot's mesh {path} is another now", "", "")
@@ -200,8 +191,8 @@ class Resimulation:
     """Digest of the equal messages, in hex."""
     exact: bool
     """Whether the messages agree in their bytes; else, as with an older log, in their values."""
-    difference: MessageDifference | None
-    trees: MessageDifference | None
+    difference: message_differences.MessageDifference | None
+    trees: message_differences.MessageDifference | None
     """First difference of the trees as they were loaded; None: they are equal."""
     reasons: tuple[Reason, ...]
     notes: tuple[str, ...]
@@ -310,8 +301,8 @@ class ResimAnswer:
     ticks: int = 0
     digest: str = ""
     exact: bool = True
-    difference: MessageDifference | None = None
-    trees: MessageDifference | None = None
+    difference: message_differences.MessageDifference | None = None
+    trees: message_differences.MessageDifference | None = None
     result: str = ""
     """Result of the run as JSON text."""
     told: tuple[str, ...] = field(default_factory=tuple[str, ...])
@@ -359,7 +350,7 @@ def run_order(order: ResimOrder, say: Callable[[ResimAnswer], None]) -> ResimAns
         edits = () if order.changes.mission else (recorded.edits(),)
         result = Session(
             replace(recipe, limit=limit),
-            record=Recording(order.out or Path(away)),
+            record=run_recipe.Recording(order.out or Path(away)),
             observers=(_Progress(say), comparison, recorded.operator(), *edits),
         ).run()
         comparison.finish()
@@ -445,7 +436,7 @@ def resimulate(
             difference=answer.difference,
             trees=answer.trees,
             reasons=(
-                reasons(run, Arithmetic.from_words(answer.arithmetic))
+                reasons(run, log_records.Arithmetic.from_words(answer.arithmetic))
                 if answer.difference or answer.trees
                 else ()
             ),
@@ -462,7 +453,7 @@ def resimulate(
 def _with_outcomes(found: Resimulation, run: Run, log: Path) -> Resimulation:
     with Run(log) as other:
         parting = align(run, other).parting
-        lines = () if parting is None else tuple(parting_lines(parting))
+        lines = () if parting is None else tuple(run_diff.parting_lines(parting))
         return replace(found, parting=lines, outcomes=(outcome_of(run), outcome_of(other)))
 
 

@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..logs.run_record import RunRecord
-from .explain.explanation import Explanation, FailureStory, ItemStory
+from picktree.analysis.explain import Explanation, FailureStory, ItemStory
+from picktree.logs import RunRecord
 
 
 class Run(RunRecord):
@@ -33,7 +33,7 @@ class Run(RunRecord):
     @cached_property
     def explanation(self) -> Explanation:
         """Explanation of the run's end: failures, root causes, items, places to look at."""
-        from .explain.run_explanation import explain  # most readers of a log explain nothing
+        from picktree.analysis.explain import explain  # most readers of a log explain nothing
 
         return explain(self)
 
@@ -61,7 +61,9 @@ class Run(RunRecord):
         `size` is in pixels; `view` a name such as `top`, or `AZIMUTH,ELEVATION,DISTANCE` in degrees and m;
         `both` draws the belief with outlines of the truth. Raises PicktreeError for a time outside the run.
         """
-        from .render.snapshots import draw  # slow to load
-        from .render.viewpoint import parse_view
+        from picktree.analysis.render import (
+            draw,  # slow to load
+            parse_view,
+        )
 
         return draw(self.log, time, size, parse_view(view), show=show, caption=caption)

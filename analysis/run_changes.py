@@ -9,16 +9,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from ..authoring.check import check_mission
-from ..files.errors import Diagnostic, FileError, PicktreeError
-from ..files.yaml.document import read_document
-from ..session.recipe import Recipe, mission_files
-from ..simulation.fault_entries import FaultFile
-from ..simulation.fault_loading import load_faults
-from ..trees.loading.loader import scene_names
-from ..trees.mission import Mission
-from ..world.robot_model.robot_file import load_robot
-from ..world.scene.scene_loading import load_scene
+from picktree.authoring import check_mission
+from picktree.files import Diagnostic, FileError, PicktreeError
+from picktree.files.yaml import read_document
+from picktree.session import run_recipe
+from picktree.simulation import fault_entries, load_faults
+from picktree.trees import Mission
+from picktree.trees.loading import scene_names
+from picktree.world.robot_model import load_robot
+from picktree.world.scene import load_scene
+
 from .run import Run
 
 _TIME: Final = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*(s|ms|min)")
@@ -72,7 +72,7 @@ class RunChanges:
 class ChangedRecipe:
     """Recipe with the changes applied, and texts about them."""
 
-    recipe: Recipe
+    recipe: run_recipe.Recipe
     told: tuple[str, ...]
     """Sentence for each change."""
     warnings: tuple[Diagnostic, ...]
@@ -81,7 +81,7 @@ class ChangedRecipe:
     """Whether nodes or their ports may differ from the recorded tree."""
 
 
-def apply_changes(changes: RunChanges, recorded: Recipe) -> ChangedRecipe:
+def apply_changes(changes: RunChanges, recorded: run_recipe.Recipe) -> ChangedRecipe:
     """Apply the changes. Raises PicktreeError (FileError with all its errors for a faulty file)."""
     recipe, told = recorded, list[str]()
     warnings: tuple[Diagnostic, ...] = ()
@@ -115,7 +115,7 @@ def apply_changes(changes: RunChanges, recorded: Recipe) -> ChangedRecipe:
     return ChangedRecipe(recipe, tuple(told), warnings, other)
 
 
-def checked_mission(path: Path, recipe: Recipe) -> tuple[Mission, tuple[Diagnostic, ...]]:
+def checked_mission(path: Path, recipe: run_recipe.Recipe) -> tuple[Mission, tuple[Diagnostic, ...]]:
     """Return the mission of a file and the checker's warnings, for the recipe's scene and robot.
 
     Raises FileError with the checker's errors, PicktreeError for a library.
@@ -130,7 +130,7 @@ def checked_mission(path: Path, recipe: Recipe) -> tuple[Mission, tuple[Diagnost
     return check.mission, tuple(fault for fault in check.faults if fault.severity == "warning")
 
 
-def _settings(recipe: Recipe, given: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
+def _settings(recipe: run_recipe.Recipe, given: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
     """Return all settings, and the settings of parameters that another mission does not have."""
     known = {port.key for port in recipe.mission.parameters}
     dropped = {k: v for k, v in recipe.parameters.items() if "." not in k and k not in known}
@@ -138,7 +138,7 @@ def _settings(recipe: Recipe, given: Mapping[str, str]) -> tuple[dict[str, str],
     return {**kept, **given}, dropped
 
 
-def _mission_changes(recorded: Recipe, mission: Mission) -> Iterator[str]:
+def _mission_changes(recorded: run_recipe.Recipe, mission: Mission) -> Iterator[str]:
     before, after = _texts(recorded.mission), _texts(mission)
     differing = [name for name in {**before, **after} if before.get(name) != after.get(name)]
     for name in differing:
@@ -149,7 +149,7 @@ def _mission_changes(recorded: Recipe, mission: Mission) -> Iterator[str]:
 
 
 def _texts(mission: Mission) -> dict[str, str]:
-    return {file.name: file.data.decode(errors="replace") for file in mission_files(mission)}
+    return {file.name: file.data.decode(errors="replace") for file in run_recipe.mission_files(mission)}
 
 
 def _line_changes(what: str, before: str, after: str, most: int = 3) -> list[str]:
@@ -179,6 +179,6 @@ def _quoted_line(text: str) -> str:
     return f"`{line if len(line) <= 60 else line[:59] + '…'}`"
 
 
-def _fault_changes(before: FaultFile | None, after: FaultFile | None) -> str:
+def _fault_changes(before: fault_entries.FaultFile | None, after: fault_entries.FaultFile | None) -> str:
     counts = ["none" if file is None else str(len(file.faults)) for file in (after, before)]
     return f"faults: {counts[0]} instead of {counts[1]}"

@@ -8,20 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..files.errors import Diagnostic, PicktreeError
-from ..logs.records import arithmetic_difference
-from ..logs.run_result import RunResult, RunStatus
-from ..session.arithmetic_probe import arithmetic
-from ..session.observer import Observer
-from ..session.recipe import Recipe, Recording
-from ..session.recorded_recipe import RecordedRun, tally_of
-from ..session.run_tally import RunCounters
-from ..session.session import Session
-from ..simulation.fault_injector import new_states
-from .compare.alignment import align
-from .compare.message_difference import MessageDifference
-from .compare.run_diff import parting_lines
-from .compare.run_outcome import RunOutcome, outcome_of
+from picktree.analysis.compare import RunOutcome, align, message_differences, outcome_of, run_diff
+from picktree.files import Diagnostic, PicktreeError
+from picktree.logs import RunResult, RunStatus, log_records
+from picktree.session import Observer, RecordedRun, RunCounters, Session, arithmetic, run_recipe, tally_of
+from picktree.simulation import new_states
+
 from .record_comparison import RecordComparison, difference_json, difference_lines, is_cut, outcome_table
 from .run import Run
 from .run_changes import ChangedRecipe, RunChanges, apply_changes, parse_tick
@@ -66,7 +58,7 @@ class Continuation:
     """Number of the record's ticks from the start on."""
     exact: bool
     """Whether the equal messages agree in their bytes."""
-    difference: MessageDifference | None
+    difference: message_differences.MessageDifference | None
     recorded: RunOutcome
     now: RunOutcome
     status: RunStatus
@@ -163,7 +155,7 @@ class Continuation:
         how = ", byte for byte" if self.exact and not self.changes else ""
         return f"{what}: {self.ticks} ticks{how}"
 
-    def _apart(self, difference: MessageDifference) -> Iterator[str]:
+    def _apart(self, difference: message_differences.MessageDifference) -> Iterator[str]:
         for line in self.parting:
             yield (
                 line.replace(" s:", " s (A: recorded, B: what if):", 1) if line in self.parting[:1] else line
@@ -226,7 +218,7 @@ def what_if(
         edits = () if changes.mission else (recorded.edits(since),)
         session = Session(
             recipe,
-            record=Recording(out),
+            record=run_recipe.Recording(out),
             observers=(*observers, comparison, recorded.operator(since), *edits),
         )
         result = session.run()
@@ -253,13 +245,15 @@ def what_if(
             now=_new_outcome(result, session.execution.tally),
             status=result.status,
             parting=_parting(run, result.log, begin),
-            arithmetic=arithmetic_difference(run.info.arithmetic, arithmetic()),
+            arithmetic=log_records.arithmetic_difference(run.info.arithmetic, arithmetic()),
             warnings=changed.warnings,
             new_log=result.log,
         )
 
 
-def _with_fitting_checkpoint(recipe: Recipe, changed: ChangedRecipe, changes: RunChanges) -> Recipe:
+def _with_fitting_checkpoint(
+    recipe: run_recipe.Recipe, changed: ChangedRecipe, changes: RunChanges
+) -> run_recipe.Recipe:
     """Return the changed recipe with a checkpoint that fits it."""
     start = changed.recipe.start
     if start is None:
@@ -279,7 +273,7 @@ def _parting(run: Run, log: Path, begin: float | None) -> tuple[str, ...]:
         # Messages of both logs at the moment of the checkpoint belong to the time before.
         since = 0.0 if begin is None else begin + run.info.tick / 2
         parting = align(run, other, since=since).parting
-        return () if parting is None else tuple(parting_lines(parting))
+        return () if parting is None else tuple(run_diff.parting_lines(parting))
 
 
 def _recorded_outcome(run: Run) -> RunOutcome:

@@ -1,0 +1,1 @@
+"""Applications: command line, Python library, studio, batches, commissioning of a cell."""

@@ -1,1 +1,5 @@
 """Authoring tools for missions: checks, rehearsal, drawings, schemas, reference, XML."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

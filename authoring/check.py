@@ -6,20 +6,20 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
-from ..files.errors import Diagnostic, FileError, PicktreeError
-from ..files.expression_syntax import ExpressionError
-from ..files.expressions import ValueType, check_types
-from ..files.value_wording import suggest_name
-from ..files.yaml.document import Document
-from ..trees.data_flow import DEFAULT, ArrivingValue, NodeExpression, PlacedNode, TreeKeys, expressions_of
-from ..trees.loading.loader import MissionReadResult, SceneNames, examine, load_surroundings
-from ..trees.loading.registry import NodeRegistry
-from ..trees.mission import Mission, MissionFiles, reachable
-from ..trees.references import ATTRIBUTE_TYPES, ExpressionLocator, Reference
-from ..trees.wiring_faults import expression_fault
-from ..world.planner_names import is_planner, suggest_planner, unknown_planner
-from ..world.world_facts import ASIDE
-from .lint import lint
+from picktree.authoring.lint import lint
+from picktree.files import (
+    Diagnostic,
+    FileError,
+    PicktreeError,
+    ValueType,
+    check_types,
+    expression_syntax,
+    suggest_name,
+)
+from picktree.files.yaml import Document
+from picktree.trees import Mission, MissionFiles, data_flow, expression_fault, reachable, references
+from picktree.trees.loading import MissionReadResult, NodeRegistry, SceneNames, examine, load_surroundings
+from picktree.world import planner_names, world_facts
 
 _CODE = "P240"
 
@@ -43,12 +43,12 @@ def check_scene_names(reading: MissionReadResult, known: SceneNames) -> Iterator
     for name, keys in circuit.keys.items():
         if name in used or keys.tree.mark.file == own:
             for placed in keys.places.values():
-                for asked in expressions_of(placed.spec):
+                for asked in data_flow.expressions_of(placed.spec):
                     yield from _check_expression(placed, asked, keys, attributes, reading.pointer)
                 yield from _check_cases(placed, attributes, known)
 
 
-def _named(arrival: ArrivingValue, known: SceneNames) -> Iterator[Diagnostic]:
+def _named(arrival: data_flow.ArrivingValue, known: SceneNames) -> Iterator[Diagnostic]:
     at, what, values = arrival.at, arrival.target.names, arrival.source.values or ()
     if what is None or arrival.problem is not None:
         return
@@ -56,14 +56,15 @@ def _named(arrival: ArrivingValue, known: SceneNames) -> Iterator[Diagnostic]:
     given = [name for value in values for name in (value if isinstance(value, list) else [value])]
     wrong = [name for name in given if name not in names]
     if what == "planner":
-        wrong = [name for name in wrong if not is_planner(str(name))]
+        wrong = [name for name in wrong if not planner_names.is_planner(str(name))]
     if wrong and (arrival.source.certain or len(wrong) == len(given)):
         owner = f"robot {known.robot!r}" if what == "pose" else f"scene {known.scene!r}"
         lacks = f"the {owner} has no {what} {wrong[0]!r}"
-        message = f"port {at.port.key!r}: {unknown_planner(str(wrong[0])) if what == 'planner' else lacks}"
-        if at.text == DEFAULT:
+        fault = planner_names.unknown_planner(str(wrong[0])) if what == "planner" else lacks
+        message = f"port {at.port.key!r}: {fault}"
+        if at.text == data_flow.DEFAULT:
             message += ", which is the default"
-        suggest = suggest_planner if what == "planner" else partial(suggest_name, known=names)
+        suggest = planner_names.suggest_planner if what == "planner" else partial(suggest_name, known=names)
         hints = [suggest(str(wrong[0])), *arrival.hints()]
         yield Diagnostic(at.mark, at.trail, message, "; ".join(filter(None, hints)), _CODE)
 
@@ -74,45 +75,46 @@ def _attributes(known: SceneNames) -> Mapping[str, ValueType]:
     choices = {
         "kind": (*known.names.get("kind", ()), "unknown"),
         "destination": bins,
-        "place": (*bins, "table", "hand", ASIDE),
+        "place": (*bins, "table", "hand", world_facts.ASIDE),
     }
     return {
-        name: replace(kind, choices=choices.get(name, kind.choices)) for name, kind in ATTRIBUTE_TYPES.items()
+        name: replace(kind, choices=choices.get(name, kind.choices))
+        for name, kind in references.ATTRIBUTE_TYPES.items()
     }
 
 
 def _check_expression(
-    placed: PlacedNode,
-    asked: NodeExpression,
-    keys: TreeKeys,
+    placed: data_flow.PlacedNode,
+    asked: data_flow.NodeExpression,
+    keys: data_flow.TreeKeys,
     attributes: Mapping[str, ValueType],
-    pointer: ExpressionLocator,
+    pointer: references.ExpressionLocator,
 ) -> Iterator[Diagnostic]:
     """Check an expression that is valid in general, but may not be with the names of this scene."""
     if not asked.expression.paths:
         return
     try:
-        check_types(asked.expression, keys, ATTRIBUTE_TYPES)
-    except ExpressionError:
+        check_types(asked.expression, keys, references.ATTRIBUTE_TYPES)
+    except expression_syntax.ExpressionError:
         return  # reported already
     try:
         check_types(asked.expression, keys, attributes)
-    except ExpressionError as error:
+    except expression_syntax.ExpressionError as error:
         yield expression_fault(placed, asked, error, pointer, _CODE)
 
 
 def _check_cases(
-    placed: PlacedNode, attributes: Mapping[str, ValueType], known: SceneNames
+    placed: data_flow.PlacedNode, attributes: Mapping[str, ValueType], known: SceneNames
 ) -> Iterator[Diagnostic]:
     """Check for cases that match no value of the attribute in this scene."""
     if placed.spec.node is None:
         return
     for slot in placed.spec.node.declaration.slots:
         bound = placed.spec.ports.get(slot.matches or "")
-        if not isinstance(bound, Reference) or not bound.attributes:
+        if not isinstance(bound, references.Reference) or not bound.attributes:
             continue
         attribute = attributes[bound.attributes[-1]]
-        if attribute.choices == ATTRIBUTE_TYPES[bound.attributes[-1]].choices:
+        if attribute.choices == references.ATTRIBUTE_TYPES[bound.attributes[-1]].choices:
             continue
         valid = (*attribute.choices, "null") if attribute.optional else attribute.choices
         for label, _ in placed.spec.slots.get(slot.key, ()):

@@ -9,8 +9,9 @@ from typing import Final, Literal, Protocol, TypeAlias
 
 import orjson
 
-from ..files.errors import PicktreeError
-from ..trees.declaration import Kind
+from picktree.files import PicktreeError
+from picktree.trees import Kind
+
 from .mission_chart import (
     CHARACTERS,
     MEANINGS,

@@ -6,24 +6,17 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from ..files.disk_cache import cached_arrays
-from ..files.errors import Diagnostic, FileError, Location, PicktreeError
-from ..files.file_system import find_file
-from ..files.yaml.document import Document, read_document
-from ..world.causes import OUR_PREFIXES, Cause, all_causes
-from ..world.robot_model.description import RobotDescription
-from ..world.robot_model.robot_file import SHIPPED as ROBOTS
-from ..world.robot_model.robot_file import check_robot, robot_names
-from ..world.robot_model.urdf import mesh_paths
-from ..world.scene.description import MAX_HIDDEN_SHARE, SceneDescription
-from ..world.scene.scene_loading import SHIPPED as SCENES
-from ..world.scene.scene_loading import check_scene, load_scene, scene_names
-from .schema.schema_parts import Schema, belonging, by_value, schema, schemas
+from picktree.authoring.schema import Schema, belonging, by_value, schema, schemas
+from picktree.files import Diagnostic, FileError, Location, PicktreeError, disk_cache, file_system
+from picktree.files.yaml import Document, read_document
+from picktree.world import OUR_PREFIXES, Cause, all_causes
+from picktree.world.robot_model import RobotDescription, robot_file, urdf_parser
+from picktree.world.scene import MAX_HIDDEN_SHARE, SceneDescription, load_scene, scene_loading
 
 if TYPE_CHECKING:
-    from ..files.file_checks import Check
-    from ..trees.mission import MissionFiles
-    from ..world.values import Array
+    from picktree.files import file_checks
+    from picktree.trees import MissionFiles
+    from picktree.world import Array
 
 TEST_SCENE = "self_test"
 """Scene of a robot's self-test, for which a robot file is checked by itself."""
@@ -31,11 +24,11 @@ TEST_SCENE = "self_test"
 
 def check_cell(document: Document) -> tuple[Diagnostic, ...]:
     """Check a document of kind `scene`, and the robot file that it names."""
-    scene = check_scene(document)
+    scene = scene_loading.check_scene(document)
     if scene.robot is None:
         return scene.faults
     try:
-        robot = check_robot(read_document(scene.robot, "robot"))
+        robot = robot_file.check_robot(read_document(scene.robot, "robot"))
     except FileError as error:
         return (*scene.faults, *error.faults)
     faults = (*scene.faults, *robot.faults)
@@ -55,15 +48,21 @@ def mission_faults(document: Document, files: MissionFiles | None = None) -> Ite
 
     found = check_mission(document, files=files)
     scene = found.mission.scene if found.mission is not None else None
-    if scene is None or scene in scene_names() or any(fault.severity == "error" for fault in found.faults):
+    if (
+        scene is None
+        or scene in scene_loading.scene_names()
+        or any(fault.severity == "error" for fault in found.faults)
+    ):
         return found.faults
-    cell = check_cell(read_document(find_file(scene, SCENES, document.path, "scene"), "scene"))
+    cell = check_cell(
+        read_document(file_system.find_file(scene, scene_loading.SHIPPED, document.path, "scene"), "scene")
+    )
     return (*found.faults, *(fault for fault in cell if fault.code == HIDDEN_ITEMS))
 
 
 def _robot(document: Document) -> Iterable[Diagnostic]:
     """Check a robot; one that nothing is wrong with also in the scene of its self-test."""
-    found = check_robot(document)
+    found = robot_file.check_robot(document)
     if found.value is None:
         return found.faults
     return (*found.faults, *_hidden_items(document, ("poses", "home"), load_scene(TEST_SCENE), found.value))
@@ -79,7 +78,7 @@ def _hidden_items(
 
     Shipped robots in shipped scenes are taken as tested.
     """
-    if Path(scene.source).parent == SCENES and Path(robot.source).parent == ROBOTS:
+    if Path(scene.source).parent == scene_loading.SHIPPED and Path(robot.source).parent == robot_file.SHIPPED:
         return
     try:
         shares = _hidden_shares(scene, robot)
@@ -104,17 +103,17 @@ def _hidden_shares(scene: SceneDescription, robot: RobotDescription) -> dict[str
         # They are slow to import, and needed for files that have changed.
         import numpy as np
 
-        from ..robot.perception.robot_mask import hidden_shares
-        from ..world.robot_model.model import RobotModel
+        from picktree.robot.perception import hidden_shares
+        from picktree.world.robot_model import RobotModel
 
         model = RobotModel(robot)
         shares = hidden_shares(model, scene, model.named("home"))
         return {name: np.array(share) for name, share in shares.items()}
 
-    meshes = map(Path, mesh_paths(robot.urdf, "collision"))
+    meshes = map(Path, urdf_parser.mesh_paths(robot.urdf, "collision"))
     areas = repr([load.area for load in scene.loads])
     inputs = (robot.text, Path(robot.urdf), repr(scene.cameras), areas, *meshes)
-    kept = cached_arrays("hidden-items", inputs, (*_VIEW_SOURCES, "numpy", "pinocchio"), compute)
+    kept = disk_cache.cached_arrays("hidden-items", inputs, (*_VIEW_SOURCES, "numpy", "pinocchio"), compute)
     return {name: float(share) for name, share in kept.items()}
 
 
@@ -129,24 +128,24 @@ _VIEW_SOURCES = (
 
 
 def _check_faults(document: Document) -> Iterable[Diagnostic]:
-    from ..simulation.fault_loading import check_faults
+    from picktree.simulation import check_faults
 
     return check_faults(document).faults
 
 
 def _check_cases(document: Document) -> Iterable[Diagnostic]:
-    from .rehearsal.case_checks import check_cases
+    from picktree.authoring.rehearsal import check_cases
 
     return check_cases(document)
 
 
 def _check_xml(document: Document) -> Iterable[Diagnostic]:
-    from .xml.mission_import import check_xml
+    from picktree.authoring.xml import check_xml
 
     return check_xml(document.text, document.path)
 
 
-CHECKS: Mapping[str, Check] = {
+CHECKS: Mapping[str, file_checks.Check] = {
     "xml": _check_xml,
     "mission": mission_faults,
     "scene": check_cell,
@@ -161,14 +160,14 @@ SchemaKind: TypeAlias = Literal["scene", "robot", "faults", "cases"]
 
 def file_schema(kind: SchemaKind) -> Schema:
     """Return the JSON Schema of a kind of file."""
-    from ..world.robot_model.robot_file import RobotFile
-    from .schema.pydantic_schema import model_schema
+    from picktree.authoring.schema import model_schema
+    from picktree.world.robot_model import robot_file
 
     match kind:
         case "scene":
             return _scene()
         case "robot":
-            return model_schema(kind, RobotFile)
+            return model_schema(kind, robot_file.RobotFile)
         case "faults":
             return _faults()
         case "cases":
@@ -176,13 +175,13 @@ def file_schema(kind: SchemaKind) -> Schema:
 
 
 def _faults() -> Schema:
-    from ..simulation.fault_entries import ALLOWED_KEYS, REQUIRED_KEYS, FaultsFile
-    from .schema.pydantic_schema import model_schema
+    from picktree.authoring.schema import model_schema
+    from picktree.simulation import fault_entries
 
-    found = model_schema("faults", FaultsFile)
+    found = model_schema("faults", fault_entries.FaultsFile)
     definitions = schema(found["definitions"])
     rules = {
-        "FaultEntry": by_value("fault", REQUIRED_KEYS, ALLOWED_KEYS),
+        "FaultEntry": by_value("fault", fault_entries.REQUIRED_KEYS, fault_entries.ALLOWED_KEYS),
         "When": [
             *belonging(("start", "delay", "each"), "node", "at"),
             *belonging(("every",), "at", "node"),
@@ -191,7 +190,7 @@ def _faults() -> Schema:
     for name, more in rules.items():
         definition = schema(definitions[name])
         definitions[name] = definition | {"allOf": [*schemas(definition.get("allOf")), *more]}
-    _propose(found, "scene", scene_names())
+    _propose(found, "scene", scene_loading.scene_names())
     return found | {"definitions": definitions}
 
 
@@ -203,8 +202,8 @@ def _propose(found: Schema, key: str, names: tuple[str, ...]) -> None:
 
 
 def _cases() -> Schema:
-    from .rehearsal.cases import CasesFile
-    from .schema.pydantic_schema import model_schema
+    from picktree.authoring.rehearsal import CasesFile
+    from picktree.authoring.schema import model_schema
 
     found = model_schema("cases", CasesFile)
     definitions = schema(found["definitions"])
@@ -226,13 +225,12 @@ def _our_causes() -> list[Cause]:
 
 def _scene() -> Schema:
     """Return the schema of scenes; a scene with a base contains only its differences."""
-    from ..world.scene.scene_schema import SceneFile
-    from .schema.mission import patch, patched
-    from .schema.pydantic_schema import model_schema
+    from picktree.authoring.schema import model_schema, patch, patched
+    from picktree.world.scene import SceneFile
 
     full = model_schema("scene", SceneFile)
-    _propose(full, "robot", robot_names())
-    _propose(full, "base", scene_names())
+    _propose(full, "robot", robot_file.robot_names())
+    _propose(full, "base", scene_loading.scene_names())
     definitions = schema(full.pop("definitions"))
     root = {key: full.pop(key) for key in ("$schema", "title", "description", "type")}
     partial = patch({key: value for key, value in full.items() if key != "allOf"})

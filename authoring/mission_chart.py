@@ -10,14 +10,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal, TypeAlias, cast
 
-from ..files.errors import FileError, Mark
-from ..files.yaml.document import read_document
-from ..trees.declaration import Kind, NodeDeclaration
-from ..trees.loading.loader import examine
-from ..trees.mission import MAIN, Mission, NodeSpec, TreeSpec, name_of
-from ..trees.ports import PortDeclaration, SlotDeclaration
-from ..trees.references import Binding, Constant
-from ..world.journal import Plain
+from picktree.files import FileError, Mark
+from picktree.files.yaml import read_document
+from picktree.trees import (
+    MAIN,
+    Kind,
+    Mission,
+    NodeDeclaration,
+    NodeSpec,
+    PortDeclaration,
+    SlotDeclaration,
+    TreeSpec,
+    name_of,
+    references,
+)
+from picktree.trees.loading import examine
+from picktree.world import Plain
 
 PortRole: TypeAlias = Literal["literal", "reference", "output"]
 """Role of a port: a value, a key of the blackboard that is read, or a key that is written."""
@@ -162,7 +170,7 @@ MEANINGS: Final[Mapping[Symbol, str]] = {
 
 def symbol_of(declaration: NodeDeclaration) -> Symbol:
     """
-    >>> from picktree.trees.control_nodes import Sequence
+    >>> from picktree.trees import Sequence
     >>> symbol_of(Sequence.declaration)
     'sequence'
     """
@@ -329,14 +337,14 @@ def _defaults(spec: NodeSpec, ports: tuple[PortDeclaration, ...]) -> tuple[Chart
     )
 
 
-def _role(port: PortDeclaration, bound: Binding) -> PortRole:
+def _role(port: PortDeclaration, bound: references.Binding) -> PortRole:
     if port.direction == "out":
         return "output"
-    return "literal" if isinstance(bound, Constant) else "reference"
+    return "literal" if isinstance(bound, references.Constant) else "reference"
 
 
-def _value(bound: Binding) -> str:
-    return _text(bound.text) if isinstance(bound, Constant) else str(bound)
+def _value(bound: references.Binding) -> str:
+    return _text(bound.text) if isinstance(bound, references.Constant) else str(bound)
 
 
 def _text(value: object) -> str:

@@ -11,7 +11,8 @@ from pathlib import Path
 from string import Template
 from typing import Final, Literal, TypeAlias
 
-from ..trees.flow import NodeStatus
+from picktree.trees import NodeStatus
+
 from .mission_chart import MEANINGS, Chart, ChartNode, Symbol
 from .tree_layout import (
     HEAD_LINE,

@@ -14,8 +14,8 @@ from _fault_table import sortable
 from picktree.simulation.fault_entries import FaultExpectation
 
 if TYPE_CHECKING:
-    from picktree.analysis.explain.explanation import FailureStory
-    from picktree.analysis.run import Run
+    from picktree.analysis import Run
+    from picktree.analysis.explain import FailureStory
 
 MOST_OF_A_FAULT = 2
 

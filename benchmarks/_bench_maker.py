@@ -13,13 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning import CollisionChecker
 from picktree.robot.planning.collision_model import CollisionMargins
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.scene.description import Fixture
-from picktree.world.shapes import Box, Cylinder, Shape, Sphere
-from picktree.world.values import Array, ObjectId, Pose
+from picktree.world import Array, Box, Cylinder, ObjectId, PlanningScene, Pose, Shape, Sphere
+from picktree.world.robot_model import RobotModel
+from picktree.world.scene import Fixture
 
 import numpy as np
 import yaml

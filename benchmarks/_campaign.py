@@ -30,14 +30,13 @@ from typing import TYPE_CHECKING, Any
 from _campaign_results import REFERENCE_COST as REFERENCE_COST  # programs have it from here
 from _campaign_results import Forecast, Results, Row, key, plain
 from _dependencies import bytes_digest, of_program, opened, used
-from picktree.apps.batch.executor import Executor, JobFailed, JobFinished, JobOrder
-from picktree.apps.batch.local_executor import LocalExecutor
-from picktree.files.arithmetic import restart
-from picktree.files.errors import PicktreeError
+from picktree.apps.batch import Executor, LocalExecutor
+from picktree.apps.batch.executor import JobFailed, JobFinished, JobOrder
+from picktree.files import PicktreeError, restart
 from picktree.session.environment import hashes, revision
 
 if TYPE_CHECKING:
-    from picktree.analysis.run import Run
+    from picktree.analysis import Run
 
 restart()
 
@@ -173,7 +172,7 @@ def executor(given: argparse.Namespace) -> Executor:
     """Return the executor of the options --workers and --ray. The caller closes it."""
     if not given.ray:
         return LocalExecutor(given.workers)
-    from picktree.apps.batch.ray_executor import RayExecutor
+    from picktree.apps.batch import RayExecutor
 
     return RayExecutor(given.workers, None if given.ray == "local" else given.ray)
 
@@ -336,8 +335,8 @@ def explaining() -> str:
 
 def blind(folder: Path) -> Run:
     """Open a run whose log holds no word of a fault."""
-    from picktree.analysis.run import Run
-    from picktree.world.events import FaultEvent
+    from picktree.analysis import Run
+    from picktree.world.event_types import FaultEvent
 
     run = Run(folder)
     run.__dict__["events"] = tuple(at for at in run.events if not isinstance(at.record, FaultEvent))

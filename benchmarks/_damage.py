@@ -14,10 +14,10 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from pathlib import Path
 
-from picktree.analysis.run import Run
-from picktree.apps.cli.app import answer
-from picktree.files.errors import PicktreeError
-from picktree.logs.run_log import RunLog
+from picktree.analysis import Run
+from picktree.apps.cli import answer
+from picktree.files import PicktreeError
+from picktree.logs import RunLog
 
 MAGIC_LENGTH = 8
 _NOTE = re.compile("recovered up to byte|the rest is whole")

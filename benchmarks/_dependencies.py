@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from picktree.files.file_system import rooms
-from picktree.session.environment import sources
+from picktree.session import sources
 
 ROOT = Path(__file__).resolve().parent.parent
 KEPT = "dependencies.json"

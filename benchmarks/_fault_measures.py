@@ -9,14 +9,14 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
-from picktree.world.events import FaultEvent, SafetyStopEvent
+from picktree.world.event_types import FaultEvent, SafetyStopEvent
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from picktree.analysis.run import Run
-    from picktree.world.robot_model.model import RobotModel
-    from picktree.world.scene.description import SafetyLimits
+    from picktree.analysis import Run
+    from picktree.world.robot_model import RobotModel
+    from picktree.world.scene import SafetyLimits
 
 Numbers: TypeAlias = "np.ndarray[Any, np.dtype[np.float64]]"
 TICK = 0.05
@@ -160,9 +160,8 @@ class Cell:
 
     @classmethod
     def of(cls, scene: str) -> Cell:
-        from picktree.world.robot_model.model import RobotModel
-        from picktree.world.robot_model.robot_file import load_robot
-        from picktree.world.scene.scene_loading import load_scene
+        from picktree.world.robot_model import RobotModel, load_robot
+        from picktree.world.scene import load_scene
 
         described = load_scene(scene, Path.cwd())
         robot = load_robot(described.robot, Path(described.source).parent)

@@ -9,9 +9,9 @@ from fnmatch import fnmatch
 from typing import Any
 
 from _fault_measures import Measure
-from picktree.apps.batch.rates import Rate, rate
+from picktree.apps.batch import Rate, rate
 from picktree.simulation.fault_entries import FaultExpectation
-from picktree.world.causes import matches
+from picktree.world import matches
 
 COLUMNS: Mapping[str, str] = {
     "took effect": "of all runs, those in which a fault did something (a `fault` event that neither waits "

@@ -104,10 +104,10 @@ class _Cell:
     """Hardware, world, and a mission in it."""
 
     def __init__(self, setting: Setting, seed: int) -> None:
-        from picktree.session.execution import assemble_world
-        from picktree.simulation.physics.backend import PhysicsHardware
-        from picktree.world.robot_model.robot_file import load_robot
-        from picktree.world.scene.scene_loading import parse_scene
+        from picktree.session import assemble_world
+        from picktree.simulation.physics import PhysicsHardware
+        from picktree.world.robot_model import load_robot
+        from picktree.world.scene import parse_scene
 
         self.scene = parse_scene(setting.scene(), Path(f"{setting.name}.yaml"))
         robot = load_robot(self.scene.robot)
@@ -121,7 +121,7 @@ class _Cell:
 
     def straight_down(self) -> None:
         """The same pick; then stiffly to where the bottom should be, as far as the safety monitor lets it."""
-        from picktree.world.causes import Failure
+        from picktree.world import Failure
 
         look = MISSION.replace('- Insert: {object: "{item}"}', "- AlwaysSuccess")
         self._mission(look)
@@ -135,8 +135,8 @@ class _Cell:
 
     def _lower(self) -> Generator[None, None, None]:
         from picktree.robot.manipulation.insertion import fit, poses_over
-        from picktree.robot.planning.requests import OffsetGoal, PoseGoal
-        from picktree.world.holes import find_hole, fitting_hole
+        from picktree.robot.planning import OffsetGoal, PoseGoal
+        from picktree.world.hole_geometry import find_hole, fitting_hole
 
         world = self.world
         held = world.scene.held
@@ -172,10 +172,8 @@ class _Cell:
         self.world.scene.carry(self.world.control.tcp)
 
     def _mission(self, text: str) -> None:
-        from picktree.trees.flow import NodeStatus
-        from picktree.trees.loading.loader import parse_mission
-        from picktree.trees.loading.registry import NodeRegistry
-        from picktree.trees.runner import build
+        from picktree.trees import NodeStatus, build
+        from picktree.trees.loading import NodeRegistry, parse_mission
 
         self.tree = tree = build(parse_mission(text, Path("insertion.yaml"), NodeRegistry()), self.world)
         while self.world.clock.now < LIMIT:
@@ -187,7 +185,7 @@ class _Cell:
         self.told["failures"].append("hung")
 
     def _note(self) -> None:
-        from picktree.world.events import ItemDoneEvent, PickEvent, RecoveryEvent
+        from picktree.world.event_types import ItemDoneEvent, PickEvent, RecoveryEvent
 
         for event in self.world.journal.take():
             match event:
@@ -202,7 +200,7 @@ class _Cell:
 
     def judged(self) -> Row:
         """Return the outcome by the ground truth of the simulation, without anything believed."""
-        from picktree.simulation.scorer import score
+        from picktree.simulation import score
 
         for _ in range(REST):
             self._wait()

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 from _motion_robots import random_scene, shipped
 from _motion_tables import Column, Part, Table, cpu, median, share
-from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning import CollisionChecker
 from picktree.robot.planning.trajectory_verifier import TightestPair, TrajectoryVerifier
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.values import Array
+from picktree.world import Array
+from picktree.world.robot_model import RobotModel
 
 import numpy as np
 import pinocchio as pin

@@ -6,9 +6,9 @@ import time
 
 from _motion_robots import shipped
 from _motion_tables import Column, Part, Table, cpu, median, p95, share
-from picktree.robot.planning.inverse_kinematics import InverseKinematics
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.values import Array, Pose
+from picktree.robot.planning import InverseKinematics
+from picktree.world import Array, Pose
+from picktree.world.robot_model import RobotModel
 
 import numpy as np
 import pinocchio as pin

@@ -8,13 +8,11 @@ from collections import Counter
 
 from _motion_robots import shipped
 from _motion_tables import Column, Part, Table, cpu, median, p95, share
+from picktree.robot.planning import CollisionChecker, InverseKinematics
 from picktree.robot.planning.cartesian_lines import plan_line
-from picktree.robot.planning.collision_checker import CollisionChecker
-from picktree.robot.planning.inverse_kinematics import InverseKinematics
 from picktree.robot.planning.trajectory_check import StartTolerance
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.values import Array, Pose
+from picktree.world import Array, PlanningScene, Pose
+from picktree.world.robot_model import RobotModel
 
 import numpy as np
 import pinocchio as pin

@@ -6,12 +6,20 @@ import math
 from pathlib import Path
 
 import picktree.world
-from picktree.world.planning_scene import BeliefObject, PlanningScene
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.description import Bin, Fixture
-from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
-from picktree.world.values import ObjectId, Pose, Vector3
+from picktree.world import (
+    BeliefObject,
+    Box,
+    ConvexMesh,
+    Cylinder,
+    ObjectId,
+    PlanningScene,
+    Pose,
+    Shape,
+    Sphere,
+    Vector3,
+)
+from picktree.world.robot_model import RobotModel, load_robot
+from picktree.world.scene import Bin, Fixture
 
 import numpy as np
 

@@ -12,15 +12,13 @@ import picktree.world
 from _motion_tables import Column, Part, Table, Value, median, p95, share
 from _ompl_reference import OmplReference
 from picktree.apps.commissioning.plan_trial import build
-from picktree.robot.manipulation.grasps import grasp_candidates
-from picktree.robot.manipulation.release_poses import free_cells, heap_heights, release_poses
-from picktree.robot.planning.requests import HeldObject, LineGoal, MotionPlan, OffsetGoal, PoseGoal, Request
+from picktree.robot import World
+from picktree.robot.manipulation import grasp_candidates, release_poses
+from picktree.robot.manipulation.release_poses import free_cells, heap_heights
+from picktree.robot.planning import HeldObject, LineGoal, MotionPlan, OffsetGoal, PoseGoal, Request
 from picktree.robot.planning.trajectory_verifier import TrajectoryVerifier
-from picktree.robot.world import World
-from picktree.world.causes import Failure
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.scene.description import SceneDescription
-from picktree.world.values import Array
+from picktree.world import Array, BeliefObject, Failure
+from picktree.world.scene import SceneDescription
 
 ABOVE = 0.1
 """Of the pre-grasp over the grasp, and of the lift, m."""

@@ -12,21 +12,25 @@ from typing import TypeVar
 
 from _motion_robots import shipped
 from _motion_tables import Column, Part, Table, cpu, median, p95, share
-from picktree.robot.planning.inverse_kinematics import InverseKinematics
+from picktree.robot.planning import (
+    InverseKinematics,
+    MotionPlan,
+    OffsetGoal,
+    PoseGoal,
+    Request,
+    RequestSolver,
+    Scaling,
+)
 from picktree.robot.planning.motion_chain import MotionChain
 from picktree.robot.planning.path_curves import JointCurve, rounded_polyline, spline_through
-from picktree.robot.planning.requests import MotionPlan, OffsetGoal, PoseGoal, Request, Scaling
-from picktree.robot.planning.solver import RequestSolver
 from picktree.robot.planning.time_parameterization import (
     TORQUE_LIMIT_SHARE,
     PathLimits,
     ScaledStretch,
     time_curve,
 )
-from picktree.world.causes import Failure
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.values import Array, Pose, Trajectory
+from picktree.world import Array, Failure, PlanningScene, Pose, Trajectory
+from picktree.world.robot_model import RobotModel
 
 import numpy as np
 from toppra.algorithm import TOPPRA

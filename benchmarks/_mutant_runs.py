@@ -29,7 +29,7 @@ from typing import Literal, TypeAlias
 from _mutant_coverage import PYTEST, SITE, Selection
 from _mutant_operators import Mutant
 from mutant_site.sitecustomize import MUTATED, mutate, write_mutated
-from picktree.files.arithmetic import pin
+from picktree.files import pin
 
 import pytest
 

@@ -8,15 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning import CollisionChecker, Scaling, time_corners
 from picktree.robot.planning.collision_model import CollisionMargins
 from picktree.robot.planning.joint_planner import CORNER_RADII, STEP_SHARES
-from picktree.robot.planning.requests import Scaling
-from picktree.robot.planning.time_parameterization import time_corners
 from picktree.robot.planning.trajectory_check import EdgeSteps, StartTolerance, first_collision
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.values import Array, Trajectory
+from picktree.world import Array, PlanningScene, Trajectory
+from picktree.world.robot_model import RobotModel
 
 import numpy as np
 from ompl import base as ob

@@ -22,9 +22,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from picktree.simulation.truth import TrueBody
-    from picktree.world.scene.description import SceneDescription
-    from picktree.world.values import Pose
+    from picktree.simulation import TrueBody
+    from picktree.world import Pose
+    from picktree.world.scene import SceneDescription
 
 TURNS = 12
 LEAN = math.radians(20.0)
@@ -45,10 +45,10 @@ class Within:
 
 def within_reach(scene: SceneDescription, items: list[TrueBody]) -> dict[str, Within]:
     """For each item by id."""
-    from picktree.robot.planning.requests import PoseGoal, Request
-    from picktree.session.execution import assemble_world
-    from picktree.simulation.backends import build_hardware
-    from picktree.world.robot_model.robot_file import load_robot
+    from picktree.robot.planning import PoseGoal, Request
+    from picktree.session import assemble_world
+    from picktree.simulation import build_hardware
+    from picktree.world.robot_model import load_robot
 
     robot = load_robot(scene.robot)
     empty = replace(scene, spawn=())
@@ -69,8 +69,7 @@ def within_reach(scene: SceneDescription, items: list[TrueBody]) -> dict[str, Wi
 
 def poses(item: TrueBody, widest: float, tip: float) -> Iterator[tuple[Pose, float]]:
     """Poses of the TCP in the world with the opening there, m: the upright ones first."""
-    from picktree.world.shapes import extents
-    from picktree.world.values import Pose
+    from picktree.world import Pose, extents
 
     turned, middle = item.pose.rotation(), np.array(item.pose.position)
     lowest = float(middle[2] + extents(item.shape, turned)[0][2])

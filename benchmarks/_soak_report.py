@@ -11,7 +11,7 @@ from _soaking import HOUR, SETTLED, Soak, growth, steadiness
 import numpy as np
 
 if TYPE_CHECKING:
-    from picktree.logs.run_result import RunResult
+    from picktree.logs import RunResult
 
 
 def report(path: Path, hours: float) -> int:

@@ -15,14 +15,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from picktree.session.observer import Interrupter
+from picktree.session import Interrupter
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from picktree.logs.run_result import RunResult
-    from picktree.session.execution import Execution
-    from picktree.trees.runner import TickReport
+    from picktree.logs import RunResult
+    from picktree.session import Execution
+    from picktree.trees import TickReport
 
 MINUTE, QUARTER, HOUR = 60.0, 900.0, 3600.0
 """Simulated s."""
@@ -246,7 +246,7 @@ class Soak:
 
     @classmethod
     def read(cls, path: Path) -> Soak:
-        from picktree.logs.run_result import RunResult
+        from picktree.logs import RunResult
 
         rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
         results = [row["result"] for row in rows if "result" in row]

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from picktree.files.errors import PicktreeError
-from picktree.logs.mcap import writer
+from picktree.files import PicktreeError
+from picktree.logs import RunLog
+from picktree.logs.mcap import McapFile, writer
 from picktree.logs.mcap.salvage import DAMAGE_ERRORS
-from picktree.logs.mcap.writer import McapFile, RawFile
-from picktree.logs.run_log import RunLog
+from picktree.logs.mcap.writer import RawFile
 
 from mcap.reader import make_reader
 

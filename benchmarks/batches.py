@@ -147,8 +147,7 @@ def apart(settings: Settings, seed: int) -> Alone:
 
 def run_alone(settings: Settings, seed: int, out: Path) -> Alone:
     from picktree.apps.batch import local_executor
-    from picktree.session.recipe import RunRequest
-    from picktree.session.session import Session
+    from picktree.session import RunRequest, Session
 
     local_executor.load()
     cpu, wall = time.process_time(), time.perf_counter()
@@ -182,7 +181,7 @@ def batch(settings: Settings, name: str, seeds: list[int], workers: int) -> dict
     if process.wait() not in (0, 1):
         raise SystemExit(f"{' '.join(command)}: exit code {process.returncode}")
     cpu = spent(resource.getrusage(resource.RUSAGE_CHILDREN)) - before
-    from picktree.apps.batch.store import RESULTS_FILE, Store
+    from picktree.apps.batch import RESULTS_FILE, Store
 
     first_job = ends[0][1]["job"]
     with Store(folder / RESULTS_FILE) as store:

@@ -23,7 +23,7 @@ from _campaign import Row, campaign, options, rate, seeds
 import numpy as np
 
 if TYPE_CHECKING:
-    from picktree.world.values import Pose
+    from picktree.world import Pose
 
 COST_A_SEED = 26.0
 """CPU seconds of both settings, for the forecast."""
@@ -49,8 +49,8 @@ def one(job: Job, folder: Path) -> Row:
 
 
 def _run(job: Job, folder: Path, setting: str) -> Row:
-    from picktree.apps.commissioning.calibration import CalibrationRequest, calibrate
-    from picktree.world.scene.scene_loading import load_scene
+    from picktree.apps.commissioning import CalibrationRequest, calibrate
+    from picktree.world.scene import load_scene
 
     base, cameras = SETTINGS[setting]
     file = folder / f"{base}.yaml"
@@ -88,7 +88,7 @@ def _run(job: Job, folder: Path, setting: str) -> Row:
 
 def _scores(believed: Pose, truly: Pose, position: object, angle: object) -> list[float]:
     """Return the error of each component, in its standard deviations."""
-    from picktree.world.values import Pose as Frame
+    from picktree.world import Pose as Frame
 
     turn = Frame(orientation=believed.orientation) @ Frame(orientation=truly.orientation).inverse()
     x, y, z, w = turn.orientation
@@ -98,7 +98,7 @@ def _scores(believed: Pose, truly: Pose, position: object, angle: object) -> lis
 
 
 def _scene(seed: int, base: str, cameras: tuple[str, ...]) -> str:
-    from picktree.world.values import Pose as Frame
+    from picktree.world import Pose as Frame
 
     rng = np.random.default_rng([seed, 7])
     lines = ["picktree: 1", "kind: scene", f"base: {base}", "cameras:"]

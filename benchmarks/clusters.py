@@ -23,13 +23,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from _campaign import ROOT
-from picktree.apps.batch.batch import Batch, RecordedJob
-from picktree.apps.batch.executor import Executor
+from picktree.apps.batch import (
+    Batch,
+    BatchPlan,
+    Executor,
+    Job,
+    JobRow,
+    LocalExecutor,
+    RayExecutor,
+    RecordedJob,
+)
 from picktree.apps.batch.job_process import children
-from picktree.apps.batch.local_executor import LocalExecutor
-from picktree.apps.batch.plan import BatchPlan, Job
-from picktree.apps.batch.ray_executor import RayExecutor
-from picktree.apps.batch.tables import JobRow
 
 COST = {"physics": 7.0, "kinematic": 2.0}
 """CPU seconds that a run of `sort_small` takes, for the forecast."""

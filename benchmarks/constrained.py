@@ -19,12 +19,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from picktree.apps.batch.rates import rate
-from picktree.robot.planning.requests import PoseGoal, Request, UprightConstraint
-from picktree.robot.planning.solver import RequestSolver
+from picktree.apps.batch import rate
+from picktree.robot.planning import PoseGoal, Request, RequestSolver, UprightConstraint
 from picktree.robot.planning.trajectory_verifier import TrajectoryVerifier
-from picktree.world.causes import Failure
-from picktree.world.values import Array, Pose, Vector3
+from picktree.world import Array, Failure, Pose, Vector3
 
 from tests.planning.motion_cell import HOME, MODEL, down, shelf_scene, table_scene
 

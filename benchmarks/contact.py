@@ -20,8 +20,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import TypeVar
 
-from picktree.robot.control.compliant_motion import CartesianStiffness, CompliantMotion, ContactState
-from picktree.robot.world import World
+from picktree.robot import World
+from picktree.robot.control import CartesianStiffness, CompliantMotion, ContactState
 
 import numpy as np
 import pinocchio as pin

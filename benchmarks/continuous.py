@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from _campaign import ROOT, Row, campaign, options, rate, seeds
-from picktree.session.observer import Observer
+from picktree.session import Observer
 
 if TYPE_CHECKING:
-    from picktree.session.execution import Execution
-    from picktree.trees.runner import TickReport
+    from picktree.session import Execution
+    from picktree.trees import TickReport
 
 COST_AN_ITEM = 1.0
 """CPU seconds, for the forecast."""
@@ -58,8 +58,7 @@ def resident() -> float:
 
 def one(job: Job, folder: Path) -> Row:
     """Run one seed; the JSON of its result with memory and log."""
-    from picktree.session.recipe import RunRequest
-    from picktree.session.session import Session
+    from picktree.session import RunRequest, Session
 
     memory = Memory()
     request = RunRequest(

@@ -22,8 +22,8 @@ from pathlib import Path
 from _campaign import ROOT, Row, campaign, finished, options
 from _file_mutants import mutant, told, told_all
 from picktree.authoring.xml.conversion import convert_text
-from picktree.files.errors import FileError
-from picktree.trees.loading.registry import NodeRegistry
+from picktree.files import FileError
+from picktree.trees.loading import NodeRegistry
 
 CHUNK = 250
 """Mutants of one job."""

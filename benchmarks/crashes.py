@@ -28,11 +28,9 @@ from itertools import accumulate
 from pathlib import Path
 
 from _tape import Opened, open_moment, opens_in_stock_reader, taped
-from picktree.logs.run_log import RunLog
-from picktree.session.observer import Observer
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.trees.runner import TickReport
+from picktree.logs import RunLog
+from picktree.session import Observer, RunRequest, Session
+from picktree.trees import TickReport
 
 MISSION = Path(__file__).resolve().parent.parent / "examples" / "sort_by_colour.yaml"
 SHARED = Path("/dev/shm") if Path("/dev/shm").is_dir() else Path(tempfile.gettempdir())

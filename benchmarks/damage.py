@@ -18,8 +18,7 @@ from collections import Counter
 from pathlib import Path
 
 from _damage import KINDS, Whole, commanded, opened
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
+from picktree.session import RunRequest, Session
 
 MISSION = Path(__file__).resolve().parent.parent / "examples" / "one_pick.yaml"
 SHARED = Path("/dev/shm") if Path("/dev/shm").is_dir() else Path(tempfile.gettempdir())

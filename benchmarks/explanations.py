@@ -38,7 +38,7 @@ from pathlib import Path
 from _campaign import Row, blind, campaign, explaining, options, rate
 from _explanation_cases import Case, counted, load
 from picktree.analysis.explain.explanation import CONFIDENCES, RATES
-from picktree.session.environment import sources
+from picktree.session import sources
 
 COST_A_RUN = 9.0
 """CPU seconds of a run and its two explanations, for the forecast."""
@@ -120,8 +120,7 @@ def recorded(case: Case, job: Job, place: Path) -> Path:
 
 
 def _run(case: Case, job: Job, place: Path) -> Path:
-    from picktree.session.recipe import RunRequest
-    from picktree.session.session import Session
+    from picktree.session import RunRequest, Session
 
     faults = place / "faults.yaml"
     request = RunRequest(
@@ -148,8 +147,8 @@ def _run_folder(place: Path) -> Path:
 
 def _await(case: Case, job: Job, place: Path, process: subprocess.Popen[bytes]) -> Path:
     """Return the run's folder as soon as its log reaches the job's time."""
-    from picktree.analysis.run import Run
-    from picktree.files.errors import PicktreeError
+    from picktree.analysis import Run
+    from picktree.files import PicktreeError
 
     at = case.at + KILL_SPREAD * (job.seed % 10)
     until = time.monotonic() + PATIENCE
@@ -184,9 +183,8 @@ def explained(folder: Path) -> Row:
 
     `quoted` counts the root causes that quote a fault when the log holds it.
     """
-    from picktree.analysis.explain.explanation_text import to_json_text
-    from picktree.analysis.explain.run_explanation import explain
-    from picktree.analysis.run import Run
+    from picktree.analysis import Run
+    from picktree.analysis.explain import explain, to_json_text
 
     with blind(folder) as run:
         told = json.loads(to_json_text(run, explain(run, faults=False)))
@@ -209,8 +207,8 @@ def explained(folder: Path) -> Row:
 
 def _struck(run: object) -> list[dict[str, str]]:
     """Return the true items that faults struck: id, kind, colour."""
-    from picktree.analysis.run import Run
-    from picktree.world.events import FaultEvent
+    from picktree.analysis import Run
+    from picktree.world.event_types import FaultEvent
 
     assert isinstance(run, Run)
     ids = {at.record.item for at in run.events if isinstance(at.record, FaultEvent) and at.record.item}

@@ -16,12 +16,12 @@ from pathlib import Path
 from _atlas_page import Entry, command, section, telling, worst
 from _campaign import RESULTS, ROOT
 from fault_campaign import Row, measure, read
-from picktree.analysis.render.snapshots import snapshot
-from picktree.analysis.run import Run
-from picktree.apps.batch.store import RESULTS_FILE
-from picktree.files.errors import PicktreeError
+from picktree.analysis import Run
+from picktree.analysis.render import snapshot
+from picktree.apps.batch import RESULTS_FILE
+from picktree.files import PicktreeError
+from picktree.simulation import load_faults
 from picktree.simulation.fault_entries import FaultExpectation
-from picktree.simulation.fault_loading import load_faults
 
 SIZE = (640, 400)
 CAMPAIGN = "benchmarks/campaign"

@@ -33,16 +33,14 @@ from _dependencies import Dependencies, of_program
 from _fault_measures import Cell, Measure, Measured, measured
 from _fault_page import targets, to_page
 from _fault_table import Line, line, to_text, total
-from picktree.analysis.run import Run
-from picktree.apps.batch.batch import Batch
-from picktree.apps.batch.plan import BatchPlan, load_plan
-from picktree.apps.batch.store import RESULTS_FILE, Store
+from picktree.analysis import Run
+from picktree.apps.batch import RESULTS_FILE, Batch, BatchPlan, Store, load_plan
 from picktree.apps.cli.batch_progress import progress
-from picktree.files.errors import PicktreeError
-from picktree.logs.run_result import RunResult
+from picktree.files import PicktreeError
+from picktree.logs import RunResult
 from picktree.session.environment import revision
+from picktree.simulation import load_faults
 from picktree.simulation.fault_entries import FaultExpectation
-from picktree.simulation.fault_loading import load_faults
 
 PLAN = ROOT / "benchmarks" / "campaign" / "plan.yaml"
 COST_A_RUN = 7.0
@@ -389,7 +387,7 @@ def _rates(side: Line) -> list[str]:
 
 
 def _force_limit() -> float:
-    from picktree.world.scene.scene_loading import load_scene
+    from picktree.world.scene import load_scene
 
     return load_scene("sort_small", Path.cwd()).limits.force
 

@@ -30,14 +30,14 @@ from picktree.authoring.rehearsal.case_checks import load_cases
 from picktree.authoring.rehearsal.mission_staging import scene_of, stub_mission
 from picktree.authoring.rehearsal.rehearsal import CoverageRecord, rehearse_case
 from picktree.authoring.rehearsal.trace import is_stubbed
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
 from picktree.files.file_checks import check_files
-from picktree.files.yaml.document import read_document
-from picktree.simulation.fault_loading import load_faults
-from picktree.trees.loading.loader import examine, load_mission
-from picktree.trees.mission import Mission
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.scene_loading import load_scene
+from picktree.files.yaml import read_document
+from picktree.simulation import load_faults
+from picktree.trees import Mission
+from picktree.trees.loading import examine, load_mission
+from picktree.world.robot_model import load_robot
+from picktree.world.scene import load_scene
 
 CHUNK = 250
 """Mutants of one job."""

@@ -29,16 +29,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from picktree.apps.batch.rates import rate
-from picktree.authoring.xml.conversion import convert, convert_all
-from picktree.authoring.xml.mission_import import ImportOptions
-from picktree.authoring.xml.source import XmlText
-from picktree.files.errors import FileError, PicktreeError
+from picktree.apps.batch import rate
+from picktree.authoring.xml import ImportOptions, XmlText, convert_all
+from picktree.authoring.xml.conversion import convert
+from picktree.files import FileError, PicktreeError
 from picktree.files.yaml.file_text import read_text
 from picktree.tests.authoring.btcpp_library import LIBRARY
 from picktree.tests.authoring.foreign_library import Library, called_by, comparable, trees_of
-from picktree.trees.loading.loader import load_mission
-from picktree.trees.loading.registry import NodeRegistry
+from picktree.trees.loading import NodeRegistry, load_mission
 
 _NAMES = re.compile(r"'[^']*'|\"[^\"]*\"|\{[^}]*\}|`[^`]*`|\d+")
 _PATHS = re.compile(r"\S*/\S*")

@@ -15,7 +15,7 @@ from pathlib import Path
 from statistics import median
 
 from _campaign import MissionJob, Row, campaign, finished, mission_jobs, mission_options, rate
-from picktree.world.events import PickEvent
+from picktree.world.event_types import PickEvent
 
 COST_A_RUN = 7.0
 """CPU seconds."""
@@ -23,9 +23,8 @@ COST_A_RUN = 7.0
 
 def one(job: MissionJob, folder: Path) -> Row:
     """Run one seed; what the fingers did to each item, and what became of it."""
-    from picktree.analysis.run import Run
-    from picktree.session.recipe import RunRequest
-    from picktree.session.session import Session
+    from picktree.analysis import Run
+    from picktree.session import RunRequest, Session
 
     request = RunRequest(
         mission=Path(job.mission),

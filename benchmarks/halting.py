@@ -58,9 +58,8 @@ def _cell() -> ModuleType:
 
 def one(job: Job, folder: Path) -> Row:
     """Run one seed with its halts, each with its result."""
-    from picktree.trees.loading.loader import load_mission
-    from picktree.trees.loading.registry import NodeRegistry
-    from picktree.world.scene.scene_loading import load_scene
+    from picktree.trees.loading import NodeRegistry, load_mission
+    from picktree.world.scene import load_scene
 
     import numpy as np
 

@@ -31,14 +31,14 @@ from typing import TYPE_CHECKING, Any
 from unittest.mock import patch
 
 from _campaign import ROOT, MissionJob, Row, campaign, finished, mission_options, rate, seeds
-from picktree.world.events import ItemDoneEvent, PickEvent
+from picktree.world.event_types import ItemDoneEvent, PickEvent
 
 import numpy as np
 import yaml
 
 if TYPE_CHECKING:
-    from picktree.analysis.run import Run
-    from picktree.session.recipe import RunRequest
+    from picktree.analysis import Run
+    from picktree.session import RunRequest
 
 DOUBLE = "grasp.double"
 """Cause of a failure for more than one thing in the hand."""
@@ -72,9 +72,9 @@ class Job(MissionJob):
 
 def one(job: Job, folder: Path) -> Row:
     """Run one seed; its counts by the scorer, and its grasps by the log."""
-    from picktree.analysis.run import Run
-    from picktree.session.session import Session
-    from picktree.simulation.scorer import score
+    from picktree.analysis import Run
+    from picktree.session import Session
+    from picktree.simulation import score
 
     request = _request(job, folder)
     session = Session(request)
@@ -152,8 +152,8 @@ def _stage(candidate: str) -> str:
 
 def _request(job: Job, folder: Path) -> RunRequest:
     """Return the request of one run; a heap on a table is a round."""
-    from picktree.session.recipe import RunRequest
-    from picktree.world.scene.scene_loading import load_scene
+    from picktree.session import RunRequest
+    from picktree.world.scene import load_scene
 
     scene = load_scene(job.scene)
     heap = next(spawn for spawn in scene.spawn if spawn.drop is not None)

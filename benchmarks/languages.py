@@ -11,9 +11,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from picktree.authoring.check import check_mission
-from picktree.files.yaml.document import read_document
-from picktree.trees.loading.registry import NodeRegistry
+from picktree.authoring import check_mission
+from picktree.files.yaml import read_document
+from picktree.trees.loading import NodeRegistry
 
 HEAD = "picktree: 1\nkind: mission\nname: large\nscene: three_bins\ntrees:\n"
 MAIN = """\

@@ -37,7 +37,8 @@ from _campaign import ROOT
 sys.path.insert(0, str(ROOT))
 
 from picktree.files.arithmetic import PINNED, REMOVED, TUNABLES
-from picktree.session.environment import machine, sources
+from picktree.session import sources
+from picktree.session.environment import machine
 
 from tests.golden.runs import GOLDEN, Record, differing, libraries
 

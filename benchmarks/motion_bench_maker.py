@@ -27,15 +27,12 @@ from typing import Any
 from _bench_maker import ARCHIVE, SCENES, WANTED, Problem, admitted, beyond_limits, problems, required_archive
 from _campaign import Row, campaign, finished, options, rate
 from _ompl_reference import OmplReference
+from picktree.robot.planning import JointGoal, Request, RequestSolver
 from picktree.robot.planning.collision_model import CollisionMargins
 from picktree.robot.planning.lookahead_planning import IMPROVING_CHECKS
-from picktree.robot.planning.requests import JointGoal, Request
-from picktree.robot.planning.solver import RequestSolver
 from picktree.robot.planning.trajectory_verifier import TrajectoryVerifier
-from picktree.world.causes import Failure
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.values import Array, Trajectory
+from picktree.world import Array, Failure, Trajectory
+from picktree.world.robot_model import RobotModel, load_robot
 
 import numpy as np
 

@@ -16,17 +16,13 @@ import time
 from dataclasses import dataclass, replace
 
 from _campaign import rate
-from picktree.robot.perception.hole_mouths import detect_hole
+from picktree.robot.perception import detect_hole
+from picktree.simulation import displace_fixtures, noisy_colour, noisy_depth
+from picktree.simulation.physics import CameraRenderer, Client
 from picktree.simulation.physics.bodies import add_scenery
-from picktree.simulation.physics.engine import Client
-from picktree.simulation.physics.rgbd_camera import CameraRenderer
-from picktree.simulation.sensor_noise import noisy_colour, noisy_depth
-from picktree.simulation.spawn import displace_fixtures
-from picktree.world.protocols import RgbdImage
-from picktree.world.scene.description import CameraDescription, Hole, SceneDescription
+from picktree.world import Pose, RgbdImage
+from picktree.world.scene import CameraDescription, Hole, SceneDescription, load_scene
 from picktree.world.scene.scene_entries import look_at_frame
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.values import Pose
 
 import numpy as np
 

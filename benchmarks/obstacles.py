@@ -23,14 +23,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from _campaign import MissionJob, Row, campaign, mission_jobs, mission_options, rate
-from picktree.world.events import ItemDoneEvent
+from picktree.world.event_types import ItemDoneEvent
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from picktree.session.session import Session
-    from picktree.simulation.spawn import SpawnedItem
-    from picktree.world.scene.description import Fixture, SceneDescription
+    from picktree.session import Session
+    from picktree.simulation import SpawnedItem
+    from picktree.world.scene import Fixture, SceneDescription
 
 COST_A_RUN = 28.0
 """CPU seconds that three or four runs of four items take, for the forecast."""
@@ -44,8 +44,8 @@ COLOURS = ("grey", "dark_grey", "white", "red", "green", "blue", "yellow")
 def one(job: MissionJob, folder: Path) -> Row:
     """Run one seed with the thing in the way, without volumes, told of it, and where it comes later without
     it."""
-    from picktree.simulation.spawn import spawn_items
-    from picktree.world.scene.scene_loading import load_scene
+    from picktree.simulation import spawn_items
+    from picktree.world.scene import load_scene
 
     scene = load_scene(job.scene)
     rng = np.random.default_rng([job.seed, 77])
@@ -98,9 +98,8 @@ def _as_fixture(entry: dict[str, Any]) -> dict[str, Any]:
 def _run(
     job: MissionJob, folder: Path, touches: Callable[[Session], dict[str, Any]], **options: Any
 ) -> dict[str, Any]:
-    from picktree.analysis.run import Run
-    from picktree.session.recipe import RunRequest
-    from picktree.session.session import Session
+    from picktree.analysis import Run
+    from picktree.session import RunRequest, Session
 
     request = RunRequest(mission=Path(job.mission), seed=job.seed, out=folder, **options)
     session = Session(request)
@@ -127,7 +126,7 @@ def _run(
 def _watched() -> Generator[Callable[[Session], dict[str, Any]]]:
     """Who touches what the robot was not told of, with the time of the first touch and the greatest force, N:
     filled in while the session runs, by asking the simulator after each step."""
-    from picktree.simulation.physics.backend import PhysicsHardware
+    from picktree.simulation.physics import PhysicsHardware
 
     def watch(session: Session) -> dict[str, Any]:
         hardware = session.execution.hardware
@@ -158,7 +157,7 @@ def _watched() -> Generator[Callable[[Session], dict[str, Any]]]:
 def _without_volumes() -> Generator[None]:
     """The belief holds nothing but items meanwhile."""
     from picktree.robot.perception import data_association
-    from picktree.world.values import ObjectId
+    from picktree.world import ObjectId
 
     kept = data_association.update_volumes
 
@@ -176,11 +175,8 @@ def _drawn(
     rng: np.random.Generator, scene: SceneDescription, items: list[SpawnedItem], item: SpawnedItem, seed: int
 ) -> dict[str, Any]:
     """Something in the way from the item to its bin, as an entry of a scene file."""
-    from picktree.simulation.footprints import distance, footprint
-    from picktree.simulation.planted_obstacles import FreeSpaceCheck
-    from picktree.simulation.truth import TrueBody
-    from picktree.world.robot_model.model import RobotModel
-    from picktree.world.robot_model.robot_file import load_robot
+    from picktree.simulation import FreeSpaceCheck, TrueBody, distance, footprint
+    from picktree.world.robot_model import RobotModel, load_robot
     from picktree.world.scene.destinations import destination_rule
 
     body = TrueBody.of(item.id, item.entry, item.colour, item.pose)
@@ -205,8 +201,7 @@ def _drawn(
 
 
 def _thing(rng: np.random.Generator, x: float, y: float, across: float) -> tuple[dict[str, Any], Fixture]:
-    from picktree.world.scene.scene_entries import hidden_body
-    from picktree.world.scene.scene_schema import UnknownFile
+    from picktree.world.scene import UnknownFile, hidden_body
 
     def drawn(low: float, high: float) -> float:
         return round(float(rng.uniform(low, high)), 4)

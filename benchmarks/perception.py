@@ -13,15 +13,13 @@ import time
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 
-from picktree.robot.perception.pipeline import Perception
+from picktree.robot.perception import Perception
 from picktree.robot.perception.view import Detection, PerceivedView
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.truth import TrueBody
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.shapes import Box, Cylinder, Sphere
-from picktree.world.values import Array, Pose
+from picktree.simulation import TrueBody
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import Array, Box, Cylinder, Pose, Sphere
+from picktree.world.robot_model import RobotModel, load_robot
+from picktree.world.scene import load_scene
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment

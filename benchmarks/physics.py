@@ -21,20 +21,10 @@ from pathlib import Path
 from statistics import median
 
 from _campaign import Row, campaign, finished, options, seeds
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.robot_model.description import RobotDescription
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.description import (
-    CatalogueEntry,
-    Fixture,
-    Form,
-    SceneDescription,
-    SensorNoise,
-    Spawn,
-)
-from picktree.world.shapes import Box, Cylinder, Shape, Sphere
-from picktree.world.values import Array, ObjectId, Pose
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import Array, Box, Cylinder, ObjectId, Pose, Shape, Sphere
+from picktree.world.robot_model import RobotDescription, RobotModel, load_robot
+from picktree.world.scene import CatalogueEntry, Fixture, Form, SceneDescription, SensorNoise, Spawn
 
 import numpy as np
 

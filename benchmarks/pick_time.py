@@ -22,20 +22,18 @@ from typing import TYPE_CHECKING, Any, cast
 from _campaign import Row, campaign, mission_options, rate, seeds
 from _motion_timing import bare_profile
 from picktree.robot.control.joint_controllers import TrajectoryController
+from picktree.robot.planning import LineGoal, OffsetGoal, Request
 from picktree.robot.planning.path_curves import distinct, rounded_polyline, spline_through
-from picktree.robot.planning.requests import LineGoal, OffsetGoal, Request
-from picktree.session.observer import Observer
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.trees.skill import Skill
+from picktree.session import Observer, RunRequest, Session
+from picktree.trees import Skill
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from picktree.session.execution import Execution
-    from picktree.trees.runner import TickReport
-    from picktree.world.robot_model.model import RobotModel
-    from picktree.world.values import Trajectory
+    from picktree.session import Execution
+    from picktree.trees import TickReport
+    from picktree.world import Trajectory
+    from picktree.world.robot_model import RobotModel
 
 COST_A_RUN = 8.0
 """CPU seconds that a run of twelve items takes, for the forecast."""

@@ -18,14 +18,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from _bench_maker import ARCHIVE, SCENES, Problem, admitted, beyond_limits, problems, required_archive
+from picktree.robot.planning import DEFAULT_CHECK_BUDGET, JointGoal, Request, RequestSolver
 from picktree.robot.planning.collision_model import CollisionMargins
-from picktree.robot.planning.requests import DEFAULT_CHECK_BUDGET, JointGoal, Request
-from picktree.robot.planning.solver import RequestSolver
 from picktree.robot.planning.trajectory_verifier import TrajectoryVerifier
-from picktree.world.causes import Failure
-from picktree.world.planner_names import AUTO, planner_names
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
+from picktree.world import Failure, planner_names
+from picktree.world.planner_names import AUTO
+from picktree.world.robot_model import RobotModel, load_robot
 
 import numpy as np
 

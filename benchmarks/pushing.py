@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any
 from _campaign import Row, campaign, finished, options, rate, seeds
 
 if TYPE_CHECKING:
-    from picktree.simulation.truth import TrueBody
-    from picktree.world.scene.description import SceneDescription
+    from picktree.simulation import TrueBody
+    from picktree.world.scene import SceneDescription
 
 COST_A_RUN = 9.0
 """CPU seconds of one seed, both ways, for the forecast."""
@@ -58,14 +58,14 @@ def one(job: Job, folder: Path) -> Row:
 
 
 def _push(job: Job, kind: str, extra: str) -> dict[str, Any]:
-    from picktree.session.execution import TICK_LENGTH, assemble_world
-    from picktree.simulation.backends import build_hardware
-    from picktree.trees.flow import NodeStatus
-    from picktree.trees.loading.loader import parse_mission
-    from picktree.trees.loading.registry import NodeRegistry
-    from picktree.trees.runner import build
-    from picktree.world.planar_geometry import outline, planar, wrap_angle
-    from picktree.world.robot_model.robot_file import load_robot
+    from picktree.session import assemble_world
+    from picktree.session.execution import TICK_LENGTH
+    from picktree.simulation import build_hardware
+    from picktree.trees import NodeStatus, build
+    from picktree.trees.loading import NodeRegistry, parse_mission
+    from picktree.world import outline
+    from picktree.world.planar_geometry import planar, wrap_angle
+    from picktree.world.robot_model import load_robot
 
     scene = _scene(kind, job.noise)
     robot = load_robot(scene.robot)
@@ -104,7 +104,7 @@ def _push(job: Job, kind: str, extra: str) -> dict[str, Any]:
 
 
 def _scene(kind: str, noise: float) -> SceneDescription:
-    from picktree.world.scene.scene_loading import load_scene
+    from picktree.world.scene import load_scene
 
     scene = load_scene("three_bins")
     spawn = replace(scene.spawn[0], counts=((kind, 1),), area=AREA, lying=0.0)

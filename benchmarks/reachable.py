@@ -25,9 +25,8 @@ COST_A_RUN = 20.0
 def one(job: MissionJob, folder: Path) -> Row:
     """Run one seed; what became of each item."""
     from _reach import within_reach
-    from picktree.session.recipe import RunRequest
-    from picktree.session.session import Session
-    from picktree.simulation.scorer import score
+    from picktree.session import RunRequest, Session
+    from picktree.simulation import score
 
     session = Session(RunRequest(mission=Path(job.mission), scene=job.scene, seed=job.seed, out=folder))
     before = list(session.execution.hardware.truth())

@@ -14,10 +14,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from picktree.logs import RunLog
 from picktree.logs.binary_gltf import link_meshes
 from picktree.logs.log_files import Rotation
-from picktree.logs.recording.recorder import Recorder
-from picktree.logs.records import (
+from picktree.logs.log_records import (
     Control,
     NodeStatusRecord,
     NodeTime,
@@ -27,17 +27,21 @@ from picktree.logs.records import (
     TransitionRecord,
     WriteRecord,
 )
-from picktree.logs.run_log import RunLog
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.protocols import Intrinsics, RgbdImage
-from picktree.world.robot_model.description import RobotDescription
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.shapes import Box
-from picktree.world.values import GripperState, JointState, ObjectId, Pose, Wrench
+from picktree.logs.recording import Recorder
+from picktree.session import RunRequest, Session
+from picktree.world import (
+    BeliefObject,
+    Box,
+    GripperState,
+    Intrinsics,
+    JointState,
+    ObjectId,
+    Pose,
+    RgbdImage,
+    Wrench,
+)
+from picktree.world.robot_model import RobotDescription, RobotModel, load_robot
+from picktree.world.scene import load_scene
 
 import numpy as np
 

@@ -19,18 +19,17 @@ import os
 from pathlib import Path
 
 from _campaign import ROOT, rate
-from picktree.apps.batch.batch import Batch
-from picktree.apps.batch.comparison import (
-    JobOutcome,
+from picktree.apps.batch import (
+    RESULTS_FILE,
+    Batch,
+    BatchPlan,
+    LocalExecutor,
     RecipeComparison,
-    RecipeOutcomes,
     compare_recipes,
     read_recipe,
     text_of,
 )
-from picktree.apps.batch.local_executor import LocalExecutor
-from picktree.apps.batch.plan import BatchPlan
-from picktree.apps.batch.store import RESULTS_FILE
+from picktree.apps.batch.comparison import JobOutcome, RecipeOutcomes
 from picktree.apps.cli.batch_progress import progress
 
 import numpy as np

@@ -14,10 +14,10 @@ import time
 from pathlib import Path
 
 from languages import text_of
+from picktree.authoring.rehearsal import rehearse
 from picktree.authoring.rehearsal.case_checks import examine_cases
-from picktree.authoring.rehearsal.rehearsal import rehearse
-from picktree.files.yaml.document import read_document
-from picktree.trees.loading.loader import parse_mission
+from picktree.files.yaml import read_document
+from picktree.trees.loading import parse_mission
 
 ROOT = Path(__file__).parents[1]
 EXAMPLE = ROOT / "examples" / "sort_by_colour.yaml"

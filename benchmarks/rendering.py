@@ -12,15 +12,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from picktree.analysis.render.captions import write
-from picktree.analysis.render.films import FilmRequest, film
+from picktree.analysis.render import FilmRequest, PictureView, SceneRenderer, draw, film, write
 from picktree.analysis.render.frames import moments
-from picktree.analysis.render.scene_view import SceneRenderer
-from picktree.analysis.render.snapshots import draw
-from picktree.analysis.render.viewpoint import PictureView
-from picktree.logs.run_log import RunLog
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
+from picktree.logs import RunLog
+from picktree.session import RunRequest, Session
 
 MISSION = Path(__file__).parents[1] / "examples" / "sort_by_colour.yaml"
 SIZE = (960, 600)

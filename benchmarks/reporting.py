@@ -97,8 +97,7 @@ def long_run(folder: Path, *, deep: bool) -> Path:
     """Return the folder of the long run; make it where it is missing."""
     kept = folder / ("deep" if deep else "log")
     if not kept.exists():
-        from picktree.session.recipe import RunRequest
-        from picktree.session.session import Session
+        from picktree.session import RunRequest, Session
 
         print(f"a run of {SECONDS:g} simulated s: about {SECONDS / 4:.0f} CPU s", flush=True)
         mission = SOAK / "sort_on.yaml" if deep else ROOT / "examples" / "continuous_sort.yaml"
@@ -114,9 +113,7 @@ def many_jobs(folder: Path) -> Path:
     """Return the folder of the batch; make it where it is missing."""
     if (folder / "batch" / "done").exists():
         return folder / "batch"
-    from picktree.apps.batch.batch import Batch
-    from picktree.apps.batch.local_executor import LocalExecutor
-    from picktree.apps.batch.plan import BatchPlan
+    from picktree.apps.batch import Batch, BatchPlan, LocalExecutor
     from picktree.apps.cli.batch_progress import progress
 
     faults = tuple(ROOT / "examples" / "faults" / f"{name}.yaml" for name in ("slip", "camera_mislabel"))
@@ -157,9 +154,9 @@ def measure(command: Command, log: Path, batch: Path) -> Cost:
 
 
 def show_sections(log: Path) -> None:
-    from picktree.analysis.report.packing import pack
+    from picktree.analysis import Run
+    from picktree.analysis.report import pack
     from picktree.analysis.report.report import PACKERS
-    from picktree.analysis.run import Run
 
     with Run(log) as run:
         for packer in PACKERS:

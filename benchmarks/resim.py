@@ -16,12 +16,8 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from picktree.analysis.resim import resimulate
-from picktree.analysis.run import Run
-from picktree.analysis.whatif import what_if
-from picktree.session.recipe import RunRequest
-from picktree.session.recorded_recipe import RecordedRun
-from picktree.session.session import Session
+from picktree.analysis import Run, resimulate, what_if
+from picktree.session import RecordedRun, RunRequest, Session
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 COST = 30.0

@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import IO, Any, cast
 
 from _campaign import ROOT, Row, campaign, finished, options, rate, seeds
-from picktree.files.errors import PicktreeError
-from picktree.logs.run_log import RunLog
+from picktree.files import PicktreeError
+from picktree.logs import RunLog
 
 EXAMPLES = ROOT / "examples"
 CASES = (

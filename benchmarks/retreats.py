@@ -32,8 +32,8 @@ from _campaign import ROOT, Row, campaign, finished, options, rate
 import numpy as np
 
 if TYPE_CHECKING:
-    from picktree.robot.world import World
-    from picktree.world.values import Array, Pose
+    from picktree.robot import World
+    from picktree.world import Array, Pose
 
 STATES = 5
 """Number of states in each scene."""
@@ -104,10 +104,8 @@ class Lab:
     """A cell in physics, with a post that is known; states are made in it one after the other."""
 
     def __init__(self, number: int) -> None:
-        from picktree.world.scene.description import Fixture
-        from picktree.world.scene.scene_loading import load_scene
-        from picktree.world.shapes import Box
-        from picktree.world.values import ObjectId, Pose
+        from picktree.world import Box, ObjectId, Pose
+        from picktree.world.scene import Fixture, load_scene
 
         self.cell = _cell()
         rng = np.random.default_rng([number, 80])
@@ -287,9 +285,8 @@ class Lab:
     def _pressed(self, rng: np.random.Generator) -> str:
         """Down or sideways until it touches, then some millimetres further with the stiff servo."""
         from picktree.robot.control.joint_controllers import TrajectoryController
-        from picktree.robot.planning.requests import Scaling
-        from picktree.robot.planning.time_parameterization import time_corners
-        from picktree.world.causes import Failure
+        from picktree.robot.planning import Scaling, time_corners
+        from picktree.world import Failure
 
         world = self.world
         for _ in range(4):
@@ -326,9 +323,7 @@ class Lab:
 
     def _believed(self, rng: np.random.Generator) -> str:
         """Something is believed about a link of the arm, or an item's place is believed to be there."""
-        from picktree.world.planning_scene import BeliefObject
-        from picktree.world.shapes import Box
-        from picktree.world.values import ObjectId, Pose
+        from picktree.world import BeliefObject, Box, ObjectId, Pose
 
         self._go(rng, 1.0)
         world = self.world
@@ -347,9 +342,8 @@ class Lab:
 
     def _unknown(self, rng: np.random.Generator) -> str:
         """Something stands fast beside the arm, and has not been seen."""
-        from picktree.world.scene.description import Fixture
-        from picktree.world.shapes import Box
-        from picktree.world.values import ObjectId, Pose
+        from picktree.world import Box, ObjectId, Pose
+        from picktree.world.scene import Fixture
 
         self._go(rng, 1.0)
         tcp = np.array(self.world.control.tcp.position)
@@ -368,8 +362,8 @@ class Lab:
         """Move to a random configuration that is believed to be free, anywhere or low among things.
 
         The motion is halted after a share of its time."""
-        from picktree.robot.planning.requests import JointGoal, Scaling
-        from picktree.world.causes import Failure
+        from picktree.robot.planning import JointGoal, Scaling
+        from picktree.world import Failure
 
         world = self.world
         for _ in range(12):
@@ -400,7 +394,7 @@ class Lab:
         return np.clip(q, model.planned_lower, model.planned_upper)
 
     def _low(self, rng: np.random.Generator) -> Array | None:
-        from picktree.world.values import Pose
+        from picktree.world import Pose
 
         place = rng.random()
         if place < 0.3:
@@ -416,7 +410,7 @@ class Lab:
 
     def _target(self, rng: np.random.Generator) -> tuple[str, Pose]:
         """Something believed, and the tool's pose in the middle of it."""
-        from picktree.world.values import Pose
+        from picktree.world import Pose
 
         world = self.world
         held = world.scene.held
@@ -438,9 +432,8 @@ class Lab:
 
     def _drive(self, pose: Pose, speed: float) -> str:
         """Towards a pose, in joint space, until the guard stops it."""
-        from picktree.robot.planning.requests import Scaling
-        from picktree.robot.planning.time_parameterization import time_corners
-        from picktree.world.causes import Failure
+        from picktree.robot.planning import Scaling, time_corners
+        from picktree.world import Failure
 
         world = self.world
         q = world.control.held_position

@@ -24,7 +24,7 @@ from _campaign import ROOT, Row, campaign, options, rate, seeds
 import numpy as np
 
 if TYPE_CHECKING:
-    from picktree.world.values import Array, Vector3
+    from picktree.world import Array, Vector3
 
 COST_A_SEED = 28.0
 """CPU seconds that five runs of six items take, for the forecast."""
@@ -77,7 +77,7 @@ def errors(seed: int, shift: float, turn: float) -> dict[str, str]:
 
 def _rpy(axis: Array, turn: float) -> Vector3:
     """Roll, pitch and yaw of a turn about a unit axis (3,), rad."""
-    from picktree.world.values import Pose
+    from picktree.world import Pose
 
     x, y, z = (float(c) * math.sin(turn / 2) for c in axis)
     return Pose(orientation=(x, y, z, math.cos(turn / 2))).rpy()
@@ -89,8 +89,7 @@ def one(job: Job, folder: Path) -> Row:
 
 
 def _run(job: Job, folder: Path, setting: str) -> Row:
-    from picktree.session.recipe import RunRequest
-    from picktree.session.session import Session
+    from picktree.session import RunRequest, Session
 
     on_hand, off = SETTINGS[setting]
     wrong = errors(job.seed, job.shift, job.turn)
@@ -108,7 +107,7 @@ def _aims(run: Path) -> list[float]:
     """Return the horizontal error of each item's believed position when the fingers closed on it, m.
 
     Belief and truth are those before the hand came. Among items that are alike the nearest one counts."""
-    from picktree.logs.run_log import RunLog
+    from picktree.logs import RunLog
 
     found: list[float] = []
     with RunLog(run) as log:

@@ -32,8 +32,7 @@ class Job:
 
 def one(job: Job, folder: Path) -> Row:
     """One seed in this process, with pushes and without."""
-    from picktree.session.recipe import RunRequest
-    from picktree.session.session import Session
+    from picktree.session import RunRequest, Session
 
     row: Row = {}
     for name in WAYS:

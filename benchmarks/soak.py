@@ -28,7 +28,7 @@ from _campaign import REFERENCE_COST, RESULTS, ROOT, reference
 from _dependencies import Dependencies, opened, used
 from _soak_report import draw, report
 from _soaking import Diary, Soak
-from picktree.session.observer import Interrupter
+from picktree.session import Interrupter
 
 HERE = ROOT / "benchmarks" / "soak"
 COST_AN_HOUR = 750.0
@@ -78,9 +78,7 @@ def main() -> int:
 
 def soak(given: argparse.Namespace, diary: Path, each_quarter: Callable[[], object]) -> None:
     from picktree.logs.log_files import FEED_ROTATION
-    from picktree.session.recipe import RunRequest
-    from picktree.session.resumption import ResumeRequest, Resumption
-    from picktree.session.session import Session
+    from picktree.session import ResumeRequest, Resumption, RunRequest, Session
 
     cost = given.runs * COST_AN_HOUR * reference() / REFERENCE_COST
     print(
@@ -131,7 +129,7 @@ def soak(given: argparse.Namespace, diary: Path, each_quarter: Callable[[], obje
 
 def hand_over(out: Path, folder: Path, limit: float) -> None:
     """Write a log of one tick that goes on from the last checkpoint of the run in a folder."""
-    from picktree.session.resumption import ResumeRequest, Resumption
+    from picktree.session import ResumeRequest, Resumption
 
     class AtOnce(Interrupter):
         def stops(self) -> bool:

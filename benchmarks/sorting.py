@@ -16,12 +16,12 @@ from statistics import median
 from typing import TYPE_CHECKING, cast
 
 from _campaign import Row, campaign, mission_options, rate, seeds, split
-from picktree.world.events import SafetyStopEvent
+from picktree.world.event_types import SafetyStopEvent
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from picktree.logs.run_record import RunRecord
+    from picktree.logs import RunRecord
 
 COST_A_RUN = 10.0
 """CPU seconds that a run of twelve items takes, for the forecast."""
@@ -40,9 +40,8 @@ class Job:
 
 def one(job: Job, folder: Path) -> Row:
     """Run one seed; the JSON of its result, and its largest force."""
-    from picktree.logs.run_record import RunRecord
-    from picktree.session.recipe import RunRequest
-    from picktree.session.session import Session
+    from picktree.logs import RunRecord
+    from picktree.session import RunRequest, Session
 
     request = RunRequest(
         mission=Path(job.mission),

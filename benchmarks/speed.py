@@ -31,7 +31,7 @@ from statistics import median
 from tempfile import TemporaryDirectory
 
 from _campaign import REFERENCE_COST, ROOT, Row, campaign, finished, options, reference, seeds
-from picktree.logs.run_log import RunLog
+from picktree.logs import RunLog
 from picktree.session.environment import revision
 
 PARTS = ("physics", "control", "planning", "perception", "rendering", "tree", "logging", "rest")
@@ -40,7 +40,7 @@ BY_PART = """
 import json, sys, time
 time.perf_counter = time.thread_time  # before any module takes the clock
 from picktree import __main__
-from picktree.session.session import Session
+from picktree.session import Session
 
 def run(session):
     result = real(session)

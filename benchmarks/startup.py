@@ -29,13 +29,13 @@ SMALL = "examples/one_pick.yaml"
 FIRST_TICK = """
 import os, sys, time
 from picktree import __main__
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 
 class Stop:
     def find_spec(self, name, path, target=None):
         if name == "picktree.session.session":  # loaded by `run`: then the class is there to be changed
             sys.meta_path.remove(self)
-            from picktree.session.execution import Execution
+            from picktree.session import Execution
             def tick(execution):
                 real(execution)
                 print(time.process_time(), file=sys.stderr, flush=True)
@@ -117,7 +117,7 @@ ALONE = """
 import statistics, sys, time
 from pathlib import Path
 from picktree.apps.batch.local_executor import load
-from picktree.session.recipe import RunRequest; from picktree.session.session import Session
+from picktree.session import RunRequest; from picktree.session import Session
 load()
 took = []
 for seed in range(12):

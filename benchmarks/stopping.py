@@ -15,17 +15,16 @@ import math
 from collections.abc import Generator
 from typing import TypeVar
 
-from picktree.robot.control.commands import MAX_TWIST_SPEED, Twist
+from picktree.robot import World
+from picktree.robot.control import MAX_TWIST_SPEED, Twist
 from picktree.robot.control.impedance import ContactReflex
 from picktree.robot.control.joint_controllers import BrakeController
-from picktree.robot.planning.requests import JointGoal
-from picktree.robot.world import World
-from picktree.session.execution import assemble_world
-from picktree.simulation.backends import build_hardware
-from picktree.world.causes import Failure
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.values import Array
+from picktree.robot.planning import JointGoal
+from picktree.session import assemble_world
+from picktree.simulation import build_hardware
+from picktree.world import Array, Failure
+from picktree.world.robot_model import load_robot
+from picktree.world.scene import load_scene
 
 import numpy as np
 

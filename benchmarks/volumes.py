@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 
-from picktree.robot.perception.data_association import update_belief
+from picktree.robot.perception import Perception, update_belief
 from picktree.robot.perception.obstacle_volumes import (
     CELL_SIZE,
     cell_centres,
@@ -25,17 +25,12 @@ from picktree.robot.perception.obstacle_volumes import (
     cells_of,
     obstacle_from_cells,
 )
-from picktree.robot.perception.pipeline import Perception
-from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning import CollisionChecker
 from picktree.robot.planning.collision_model import CollisionBody, bodies_of
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.planning_scene import BeliefObject, PlanningScene
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.description import Fixture, SceneDescription
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.shapes import Box, Cylinder, Sphere
-from picktree.world.values import ObjectId, Pose
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.world import BeliefObject, Box, Cylinder, ObjectId, PlanningScene, Pose, Sphere
+from picktree.world.robot_model import RobotModel, load_robot
+from picktree.world.scene import Fixture, SceneDescription, load_scene
 
 import coal
 import numpy as np

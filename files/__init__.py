@@ -1,1 +1,5 @@
 """Reading files: YAML with places, quantities, expressions, and faults that say what would be right."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -14,9 +14,10 @@ from pathlib import Path
 
 import yaml
 
+from picktree.files.yaml import file_text
+
 from .errors import MAX_FAULTS, Diagnostic, Mark, PicktreeError
 from .value_wording import suggest_name
-from .yaml.file_text import PositionIndex
 
 FOLDER = Path(__file__).parent / "pages"
 
@@ -161,7 +162,7 @@ def apply_suppressions(
 def _suppressions(text: str, file: str, known: tuple[str, ...]) -> tuple[list[Suppression], list[Diagnostic]]:
     allowances: list[Suppression] = []
     wrong: list[Diagnostic] = []
-    places = PositionIndex(file, text)
+    places = file_text.PositionIndex(file, text)
     for comment in _comments(text):
         mark = places.mark(comment.start())
         match = _ALLOW.fullmatch(comment["text"].strip())

@@ -41,10 +41,10 @@ class SourceLines:
 
 
 def _read_lines(file: str) -> list[str]:
-    from .yaml.file_text import read_text
+    from picktree.files.yaml import file_text
 
     try:
-        return _lines(read_text(Path(file)))
+        return _lines(file_text.read_text(Path(file)))
     except FileError:
         return []
 

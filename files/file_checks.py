@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import Final, TypeAlias
 from urllib.parse import quote
 
+from picktree.files.yaml import KINDS, Document, YamlNode, file_text, read_document
+
 from .errors import SPOILING_CODES, Diagnostic, FileError, Mark
 from .fault_codes import apply_suppressions, page, pages, title
 from .fault_rendering import Paint, SourceLines, as_github, as_text, plain
 from .file_system import is_file, is_folder
-from .yaml.document import KINDS, Document, read_document
-from .yaml.file_text import decoded, read_text
-from .yaml.reader import YamlNode
 
 Check: TypeAlias = Callable[[Document], Iterable[Diagnostic]]
 """All that is wrong with a document of one kind, with the files that it names; never raises for its text."""
@@ -166,7 +165,11 @@ class _Round:
     def _check(self, given: Path | UnsavedText) -> Iterable[Diagnostic]:
         path, name = given.path if isinstance(given, UnsavedText) else given, _name(given)
         try:
-            text = decoded(given.raw, name) if isinstance(given, UnsavedText) else read_text(path)
+            text = (
+                file_text.decoded(given.raw, name)
+                if isinstance(given, UnsavedText)
+                else file_text.read_text(path)
+            )
             self._texts[name] = text
             document = xml_document(path, text) if is_xml(path, text) else read_document(path, text=text)
             found = list(self._checks[document.kind](document))
@@ -187,7 +190,7 @@ class _Round:
     def _text(self, file: str) -> str:
         if file not in self._texts:
             try:
-                self._texts[file] = read_text(Path(file))
+                self._texts[file] = file_text.read_text(Path(file))
             except FileError:
                 self._texts[file] = ""
         return self._texts[file]
@@ -213,7 +216,7 @@ class _Round:
     def _is_ours(self, file: Path) -> bool:
         """Whether a YAML file of a folder is one of picktree's; one that cannot be read might be."""
         try:
-            text = read_text(file)
+            text = file_text.read_text(file)
         except FileError:
             return True
         if is_ours(text):

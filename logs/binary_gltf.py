@@ -13,18 +13,19 @@ import numpy as np
 import orjson
 from numpy.typing import NDArray
 
-from ..files.disk_cache import cached_arrays
-from ..world import mesh_reader, shapes, values
-from ..world.mesh_reader import MeshError, hull_corners, material_library
-from ..world.robot_model import link_shapes as link_shapes_module
-from ..world.robot_model import urdf
-from ..world.robot_model.link_shapes import LinkShape, link_shapes, refuse_mesh, refuse_size
-from ..world.robot_model.urdf import UrdfMesh as MeshFile
-from ..world.robot_model.urdf import UrdfPrimitive, link_geometry
-from ..world.shapes import Box, ConvexMesh, Shape
-from ..world.values import Pose
+from picktree.files import disk_cache
+from picktree.world import Box, ConvexMesh, Pose, Shape, mesh_reader, shapes, values
+from picktree.world.robot_model import (
+    LinkShape,
+    link_shapes,
+    link_solids,
+    refuse_mesh,
+    refuse_size,
+    urdf_parser,
+)
+
 from . import triangle_meshes
-from .records import BodyRecord, LinkMesh
+from .log_records import BodyRecord, LinkMesh
 from .triangle_meshes import Indices, Mesh, join_meshes, load_mesh, shape_mesh
 
 _HEADER = struct.Struct("<4sII")
@@ -225,9 +226,9 @@ def parts_of(body: BodyRecord) -> tuple[tuple[Shape, Pose], ...]:
 MAX_LINK_FACES = 2000
 
 
-def _visible_geometry(urdf: str) -> list[MeshFile | UrdfPrimitive | LinkShape]:
+def _visible_geometry(urdf: str) -> list[urdf_parser.UrdfMesh | urdf_parser.UrdfPrimitive | LinkShape]:
     """Return the visual geometry, and the bodies with which links without any collide."""
-    visual = link_geometry(urdf, "visual")
+    visual = urdf_parser.link_geometry(urdf, "visual")
     seen = {element.link for element in visual}
     return [*visual, *(part for part in link_shapes(urdf) if part.link not in seen)]
 
@@ -240,43 +241,47 @@ def link_meshes(urdf: str) -> tuple[LinkMesh, ...]:
     Raises PicktreeError for a mesh that cannot be read: file, link, and a remedy.
     """
     geometry = _visible_geometry(urdf)
-    files = cached_arrays("link-meshes", _inputs(geometry), _MAKERS, lambda: _encoded_links(urdf, geometry))
+    files = disk_cache.cached_arrays(
+        "link-meshes", _inputs(geometry), _MAKERS, lambda: _encoded_links(urdf, geometry)
+    )
     return tuple(LinkMesh(link, glb.tobytes()) for link, glb in files.items())
 
 
 _MAKERS = (
-    *(urdf, link_shapes_module, mesh_reader, shapes, values, triangle_meshes, Path(__file__)),
+    *(urdf_parser, link_solids, mesh_reader, shapes, values, triangle_meshes, Path(__file__)),
     *("fast-simplification", "numpy", "pycollada", "scipy", "trimesh"),
 )
 """Code that `link_meshes` depends on."""
 
 
-def _inputs(geometry: Sequence[MeshFile | UrdfPrimitive | LinkShape]) -> Iterator[str | bytes | Path]:
+def _inputs(
+    geometry: Sequence[urdf_parser.UrdfMesh | urdf_parser.UrdfPrimitive | LinkShape],
+) -> Iterator[str | bytes | Path]:
     """Yield all that the meshes of this geometry are made from."""
     yield str(MAX_LINK_FACES)
     for element in geometry:
-        if isinstance(element, MeshFile):
+        if isinstance(element, urdf_parser.UrdfMesh):
             path = Path(element.path)
             yield f"{replace(element, path='')} {path.suffix}"
             yield path
-            library = material_library(path) if path.suffix.lower() == ".obj" else None
+            library = mesh_reader.material_library(path) if path.suffix.lower() == ".obj" else None
             yield library if library is not None and library.is_file() else ""
         else:
             yield orjson.dumps(element)
 
 
 def _encoded_links(
-    urdf: str, geometry: Sequence[MeshFile | UrdfPrimitive | LinkShape]
+    urdf: str, geometry: Sequence[urdf_parser.UrdfMesh | urdf_parser.UrdfPrimitive | LinkShape]
 ) -> dict[str, NDArray[np.uint8]]:
     """Return the glTF file of each link's geometry."""
     parts: dict[str, list[Mesh]] = {}
     files: dict[str, Mesh] = {}
     for element in geometry:
-        if isinstance(element, MeshFile):
+        if isinstance(element, urdf_parser.UrdfMesh):
             if element.path not in files:
                 try:
                     files[element.path] = load_mesh(element.path, MAX_LINK_FACES)
-                except MeshError as error:
+                except mesh_reader.MeshError as error:
                     refuse_mesh(urdf, element, error)
             mesh = files[element.path].placed(element.pose_in_link, element.scale)
             refuse_size(urdf, element, mesh.vertices)
@@ -291,5 +296,5 @@ def _drawable(parts: Sequence[Mesh]) -> Mesh:
     whole = join_meshes(parts)
     if 3 * len(whole.faces) <= _MAX_VERTICES:
         return whole
-    corners = hull_corners(whole.vertices)
+    corners = mesh_reader.hull_corners(whole.vertices)
     return shape_mesh(ConvexMesh(tuple((x, y, z) for x, y, z in corners.tolist()), ""))

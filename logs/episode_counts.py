@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from .episode import Episode, Planted
+from .item_episodes import Episode, Planted
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, Self, cast, get_args
 
-from ..world.events import event_of
-from ..world.journal import EVENT_KINDS, EventField, JournalEvent, OtherEvent, event_fields
-from .records import BodyRecord, Event, decode, is_viewable, schema, value_schema
+from picktree.world import EVENT_KINDS, EventField, JournalEvent, OtherEvent, event_fields, event_types
+
+from .log_records import BodyRecord, Event, decode, is_viewable, schema, value_schema
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
@@ -68,7 +68,7 @@ def event_record(event: JournalEvent) -> Event:
 def decode_event(data: bytes) -> JournalEvent:
     """Decode an event. One of an unknown kind, or without a value that its kind needs, is an `OtherEvent`."""
     record = decode(Event, data)
-    return event_of(record.kind, record.message, record.node, record.data)
+    return event_types.event_of(record.kind, record.message, record.node, record.data)
 
 
 def event_schema() -> dict[str, object]:

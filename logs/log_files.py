@@ -11,9 +11,8 @@ from typing import Final
 
 import orjson
 
-from ..files.errors import PicktreeError
-from ..files.file_system import require_utf8
-from .mcap.reader import ChannelInfo, McapReader, RawMessage
+from picktree.files import PicktreeError, file_system
+from picktree.logs.mcap import ChannelInfo, McapReader, RawMessage
 
 PART_METADATA = "picktree.part"
 """Name of the metadata in each file after the first: the state that it continues from."""
@@ -282,7 +281,7 @@ def find_log(where: str | Path) -> Path:
             )
         return logs[-1]
     path = Path(where)
-    require_utf8(path.absolute())
+    file_system.require_utf8(path.absolute())
     if path.is_dir():
         inside = path / LOG_NAME
         if inside.is_file():

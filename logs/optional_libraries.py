@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..files.errors import PicktreeError
+from picktree.files import PicktreeError
 
 if TYPE_CHECKING:
     import pandas

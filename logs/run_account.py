@@ -6,12 +6,12 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ..world.events import RecoveryEvent
-from ..world.journal import JournalEvent
-from .episode import AGAIN, CureNames, DecidedFailure, Episode, EpisodeTracker, Fate, Planted
+from picktree.world import JournalEvent, event_types
+
 from .episode_counts import CauseCount, CureCount, by_cause, counted
+from .item_episodes import AGAIN, CureNames, DecidedFailure, Episode, EpisodeTracker, Fate, Planted
+from .node_visits import HALTED, Visit, VisitBuilder, VisitTree, ticks_with_trees, under_way
 from .run_log import RunLog, Stamped
-from .visits import HALTED, Visit, VisitBuilder, VisitTree, ticks_with_trees, under_way
 
 ANSWERING = frozenset({"Recover", "RecoveryNode"})
 """Nodes that announce the handler that they run."""
@@ -150,7 +150,7 @@ def account_of(
     recoveries = {
         (at.record.node, round(at.time, 6)): at.record
         for at in reversed(events)
-        if isinstance(at.record, RecoveryEvent)
+        if isinstance(at.record, event_types.RecoveryEvent)
     }
     courses = _Courses(visits, recoveries, last, names)
     return RunAccount(
@@ -172,7 +172,7 @@ class _Courses:
     """Courses of failures through the visits of a run; what became of each is decided already."""
 
     tree: VisitTree
-    recoveries: Mapping[tuple[str, float], RecoveryEvent]
+    recoveries: Mapping[tuple[str, float], event_types.RecoveryEvent]
     """Announcement of a handler, by the path of the node and the time."""
     end: float
     """Time of the log's last tick, simulated s."""

@@ -18,14 +18,23 @@ from typing import Final
 
 from pydantic import TypeAdapter, ValidationError
 
-from ..files import disk_cache
-from ..files.errors import PicktreeError
-from ..files.expression_syntax import ExpressionError
-from ..files.expressions import FLOAT, INT, TEXT, Expression, ValueType, check_types, list_of
-from ..files.file_system import is_utf8, shown
+from picktree.files import (
+    FLOAT,
+    INT,
+    TEXT,
+    Expression,
+    PicktreeError,
+    ValueType,
+    check_types,
+    disk_cache,
+    expression_syntax,
+    file_system,
+    list_of,
+)
+from picktree.logs.mcap import is_written
+
 from .episode_counts import by_cause
 from .log_files import LOG_NAME, part_paths
-from .mcap.writer import is_written
 from .run_log import RunLog
 from .run_result import RunResult
 
@@ -113,7 +122,7 @@ class RunFilter:
         try:
             expression = Expression.parse(text)
             check_types(expression, {name: kind for name, (kind, _) in COLUMNS.items()}, {})
-        except ExpressionError as error:
+        except expression_syntax.ExpressionError as error:
             raise PicktreeError(f"--where {text!r}: {error}, at character {error.offset + 1}") from None
         return cls(expression)
 
@@ -122,7 +131,7 @@ class RunFilter:
         now = time.time() if now is None else now
         try:
             return bool(self.expression.evaluate(row.names(now, self.expression.names)))
-        except ExpressionError:  # types are checked: the value is null
+        except expression_syntax.ExpressionError:  # types are checked: the value is null
             return False
 
 
@@ -198,9 +207,16 @@ class RunIndex:
 
     def _row(self, log: str, written: float, size: int, before: RunRow | None) -> RunRow:
         """Return the row of a log. While the run goes on, what was read of it once stays."""
-        if not is_utf8(log):
-            told = f"{shown(log)}: the name is not UTF-8; rename it"
-            return RunRow(shown(Path(log).parent), shown(log), written, size, "unreadable", message=told)
+        if not file_system.is_utf8(log):
+            told = f"{file_system.shown(log)}: the name is not UTF-8; rename it"
+            return RunRow(
+                file_system.shown(Path(log).parent),
+                file_system.shown(log),
+                written,
+                size,
+                "unreadable",
+                message=told,
+            )
         path = self.folder / log
         goes_on = is_written(path)
         if goes_on and before is not None and before.status == "running":

@@ -15,18 +15,15 @@ import numpy as np
 import orjson
 from numpy.typing import NDArray
 
-from ..files.errors import PicktreeError
-from ..files.value_wording import listed
-from ..world.journal import JournalEvent
-from ..world.protocols import Intrinsics
+from picktree.files import PicktreeError, listed
+from picktree.logs.mcap import RawMessage, is_written
+from picktree.logs.recording import decode_colour, decode_depth, foxglove_messages
+from picktree.world import Intrinsics, JournalEvent
+
 from . import topics
 from .event_records import decode_event
 from .log_files import JoinedLog, find_log, part_paths
-from .mcap.reader import RawMessage
-from .mcap.writer import is_written
-from .recording import foxglove_messages
-from .recording.foxglove_messages import decode_colour, decode_depth
-from .records import (
+from .log_records import (
     FORMAT,
     Arithmetic,
     Candidates,

@@ -10,10 +10,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from ..files.errors import PicktreeError
-from ..world.journal import JournalEvent
+from picktree.files import PicktreeError
+from picktree.world import JournalEvent
+
 from . import topics
-from .records import Candidates, LogLine, Plan, RunInfo, Scene, Tree, TreeNode
+from .log_records import Candidates, LogLine, Plan, RunInfo, Scene, Tree, TreeNode
+from .node_visits import Pick, Visit, picks_of
 from .run_account import RunAccount, account_of
 from .run_log import RunLog, Stamped
 from .run_result import RunResult
@@ -30,7 +32,6 @@ from .series import (
     joint_series,
     wrench_series,
 )
-from .visits import Pick, Visit, picks_of
 
 
 @dataclass(frozen=True, slots=True, repr=False)

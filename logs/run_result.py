@@ -10,9 +10,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from ..files.errors import PicktreeError
-from ..robot.operator_desk import OperatorQuestion
-from ..world.journal import Plain
+from picktree.files import PicktreeError
+from picktree.robot import operator_desk
+from picktree.world import Plain
+
 from .episode_counts import CureCount, PlantedCount, cause_lines, planted_lines
 
 RunStatus: TypeAlias = Literal["success", "incomplete", "failure", "timeout", "paused", "interrupted"]
@@ -189,7 +190,7 @@ class RunResult:
     """Items that ended at holes."""
     crushed: tuple[CrushedItem, ...] = ()
     """Items that fingers crushed."""
-    asked: OperatorQuestion | None = None
+    asked: operator_desk.OperatorQuestion | None = None
     """Question to a person, for a paused run; else None."""
 
     @property
@@ -285,7 +286,7 @@ class RunResult:
                 planted=tuple(PlantedCount(**each) for each in said.get("planted", ())),
                 holes=tuple(HoleItem(**item) for item in said.get("holes", ())),
                 crushed=tuple(CrushedItem(**item) for item in said.get("crushed", ())),
-                asked=OperatorQuestion.from_json(said["asked"]) if said.get("asked") else None,
+                asked=operator_desk.OperatorQuestion.from_json(said["asked"]) if said.get("asked") else None,
                 log=Path(said["log"]),
                 folder=Path(said["folder"]),
                 **{name: said[name] for name in _PLAIN_FIELDS},

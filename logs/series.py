@@ -12,11 +12,12 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files.errors import PicktreeError
-from ..world.values import Array
+from picktree.files import PicktreeError
+from picktree.world import Array
+
 from . import topics
+from .log_records import Tick
 from .optional_libraries import PandasTable
-from .records import Tick
 from .run_log import CameraImage, RunLog, Stamped
 
 _TIME_TOLERANCE = 1e-9

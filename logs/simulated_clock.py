@@ -14,8 +14,9 @@ import orjson
 from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
 
+from picktree.logs.mcap import McapReader, RawMessage
+
 from . import topics
-from .mcap.reader import McapReader, RawMessage
 
 _SAMPLE: Final = 200
 """Number of messages whose stamps show which clock the file has."""

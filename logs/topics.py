@@ -19,9 +19,9 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 from google.protobuf.message_factory import GetMessageClass
 
-from . import records
+from . import log_records
 from .event_records import event_schema
-from .records import schema
+from .log_records import schema
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,14 +93,14 @@ def calibration_topic(camera: str) -> Topic:
 
 
 _JSON: dict[str, type] = {
-    "picktree.Tree": records.Tree,
-    "picktree.Tick": records.Tick,
-    "picktree.Timing": records.Timing,
-    "picktree.Wrench": records.WrenchReading,
-    "picktree.Control": records.Control,
-    "picktree.Plan": records.Plan,
-    "picktree.Candidates": records.Candidates,
-    "picktree.TrueState": records.TrueState,
+    "picktree.Tree": log_records.Tree,
+    "picktree.Tick": log_records.Tick,
+    "picktree.Timing": log_records.Timing,
+    "picktree.Wrench": log_records.WrenchReading,
+    "picktree.Control": log_records.Control,
+    "picktree.Plan": log_records.Plan,
+    "picktree.Candidates": log_records.Candidates,
+    "picktree.TrueState": log_records.TrueState,
 }
 _PROTOBUF: dict[str, Descriptor] = {
     message.DESCRIPTOR.full_name: message.DESCRIPTOR

@@ -10,10 +10,21 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..world.mesh_reader import DEFAULT_COLOUR, read_mesh
-from ..world.scene.description import Hole
-from ..world.shapes import Box, CompoundMesh, ConvexMesh, Cylinder, Shape, Sphere, convex_hull, convex_parts
-from ..world.values import Array, Pose, Vector3
+from picktree.world import (
+    Array,
+    Box,
+    CompoundMesh,
+    ConvexMesh,
+    Cylinder,
+    Pose,
+    Shape,
+    Sphere,
+    Vector3,
+    convex_hull,
+    convex_parts,
+    mesh_reader,
+)
+from picktree.world.scene import Hole
 
 Indices = NDArray[np.int64]
 
@@ -132,25 +143,25 @@ def decimate(vertices: Array, faces: Indices, colours: Array, most: int) -> tupl
 
 def load_mesh(path: str, most: int) -> Mesh:
     """Read a mesh file, decimated to about `most` faces, in its own frame. Raises MeshError."""
-    mesh = read_mesh(Path(path))
+    mesh = mesh_reader.read_mesh(Path(path))
     return smooth_mesh(*decimate(mesh.vertices, mesh.faces, mesh.colours, most))
 
 
 def part_mesh(
-    shape: Shape, holes: tuple[Hole, ...], colour: tuple[float, float, float] = DEFAULT_COLOUR
+    shape: Shape, holes: tuple[Hole, ...], colour: tuple[float, float, float] = mesh_reader.DEFAULT_COLOUR
 ) -> Mesh:
     """Return the surface of a part that never moves, in its own frame; a box may have holes."""
     if not holes or not isinstance(shape, Box):
         return shape_mesh(shape, colour)
-    from ..world.holes import surface
+    from picktree.world import hole_geometry
 
-    seen = surface(shape, holes)
+    seen = hole_geometry.surface(shape, holes)
     faces = np.arange(len(seen.corners), dtype=np.int64).reshape(-1, 3)
     colours = np.tile(np.array(colour), (len(faces), 1))
     return Mesh(seen.corners, faces, seen.normals.reshape(-1, 3, 3), colours)
 
 
-def shape_mesh(shape: Shape, colour: tuple[float, float, float] = DEFAULT_COLOUR) -> Mesh:
+def shape_mesh(shape: Shape, colour: tuple[float, float, float] = mesh_reader.DEFAULT_COLOUR) -> Mesh:
     """Return the surface of a shape in its own frame."""
     match shape:
         case Box(size):

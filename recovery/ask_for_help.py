@@ -7,20 +7,25 @@ from collections.abc import Generator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final, cast
 
-from ..robot.operator_desk import GIVE_UP, GO_ON, SET_ASIDE, OperatorQuestion
-from ..trees.flow import LeafFlow, NodeStatus
-from ..trees.node import Node
-from ..trees.ports import In, Out, PortProblem, PortValues, port
-from ..trees.references import Reference
-from ..trees.runtime import Runtime, Wiring
-from ..trees.skill import ARM
-from ..world.causes import Failure, control, place, tree
-from ..world.events import HelpWantedEvent, SetAsideEvent
-from ..world.values import ObjectId
-from ..world.world_facts import ASIDE
+from picktree.robot import operator_desk
+from picktree.trees import (
+    ARM,
+    In,
+    Node,
+    NodeStatus,
+    Out,
+    PortProblem,
+    PortValues,
+    Runtime,
+    Wiring,
+    control_flow,
+    port,
+    references,
+)
+from picktree.world import Failure, ObjectId, control, event_types, place, tree, world_facts
 
 if TYPE_CHECKING:
-    from ..robot.world import World
+    from picktree.robot import World
 
 _INSERTED: Final = re.compile(r"\{@?[A-Za-z_]\w{0,59}(?:\.[A-Za-z_]\w{0,59}){0,9}\}", re.ASCII)
 
@@ -35,7 +40,7 @@ class AskForHelp(Node):
     itself changes nothing: the nodes after this one act on it.
     """
 
-    flow = LeafFlow()
+    flow = control_flow.LeafFlow()
     example = """
     Sequence:
       - AskForHelp: {reason: "the {item.kind} slips each time", object: "{item}", answer: "{answer}"}
@@ -51,8 +56,11 @@ class AskForHelp(Node):
         "why help is needed: a sentence for a person; references in it are filled in", takes="template"
     )
     object: In[ObjectId] = port("what it is about, for the record", default=ObjectId(""))
-    choices: In[list[str]] = port("the answers to choose from", default=[GO_ON, SET_ASIDE, GIVE_UP])
-    give_up: In[str] = port("the choice with which the node fails", default=GIVE_UP)
+    choices: In[list[str]] = port(
+        "the answers to choose from",
+        default=[operator_desk.GO_ON, operator_desk.SET_ASIDE, operator_desk.GIVE_UP],
+    )
+    give_up: In[str] = port("the choice with which the node fails", default=operator_desk.GIVE_UP)
     answer: Out[str] = port("the choice that was made")
     causes = (tree.GIVEN_UP, control.ANY)
     uses = (ARM,)
@@ -118,13 +126,13 @@ class AskForHelp(Node):
         return False
 
     def _ask(self, world: World) -> None:
-        question = OperatorQuestion(
+        question = operator_desk.OperatorQuestion(
             self.path, self._text(), tuple(self.choices), str(self.object), _situation(world)
         )
         world.operator.ask(question)
         self.feedback_message = f"waits for an answer: {question.reason}"
         world.journal.note(
-            HelpWantedEvent(
+            event_types.HelpWantedEvent(
                 f"help is wanted: {question.reason}",
                 self.path,
                 reason=question.reason,
@@ -139,7 +147,7 @@ class AskForHelp(Node):
         return _INSERTED.sub(self._value, self.reason)
 
     def _value(self, found: re.Match[str]) -> str:
-        reference = Reference.parse(found[0])
+        reference = references.Reference.parse(found[0])
         assert reference is not None
         try:
             value = self.wiring.namespace.read(reference, self.world.scene)
@@ -188,7 +196,7 @@ class SetAside(Node):
     Nothing moves: the belief alone changes. An item that is gone needs no giving up: SUCCESS.
     """
 
-    flow = LeafFlow(instant=True, gives_up=True)
+    flow = control_flow.LeafFlow(instant=True, gives_up=True)
     example = """
     Fallback:
       - Grasp: {object: "{item}"}
@@ -216,10 +224,10 @@ class SetAside(Node):
         if times < self.after:
             return NodeStatus.SUCCESS
         world.attempts.forget(self.object)
-        world.scene.put(replace(belief, place=ASIDE), "set aside: it is left where it lies")
+        world.scene.put(replace(belief, place=world_facts.ASIDE), "set aside: it is left where it lies")
         x, y, _ = belief.pose.position
         world.journal.note(
-            SetAsideEvent(
+            event_types.SetAsideEvent(
                 f"{self.object} is left where it lies",
                 self.path,
                 object=self.object,

@@ -11,21 +11,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from ..robot.manipulation.held_object import GripCheck
-from ..robot.manipulation.pick_place_motions import DOWNWARDS
-from ..trees.flow import NodeStatus
-from ..trees.loading.loader import parse_mission
-from ..trees.loading.registry import NodeRegistry
-from ..trees.runner import build
-from ..world.causes import Failure
-from ..world.events import TookStockEvent
-from ..world.planning_scene import BeliefObject
-from ..world.scene.destinations import is_at
-from ..world.shapes import Box
-from ..world.values import ObjectId, Pose
+from picktree.robot.manipulation import DOWNWARDS, held_object
+from picktree.trees import NodeStatus, build
+from picktree.trees.loading import NodeRegistry, parse_mission
+from picktree.world import BeliefObject, Box, Failure, ObjectId, Pose, event_types
+from picktree.world.scene import destinations
 
 if TYPE_CHECKING:
-    from ..robot.world import World
+    from picktree.robot import World
 
 PROBE_DISTANCE: Final = 0.004
 """Distance by which the fingers try to close, m: they do when nothing is between them."""
@@ -70,13 +63,17 @@ def resync_belief(world: World) -> Generator[None, None, ResyncReport]:
     It never fails: steps that are impossible are recorded and left to the mission.
     """
     world.journal.note(
-        TookStockEvent("the run goes on as things stand: it looks first, with the belief of before")
+        event_types.TookStockEvent(
+            "the run goes on as things stand: it looks first, with the belief of before"
+        )
     )
     try:
         yield from world.move.rest()
     except Failure as failure:
         world.journal.note(
-            TookStockEvent(f"the arm does not come to rest: {failure.message}", failed=str(failure.cause))
+            event_types.TookStockEvent(
+                f"the arm does not come to rest: {failure.message}", failed=str(failure.cause)
+            )
         )
     known = {o.id: o for o in world.scene.objects if o.role == "item"}
     to_do = [o.id for o in world.to_do()]
@@ -102,11 +99,11 @@ def resync_belief(world: World) -> Generator[None, None, ResyncReport]:
     return _resync_report(world, to_do, held)
 
 
-def _measure_hand(world: World) -> Generator[None, None, GripCheck | None]:
+def _measure_hand(world: World) -> Generator[None, None, held_object.GripCheck | None]:
     """Measure the content of the hand, and believe it there as an unknown object; None: the hand is empty."""
     yield from world.control.settle()
     grip = world.gripper.state
-    hold = GripCheck(grip.width, world.control.load())
+    hold = held_object.GripCheck(grip.width, world.control.load())
     if hold.empty:
         return None
     # The last force command is unknown. Less force than the present might drop a held object.
@@ -116,7 +113,7 @@ def _measure_hand(world: World) -> Generator[None, None, GripCheck | None]:
         return None
     said = "is in the hand" if hold.loaded else "is between the fingers, and weighs next to nothing"
     world.journal.note(
-        TookStockEvent(f"something {said}: {hold}", width=hold.width, load=hold.load, held=True)
+        event_types.TookStockEvent(f"something {said}: {hold}", width=hold.width, load=hold.load, held=True)
     )
     shape = Box((UNKNOWN_OBJECT_SIZE, max(grip.width, 0.005), UNKNOWN_OBJECT_SIZE))
     tcp = world.control.tcp
@@ -134,7 +131,9 @@ def _lower(world: World) -> Generator[None, None, None]:
         yield from world.move.guarded(DOWNWARDS, MAX_DESCENT, CONTACT_FORCE, DESCENT_SPEED)
     except Failure as failure:
         world.journal.note(
-            TookStockEvent(f"it is not let down any further: {failure.message}", failed=str(failure.cause))
+            event_types.TookStockEvent(
+                f"it is not let down any further: {failure.message}", failed=str(failure.cause)
+            )
         )
 
 
@@ -147,7 +146,7 @@ def _carry_out(text: str, world: World) -> Generator[None, None, None]:
         tree.step()
     if tree.failure is not None:
         message = f"the arm does not get home: {tree.failure.message}"
-        world.journal.note(TookStockEvent(message, failed=str(tree.failure.cause)))
+        world.journal.note(event_types.TookStockEvent(message, failed=str(tree.failure.cause)))
 
 
 def _look(world: World) -> Generator[None, None, None]:
@@ -156,7 +155,9 @@ def _look(world: World) -> Generator[None, None, None]:
             yield from world.vision.look(camera.name)
         except Failure as failure:
             world.journal.note(
-                TookStockEvent(f"{camera.name} shows nothing: {failure.message}", camera=camera.name)
+                event_types.TookStockEvent(
+                    f"{camera.name} shows nothing: {failure.message}", camera=camera.name
+                )
             )
 
 
@@ -187,7 +188,7 @@ def _resync_report(world: World, to_do: Sequence[ObjectId], held: bool) -> Resyn
         now = world.scene.find(name)
         if now is None:
             gone.append(name)
-        elif (to := world.scene.destination(name)) is not None and is_at(now.place, to):
+        elif (to := world.scene.destination(name)) is not None and destinations.is_at(now.place, to):
             done.append(name)
     world.journal.items_done += len(done)
     parts = [f"{', '.join(done)} is done"] if done else ["nothing more is done"]
@@ -195,5 +196,7 @@ def _resync_report(world: World, to_do: Sequence[ObjectId], held: bool) -> Resyn
         parts.append(f"{', '.join(gone)} is seen nowhere, and not counted as done")
     message = f"looked: {'; '.join(parts)}; {len(world.to_do())} to be done"
     done_now = world.journal.items_done
-    world.journal.note(TookStockEvent(message, done=tuple(done), gone=tuple(gone), items_done=done_now))
+    world.journal.note(
+        event_types.TookStockEvent(message, done=tuple(done), gone=tuple(gone), items_done=done_now)
+    )
     return ResyncReport(tuple(done), tuple(gone), held)

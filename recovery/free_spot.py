@@ -8,18 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..robot.manipulation.release_poses import PLACE_TEST_HEIGHT, put_down_poses
-from ..trees.ports import In, Out, port
-from ..trees.skill import Skill, Steps
-from ..world.causes import Failure, grasp, place
-from ..world.causes import world as world_causes
-from ..world.shapes import Box, top
-from ..world.values import ObjectId
+from picktree.robot.manipulation import release_poses
+from picktree.trees import In, Out, Skill, Steps, port
+from picktree.world import Box, Failure, ObjectId, grasp, place, top
+from picktree.world import world as world_causes
 
 if TYPE_CHECKING:
-    from ..robot.world import World
-    from ..world.planning_scene import BeliefObject
-    from ..world.scene.description import Fixture
+    from picktree.robot import World
+    from picktree.world import BeliefObject
+    from picktree.world.scene import Fixture
 
 GRID_SPACING = 0.03
 """Grid spacing of the tested places, m."""
@@ -64,7 +61,7 @@ class FreeSpot(Skill):
             raise Failure(grasp.SLIPPED, f"{self.object} is not in the hand", object=self.object)
         free = [spot for spot in self._spots(world) if self._has_room(world, held, spot)]
         for spot in world.attempts.remaining(self.path, self.object, free)[:MAX_TESTED_PLACES]:
-            above = put_down_poses(spot.at, held.shape, held.object_in_tcp)
+            above = release_poses.put_down_poses(spot.at, held.shape, held.object_in_tcp)
             raised = (pose.shifted((0.0, 0.0, world.handling.approach)) for pose in above[::2])
             if any(world.plan.reachable(pose) is not None for pose in raised):
                 world.attempts.failed(self.path, self.object, spot.name)
@@ -89,11 +86,11 @@ class FreeSpot(Skill):
 
     def _has_room(self, world: World, held: BeliefObject, spot: TableSpot) -> bool:
         assert held.object_in_tcp is not None
-        pose = put_down_poses(spot.at, held.shape, held.object_in_tcp)[0] @ held.object_in_tcp
+        pose = release_poses.put_down_poses(spot.at, held.shape, held.object_in_tcp)[0] @ held.object_in_tcp
         if not world.description.limits.workspace.contains(pose.position):
             return False
         below = {f.id for f in world.scene.fixtures.values() if _top(f) is not None}
-        raised = pose.shifted((0.0, 0.0, PLACE_TEST_HEIGHT))
+        raised = pose.shifted((0.0, 0.0, release_poses.PLACE_TEST_HEIGHT))
         contacts = world.queries.free(held.shape, raised, ignore=(held.id,), margin=HAND_CLEARANCE)
         return all(contact.b in below and contact.distance > 0 for contact in contacts)
 

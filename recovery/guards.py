@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, cast
 
-from ..files.errors import PicktreeError
-from ..files.value_wording import suggest_name
-from ..trees.flow import LeafFlow, NodeStatus
-from ..trees.node import Node
-from ..trees.ports import In, PortProblem, PortValues, port
-from ..world.causes import all_causes, cause_named, matches
+from picktree.files import PicktreeError, suggest_name
+from picktree.trees import In, Node, NodeStatus, PortProblem, PortValues, control_flow, port
+from picktree.world import all_causes, cause_named, matches
 
 if TYPE_CHECKING:
-    from ..world.causes import Cause
+    from picktree.world import Cause
 
 
 class CauseGuard(Node, abstract=True):
     """Base class of conditions on the cause: SUCCESS when it is in a list, else FAILURE without a report."""
 
-    flow = LeafFlow(steady=True)
+    flow = control_flow.LeafFlow(steady=True)
     kind = "condition"
     played = False
 

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..robot.manipulation.held_object import open_gripper
-from ..robot.manipulation.travel_time import travel_order
-from ..robot.planning.requests import NamedGoal
-from ..trees.ports import In, Out, port
-from ..trees.skill import ARM, CAMERA, GRIPPER, Doing, Skill, Steps
-from ..world.causes import Failure, control, grasp, perception, planning, safety
-from ..world.events import GripperResetEvent
-from ..world.values import ObjectId
+from picktree.robot.manipulation import held_object, travel_order
+from picktree.robot.planning import NamedGoal
+from picktree.trees import ARM, CAMERA, GRIPPER, Doing, In, Out, Skill, Steps, port
+from picktree.world import Failure, ObjectId, control, event_types, grasp, perception, planning, safety
 
 if TYPE_CHECKING:
-    from ..robot.perception.data_association import ObservationSummary
-    from ..robot.world import World
-    from ..world.scene.description import CameraDescription
+    from picktree.robot import World
+    from picktree.robot.perception import ObservationSummary
+    from picktree.world.scene import CameraDescription
 
 VIEW_POSES = ("observe", "rest", "home")
 """Named poses of the robot for looking: the hand camera sees the scene, or the arm leaves the other cameras'
@@ -126,7 +122,9 @@ class ResetGripper(Skill):
         for number in range(1, self.tries + 1):
             said = yield from self._to_and_fro(world)
             if not said:
-                world.journal.note(GripperResetEvent(f"the fingers follow again, at try {number}", self.path))
+                world.journal.note(
+                    event_types.GripperResetEvent(f"the fingers follow again, at try {number}", self.path)
+                )
                 return
             yield from self._pause(world)
         raise Failure(
@@ -143,7 +141,7 @@ class ResetGripper(Skill):
             before = world.gripper.width
             try:
                 if opens:
-                    yield from open_gripper(world, "let go by ResetGripper")
+                    yield from held_object.open_gripper(world, "let go by ResetGripper")
                 else:
                     yield from world.gripper.close(self.force)
             except Failure as failure:

@@ -8,18 +8,28 @@ from abc import abstractmethod
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, cast
 
-from ..robot.planning.requests import PlannerOverrides
-from ..trees.decorators import Decorator
-from ..trees.failure_reports import with_attached
-from ..trees.flow import FAILURE, RUNNING, ChildFlow, LeafFlow, NodeStatus, Recovery
-from ..trees.node import ControlNode, Node
-from ..trees.ports import In, Out, PortProblem, PortValues, child, children, optional_child, port, table
-from ..world.causes import FailureReport, internal, matches, tree, world
-from ..world.events import BudgetEvent, CuredEvent, RecoveryEvent
-from ..world.values import ObjectId
+from picktree.robot.planning import PlannerOverrides
+from picktree.trees import (
+    ControlNode,
+    Decorator,
+    In,
+    Node,
+    NodeStatus,
+    Out,
+    PortProblem,
+    PortValues,
+    child,
+    children,
+    control_flow,
+    optional_child,
+    port,
+    table,
+    with_attached,
+)
+from picktree.world import FailureReport, ObjectId, event_types, internal, matches, tree, world
 
 if TYPE_CHECKING:
-    from ..robot.planning.plan_service import PlanService
+    from picktree.robot.planning import PlanService
 
 
 class Budget(Decorator):
@@ -36,7 +46,9 @@ class Budget(Decorator):
     them.
     """
 
-    flow = ChildFlow(own={RUNNING: FAILURE, FAILURE: FAILURE})
+    flow = control_flow.ChildFlow(
+        own={control_flow.RUNNING: control_flow.FAILURE, control_flow.FAILURE: control_flow.FAILURE}
+    )
     example = """
     Budget:
       of: "{item}"
@@ -89,7 +101,7 @@ class Budget(Decorator):
         message = f"the budget {whose}is used up ({', '.join(spent)}): {last.message}"
         cause, failed = last.cause.name, last.node
         self.world.journal.note(
-            BudgetEvent(
+            event_types.BudgetEvent(
                 message,
                 self.path,
                 cause=cause,
@@ -172,7 +184,7 @@ class PlanWith(Decorator):
     inner seed and planner count.
     """
 
-    flow = ChildFlow()
+    flow = control_flow.ChildFlow()
     example = """
     Recover:
       attempts: 3
@@ -284,7 +296,9 @@ class RecoveryControl(ControlNode, abstract=True):
         if state is NodeStatus.SUCCESS and self._reports:
             last = self._reports[-1]
             message, tries = f"cured after {len(self._reports)} failures: {last.cause}", len(self._reports)
-            event = CuredEvent(message, self.path, cause=last.cause.name, failed=last.node, tries=tries)
+            event = event_types.CuredEvent(
+                message, self.path, cause=last.cause.name, failed=last.node, tries=tries
+            )
             self.world.journal.note(event)
         return state
 
@@ -309,7 +323,7 @@ class RecoveryControl(ControlNode, abstract=True):
         self._handler = label
         told = f"tried (attempt {self._runs} of {self.most_runs()})" if not ends else "done instead"
         self.world.journal.note(
-            RecoveryEvent(
+            event_types.RecoveryEvent(
                 f"{report.cause} in {report.node}: {label} is {told}",
                 self.path,
                 cause=report.cause.name,
@@ -408,7 +422,9 @@ class RecoveryNode(RecoveryControl):
     two. `Recover` chooses the handler by the cause.
     """
 
-    flow = Recovery(runs="number_of_retries", first_is_free=True, skipped_handler=FAILURE)
+    flow = control_flow.Recovery(
+        runs="number_of_retries", first_is_free=True, skipped_handler=control_flow.FAILURE
+    )
     example = """
     RecoveryNode:
       number_of_retries: 2
@@ -451,7 +467,7 @@ class ForAttempt(Node):
     are in SI units, without unit.
     """
 
-    flow = LeafFlow(steady=True)
+    flow = control_flow.LeafFlow(steady=True)
     example = """
     Recover:
       attempts: 3
@@ -498,7 +514,7 @@ class Recover(RecoveryControl):
     tick ends between a handler and the next attempt.
     """
 
-    flow = Recovery(runs="attempts", resort="give_up", instead="instead")
+    flow = control_flow.Recovery(runs="attempts", resort="give_up", instead="instead")
     example = """
     Recover:
       attempts: 3

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-from ..robot.manipulation.held_object import MAX_EMPTY_WIDTH, measure_grip, open_gripper, release_object
-from ..robot.manipulation.retreat import RetreatMotion, go_home, observe_with_fixed_cameras, put_down
-from ..trees.flow import LeafFlow
-from ..trees.ports import In, port
-from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
-from ..world.causes import Failure, control, grasp, place, safety
-from ..world.events import SafetyAcknowledgedEvent
+from picktree.robot.manipulation import held_object, retreat
+from picktree.trees import ARM, GRIPPER, Doing, In, Skill, Steps, control_flow, port
+from picktree.world import Failure, control, event_types, grasp, place, safety
 
 if TYPE_CHECKING:
-    from ..robot.world import World
+    from picktree.robot import World
 
 RETREAT_TIME_LIMIT = 90.0
 """Simulated time after which no other escape path is started, s."""
@@ -27,7 +23,7 @@ class SafeRetreat(Skill):
     direction. When there is no safe way it fails with what was tried, and stays where it is.
     """
 
-    flow = LeafFlow(hand_by=("hand", {"open": "empty", "put_down": "empty"}))
+    flow = control_flow.LeafFlow(hand_by=("hand", {"open": "empty", "put_down": "empty"}))
     example = """
     SafeRetreat: {pose: home, hand: open}
     """
@@ -54,7 +50,7 @@ class SafeRetreat(Skill):
         yield from world.move.rest()
         self._acknowledge(world)
         self._not_held(world)
-        leaving = RetreatMotion(world, self.path, world.clock.now + RETREAT_TIME_LIMIT)
+        leaving = retreat.RetreatMotion(world, self.path, world.clock.now + RETREAT_TIME_LIMIT)
         left = yield from leaving.relax()
         to_open = self.hand == "open"
         if to_open and self._room_to_open(world):
@@ -75,12 +71,12 @@ class SafeRetreat(Skill):
         refused: Failure | None = None
         if self.hand == "put_down":
             try:
-                yield from put_down(world, leaving, scaling, self.path)
+                yield from retreat.put_down(world, leaving, scaling, self.path)
             except Failure as failure:
                 # The object is kept, and the failure is reported from home.
                 refused = self._not_put_down(world, failure)
                 self._acknowledge(world)
-        if not (yield from go_home(world, leaving, self.pose, scaling, self.path)):
+        if not (yield from retreat.go_home(world, leaving, self.pose, scaling, self.path)):
             raise self._no_way(world, leaving, left)
         yield from self._still_held(world)
         if refused is not None:
@@ -89,13 +85,15 @@ class SafeRetreat(Skill):
     def _acknowledge(self, world: World) -> None:
         stop = world.control.monitor.stopped
         if stop is not None and world.control.monitor.acknowledge(self.path):
-            world.journal.note(SafetyAcknowledgedEvent(f"{stop.cause}: {stop.message}", self.path))
+            world.journal.note(
+                event_types.SafetyAcknowledgedEvent(f"{stop.cause}: {stop.message}", self.path)
+            )
 
     @staticmethod
     def _not_held(world: World) -> None:
         """Release the believed object when the fingers have met: they hold nothing."""
-        if world.scene.held is not None and world.gripper.width <= MAX_EMPTY_WIDTH:
-            release_object(world.scene, "the fingers have met: nothing is between them")
+        if world.scene.held is not None and world.gripper.width <= held_object.MAX_EMPTY_WIDTH:
+            held_object.release_object(world.scene, "the fingers have met: nothing is between them")
             world.control.wrist.carry(None)
 
     @staticmethod
@@ -108,7 +106,7 @@ class SafeRetreat(Skill):
 
     @staticmethod
     def _open(world: World) -> Steps:
-        yield from open_gripper(world, "let go by SafeRetreat")
+        yield from held_object.open_gripper(world, "let go by SafeRetreat")
         world.control.wrist.carry(None)
 
     @staticmethod
@@ -119,13 +117,13 @@ class SafeRetreat(Skill):
         message = f"{held.id} cannot be put down: {failure.message}; it is still in the hand"
         return Failure(place.OCCUPIED, message, object=held.id, because=failure.cause.name)
 
-    def _out(self, world: World, leaving: RetreatMotion) -> Doing[bool]:
+    def _out(self, world: World, leaving: retreat.RetreatMotion) -> Doing[bool]:
         """Move out of believed contacts. Without an escape path, look whether those bodies are really
         there."""
         if (yield from leaving.out()):
             return True
         believed = world.plan.contacts()
-        yield from observe_with_fixed_cameras(world)
+        yield from retreat.observe_with_fixed_cameras(world)
         if world.plan.contacts() == believed and not leaving.touched:
             return False
         leaving.anew()
@@ -136,10 +134,10 @@ class SafeRetreat(Skill):
         held = world.scene.held
         if held is None:
             return
-        hold = yield from measure_grip(world)
+        hold = yield from held_object.measure_grip(world)
         if hold.held:
             return
-        release_object(world.scene, "no longer felt in the hand")
+        held_object.release_object(world.scene, "no longer felt in the hand")
         world.control.wrist.carry(None)
         raise Failure(
             grasp.SLIPPED,
@@ -149,7 +147,7 @@ class SafeRetreat(Skill):
             load=hold.load,
         )
 
-    def _no_way(self, world: World, leaving: RetreatMotion, left: float) -> Failure:
+    def _no_way(self, world: World, leaving: retreat.RetreatMotion, left: float) -> Failure:
         """Return the failure with the obstacles and the attempts; the arm holds its position."""
         contacts = world.plan.contacts()
         named = [f"{c.a} at {c.b} ({-c.distance * 1000:.0f} mm deep)" for c in contacts if c.distance < 0.0]

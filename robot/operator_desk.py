@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from ..world.journal import Plain
+from picktree.world import Plain
 
 GO_ON: Final = "go on"
 SET_ASIDE: Final = "set aside"

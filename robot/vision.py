@@ -9,22 +9,35 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..world.causes import Failure, perception
-from ..world.computing_time import ComputeTimeAccount, Stopwatch
-from ..world.events import FramesMissedEvent
-from ..world.heaps import Heap
-from ..world.journal import ImageEntry, Journal
-from ..world.planning_scene import BeliefObject, PlanningScene
-from ..world.protocols import Camera, Clock, NoImage, RgbdImage
-from ..world.values import Array
-from ..world.world_facts import ASIDE
-from .perception.camera_geometry import depth_noise, noise_factor
-from .perception.data_association import ObservationSummary, update_belief
-from .perception.heap_mapping import update_heap
-from .perception.held_thing import HeldView
-from .perception.known_object_fitting import TrackedSighting
-from .perception.pipeline import Perception
-from .perception.view import BinView
+from picktree.robot.perception import (
+    BinView,
+    HeldView,
+    ObservationSummary,
+    Perception,
+    TrackedSighting,
+    depth_noise,
+    noise_factor,
+    update_belief,
+    update_heap,
+)
+from picktree.world import (
+    Array,
+    BeliefObject,
+    Camera,
+    Clock,
+    ComputeTimeAccount,
+    Failure,
+    ImageEntry,
+    Journal,
+    NoImage,
+    PlanningScene,
+    RgbdImage,
+    Stopwatch,
+    event_types,
+    heap_geometry,
+    perception,
+    world_facts,
+)
 
 T = TypeVar("T")
 
@@ -87,7 +100,7 @@ class Vision:
         """Last image of each camera; of one that repeats itself, the first of these. No part of the state."""
         self.bins: dict[str, BinView] = {}
         """Latest view of each bin; part of the state."""
-        self.heaps: dict[str, Heap] = {}
+        self.heaps: dict[str, heap_geometry.Heap] = {}
         """Heap of each tote or fixture that was seen; part of the state."""
         self.looks = 0
         """Number of observations merged into the belief; part of the state."""
@@ -141,7 +154,7 @@ class Vision:
         """
         shot = yield from self._patiently(lambda: self.glance(camera))
         yield from self._charge()
-        return self.take_in(shot, [o for o in self._scene.objects if o.place == ASIDE])
+        return self.take_in(shot, [o for o in self._scene.objects if o.place == world_facts.ASIDE])
 
     def glance(self, camera: str) -> CapturedImage:
         """Capture an image with `camera`. Nothing is charged, and the belief does not change before
@@ -235,7 +248,7 @@ class Vision:
                 continue
             if missed:
                 words = f"{missed} of {missed + 1} frames did not come"
-                self._journal.note(FramesMissedEvent(words, missed=missed))
+                self._journal.note(event_types.FramesMissedEvent(words, missed=missed))
             return taken
 
     def _charge(self) -> Generator[None, None, None]:

@@ -7,26 +7,27 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from ..world.protocols import NoFeed
-from ..world.values import ObjectId, Pose
-from ..world.world_facts import FeedProgress, facts, items_to_do
+from picktree.robot.planning import MotionPlan, Scaling
+from picktree.world import NoFeed, ObjectId, Pose, facts, world_facts
+
 from .operator_desk import OperatorRequests
-from .planning.requests import MotionPlan, Scaling
 
 if TYPE_CHECKING:
-    from ..world.computing_time import ComputeTimeAccount
-    from ..world.journal import Journal
-    from ..world.planning_scene import BeliefObject, PlanningScene
-    from ..world.protocols import Clock, Feed
-    from ..world.random_streams import RandomStreams
-    from ..world.robot_model.model import RobotModel
-    from ..world.scene.description import SceneDescription
-    from ..world.world_facts import AttemptMemory
-    from .control.control_loop import ControlLoop
-    from .control.gripper_motion import GripperControl
-    from .control.motions import ArmMotion
-    from .planning.plan_service import PlanService
-    from .planning.scene_queries import SceneQueries
+    from picktree.robot.control import ArmMotion, ControlLoop, GripperControl
+    from picktree.robot.planning import PlanService, SceneQueries
+    from picktree.world import (
+        BeliefObject,
+        Clock,
+        ComputeTimeAccount,
+        Feed,
+        Journal,
+        PlanningScene,
+        RandomStreams,
+        world_facts,
+    )
+    from picktree.world.robot_model import RobotModel
+    from picktree.world.scene import SceneDescription
+
     from .vision import Vision
 
 
@@ -140,7 +141,7 @@ class World:
     clock: Clock
     scene: PlanningScene
     journal: Journal
-    attempts: AttemptMemory
+    attempts: world_facts.AttemptMemory
     streams: RandomStreams
     thinking: ComputeTimeAccount
     control: ControlLoop
@@ -150,7 +151,7 @@ class World:
     vision: Vision
     queries: SceneQueries
     feed: Feed = field(default_factory=NoFeed)
-    noticed: FeedProgress = field(default_factory=FeedProgress)
+    noticed: world_facts.FeedProgress = field(default_factory=world_facts.FeedProgress)
     handover: HandoverSlot = field(default_factory=HandoverSlot)
     handling: HandlingParameters = field(default_factory=HandlingParameters)
     operator: OperatorRequests = field(default_factory=OperatorRequests)
@@ -159,7 +160,7 @@ class World:
 
     def to_do(self) -> tuple[BeliefObject, ...]:
         """Return the items that are believed to be neither at their destination nor set aside."""
-        return items_to_do(self.scene)
+        return world_facts.items_to_do(self.scene)
 
     def facts(self) -> Mapping[str, bool | int | float | str]:
         """Return the names that every expression of a mission may use, with their present values."""

@@ -14,9 +14,8 @@ from typing import Any, Final, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files.arithmetic import blas_kernels, departures, numpy_kernels
-from ..files.library_parts import library_part, library_version
-from ..logs.records import Arithmetic
+from picktree.files import blas_kernels, departures, library_parts, numpy_kernels
+from picktree.logs import log_records
 
 _PACKAGES: Final = {
     "numpy": "numpy",
@@ -32,12 +31,12 @@ _Results: TypeAlias = list[NDArray[Any]]
 
 
 @cache
-def arithmetic() -> Arithmetic:
+def arithmetic() -> log_records.Arithmetic:
     """Return the arithmetic of this process. The probe takes about 20 ms of CPU, once."""
     numbers = _numbers()
     probes = {name: _fingerprint(probe(numbers.copy())) for name, probe in _PROBES.items()}  # loads kernels
     kernels = {"numpy": numpy_kernels(), **{f"OpenBLAS in {k}": v for k, v in sorted(blas_kernels().items())}}
-    return Arithmetic(_versions(), kernels, probes, departures())
+    return log_records.Arithmetic(_versions(), kernels, probes, departures())
 
 
 def _versions() -> dict[str, str]:
@@ -47,7 +46,7 @@ def _versions() -> dict[str, str]:
         .get("blas", {})
     )
     return {
-        **{name: library_version(package) for name, package in _PACKAGES.items()},
+        **{name: library_parts.library_version(package) for name, package in _PACKAGES.items()},
         "OpenBLAS": str(blas.get("version", "unknown")),
         "glibc": (os.confstr("CS_GNU_LIBC_VERSION") or "unknown").removeprefix("glibc "),
         "Python": platform.python_version(),
@@ -135,7 +134,7 @@ def _lapack(x: _Numbers) -> _Results:
     """Compute with scipy's copy of LAPACK; planning uses the last two of these functions."""
     names = ("dgesv", "dgetrf", "dposv", "dgtsv")
     solve, factorise, descend, curve = (
-        library_part("scipy.linalg._flapack", f"scipy.linalg.lapack.{name}") for name in names
+        library_parts.library_part("scipy.linalg._flapack", f"scipy.linalg.lapack.{name}") for name in names
     )
     matrix = x.reshape(64, 64)
     definite = matrix[:6] @ matrix[:6].T + np.eye(6)

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from ..files.errors import PicktreeError
-from ..logs.mcap.writer import is_written
+from picktree.files import PicktreeError
+from picktree.logs.mcap import is_written
 
 SOCKET_NAME: Final = "attach.sock"
 """Name of the socket in the run's folder."""

@@ -12,27 +12,28 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
-from ..authoring.check import check_mission
-from ..files import arithmetic
-from ..files.errors import FileError, PicktreeError
-from ..files.value_wording import suggest_name
-from ..robot.planning.requests import MotionPlan, Request
-from ..robot.world import World
-from ..simulation.checkpoints import Backend
-from ..simulation.fault_loading import load_faults
-from ..trees.description import MAIN, MissionSource, TreeDefinition, python_faults
-from ..trees.flow import NodeStatus
-from ..trees.leaves import AlwaysSuccess
-from ..trees.loading.loader import scene_names
-from ..trees.loading.registry import NodeRegistry
-from ..trees.mission import Mission
-from ..trees.node import Node
-from ..world.causes import Evidence, remedy_of
-from ..world.protocols import RgbdImage
-from ..world.robot_model.robot_file import load_robot
-from ..world.scene.scene_loading import load_scene
+from picktree.authoring import check_mission
+from picktree.files import FileError, PicktreeError, arithmetic, suggest_name
+from picktree.robot import World
+from picktree.robot.planning import MotionPlan, Request
+from picktree.simulation import Backend, load_faults
+from picktree.trees import (
+    MAIN,
+    AlwaysSuccess,
+    Mission,
+    MissionSource,
+    Node,
+    NodeStatus,
+    TreeDefinition,
+    python_faults,
+)
+from picktree.trees.loading import NodeRegistry, scene_names
+from picktree.world import Evidence, RgbdImage, remedy_of
+from picktree.world.robot_model import load_robot
+from picktree.world.scene import load_scene
+
 from .execution import Execution
-from .recipe import DEFAULT_TIME_LIMIT, Recipe, Recording
+from .run_recipe import DEFAULT_TIME_LIMIT, Recipe, Recording
 from .session import Session
 
 T = TypeVar("T")

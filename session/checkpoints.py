@@ -11,21 +11,16 @@ from typing import Any, Final
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from ..files.errors import PicktreeError
-from ..logs.recording.recorder import RecordingState
-from ..logs.topics import Digest
-from ..robot.control.control_loop import ControlLoopState
-from ..robot.control.gripper_motion import GripperCommand
-from ..robot.control.trajectory_motion import FollowedPath
-from ..robot.perception.view import BinView
-from ..robot.world import World
-from ..simulation.backends import Simulation
-from ..simulation.checkpoints import json_bytes, json_values
-from ..simulation.fault_injector import FaultInjector, FaultState
-from ..trees.runner import BehaviourTree
-from ..world.heaps import Heap
-from ..world.planning_scene import SceneSnapshot
-from ..world.world_facts import FeedProgressState, Refusal
+from picktree.files import PicktreeError
+from picktree.logs import Digest
+from picktree.logs.recording import RecordingState
+from picktree.robot import World
+from picktree.robot.control import ControlLoopState, FollowedPath, GripperCommand
+from picktree.robot.perception import BinView
+from picktree.simulation import FaultInjector, FaultState, Simulation, checkpoints
+from picktree.trees import BehaviourTree
+from picktree.world import SceneSnapshot, heap_geometry, world_facts
+
 from .run_tally import RunCounters, RunCountersState
 
 NOTHING_RECORDED: Final = RecordingState(
@@ -72,15 +67,15 @@ class RunState:
     disagreements: int = 0
     """Number of trajectories that the verifier has rejected so far."""
     recording: RecordingState | None = None
-    noticed: FeedProgressState = field(default_factory=FeedProgressState)
+    noticed: world_facts.FeedProgressState = field(default_factory=world_facts.FeedProgressState)
     """Events of the feed that the robot has received so far."""
-    refusals: Mapping[str, Refusal] = field(default_factory=dict[str, Refusal])
+    refusals: Mapping[str, world_facts.Refusal] = field(default_factory=dict[str, world_facts.Refusal])
     """See `AttemptMemory`."""
-    heaps: Mapping[str, Heap] = field(default_factory=dict[str, Heap])
+    heaps: Mapping[str, heap_geometry.Heap] = field(default_factory=dict[str, heap_geometry.Heap])
     """Heaps of the totes as they were seen last."""
 
     def to_json(self) -> bytes:
-        return json_bytes(self)
+        return checkpoints.json_bytes(self)
 
     @classmethod
     def from_json(cls, data: bytes) -> RunState:
@@ -115,7 +110,7 @@ def take_checkpoint(
 
     Only at a quiescent moment: no skill runs, the arm is held at rest. Raises PicktreeError otherwise.
     """
-    control = json_values(world.control.save())
+    control = checkpoints.json_values(world.control.save())
     world.plan.forget()
     saved = hardware.checkpoint()
     snapshot, numbers = world.scene.state()

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, Protocol, TypeAlias
 
-from ..trees.ports import show
-from ..trees.runner import BehaviourTree, TickReport
-from ..world.events import BlackboardSetEvent
-from ..world.journal import Plain
+from picktree.trees import BehaviourTree, TickReport, show
+from picktree.world import Plain, event_types
+
 from .execution import Execution
 from .observer import Observer
 
@@ -39,7 +38,7 @@ def set_entry(tree: BehaviourTree, change: EntryChange) -> str:
     before = f"was {show(previous)}" if previous is not None else "had no value"
     message = f"{key} is set to {show(change.value)} by the operator; it {before}"
     tree.root.world.journal.note(
-        BlackboardSetEvent(
+        event_types.BlackboardSetEvent(
             message, change.node, key=key, value=change.value, previous=previous, passes=change.passes
         )
     )

@@ -15,8 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from ..files.file_system import ROOT, rooms
-from ..files.library_parts import library_version
+from picktree.files import file_system, library_parts
 
 LIBRARIES: Final = (
     "picktree",
@@ -42,7 +41,7 @@ _FILES_WITHOUT_EFFECT: Final = (
     "analysis",
     "apps",
     "authoring",
-    "logs/episode.py",
+    "logs/item_episodes.py",
     "logs/episode_counts.py",
     "logs/run_account.py",
     "session/attach_socket.py",
@@ -57,7 +56,7 @@ _SIMD_PREFIXES: Final = ("sse", "ssse", "avx", "fma", "f16c", "bmi", "asimd", "n
 
 
 def versions(libraries: Iterable[str] = LIBRARIES) -> dict[str, str]:
-    return {library: library_version(library) for library in libraries}
+    return {library: library_parts.library_version(library) for library in libraries}
 
 
 @cache
@@ -82,11 +81,13 @@ def revision() -> str:
 
     `-dirty` at its end: a file has changed since. Documents do not count.
     """
-    if not (ROOT / ".git").exists():
+    if not (file_system.ROOT / ".git").exists():
         return ""
 
     def git(*words: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=False)
+        return subprocess.run(
+            ["git", *words], cwd=file_system.ROOT, capture_output=True, text=True, check=False
+        )
 
     commit = git("describe", "--always").stdout.strip()
     changed = commit and git("diff", "--quiet", "HEAD", "--", ".", *RECORDS).returncode == 1
@@ -101,7 +102,7 @@ def sources() -> Mapping[str, str]:
 
 def hashes(files: Iterable[str | Path]) -> dict[str, str]:
     """Return the first 12 digits of each file's SHA-256 by its path in the package."""
-    start, found = len(str(ROOT)) + 1, dict[str, str]()
+    start, found = len(str(file_system.ROOT)) + 1, dict[str, str]()
     for path in map(str, files):
         with open(path, "rb", buffering=0) as file:
             found[path[start:]] = hashlib.sha256(file.read()).hexdigest()[:12]
@@ -160,10 +161,10 @@ def _moves(
 
 
 def _run_files() -> list[str]:
-    left_out = {str(ROOT / name) for name in _FILES_WITHOUT_EFFECT}
-    found = [str(file) for file in ROOT.glob("*.py")]
-    for room in rooms():
-        for folder, folders, files in os.walk(ROOT / room):
+    left_out = {str(file_system.ROOT / name) for name in _FILES_WITHOUT_EFFECT}
+    found = [str(file) for file in file_system.ROOT.glob("*.py")]
+    for room in file_system.rooms():
+        for folder, folders, files in os.walk(file_system.ROOT / room):
             if folder in left_out:
                 folders.clear()
             else:

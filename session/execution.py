@@ -10,48 +10,43 @@ from typing import Any
 
 import numpy as np
 
-from ..files.errors import PicktreeError
-from ..logs.recording.recorder import RecordingState
-from ..logs.records import ResumedFrom
-from ..logs.run_result import RunStatus
-from ..recovery.belief_restart import ResyncReport, resync_belief
-from ..robot.control.control_loop import ControlLoop
-from ..robot.control.gripper_motion import GripperControl
-from ..robot.control.motions import ArmMotion
-from ..robot.control.safety_monitor import SafetyMonitor
-from ..robot.manipulation.compliant_closing import opening_force
-from ..robot.perception.pipeline import Perception
-from ..robot.planning.collision_checker import standing_pairs
-from ..robot.planning.plan_service import PlanService
-from ..robot.planning.scene_queries import SceneQueries
-from ..robot.planning.trajectory_gate import JogCollisionCheck, TrajectoryGate
-from ..robot.vision import Vision
-from ..robot.world import HandlingParameters, World
-from ..simulation.backends import Simulation, build_hardware
-from ..simulation.checkpoints import json_values
-from ..simulation.fault_injector import FaultInjector
-from ..simulation.scorer import rests
-from ..simulation.truth import TrueBody
-from ..trees.flow import NodeStatus
-from ..trees.mission import MAIN, Mission
-from ..trees.runner import StateTransfer, TickReport, build
-from ..world.causes import Failure
-from ..world.computing_time import ComputeTimeAccount, Stopwatch
-from ..world.heaps import heap_regions
-from ..world.journal import Entry, Journal
-from ..world.planner_names import AUTO
-from ..world.planning_scene import PlanningScene
-from ..world.protocols import Hardware
-from ..world.random_streams import RandomStreams
-from ..world.robot_model.description import RobotDescription
-from ..world.robot_model.model import RobotModel
-from ..world.scene.description import Fixture, SceneDescription
-from ..world.scene.destinations import destination_rule
-from ..world.shapes import extents
-from ..world.values import Vector3
-from ..world.world_facts import AttemptMemory
+from picktree.files import PicktreeError
+from picktree.logs import RunStatus, log_records
+from picktree.logs.recording import RecordingState
+from picktree.recovery import ResyncReport, resync_belief
+from picktree.robot import HandlingParameters, Vision, World
+from picktree.robot.control import ArmMotion, ControlLoop, GripperControl, SafetyMonitor
+from picktree.robot.manipulation import opening_force
+from picktree.robot.perception import Perception
+from picktree.robot.planning import (
+    JogCollisionCheck,
+    PlanService,
+    SceneQueries,
+    TrajectoryGate,
+    standing_pairs,
+)
+from picktree.simulation import FaultInjector, Simulation, TrueBody, build_hardware, checkpoints, rests
+from picktree.trees import MAIN, Mission, NodeStatus, TickReport, build, runner
+from picktree.world import (
+    ComputeTimeAccount,
+    Entry,
+    Failure,
+    Hardware,
+    Journal,
+    PlanningScene,
+    RandomStreams,
+    Stopwatch,
+    Vector3,
+    extents,
+    heap_geometry,
+    planner_names,
+    world_facts,
+)
+from picktree.world.robot_model import RobotDescription, RobotModel
+from picktree.world.scene import Fixture, SceneDescription, destinations
+
 from .checkpoints import NOTHING_RECORDED, RunState, restore_checkpoint, take_checkpoint
-from .recipe import Recipe, StartCheckpoint
+from .run_recipe import Recipe, StartCheckpoint
 from .run_tally import RunCounters
 
 TICK_LENGTH = 0.05
@@ -76,7 +71,10 @@ def assemble_world(
     watch = stopwatch or Stopwatch()
     model = RobotModel(replace(robot, tool=scene.tool))
     belief = PlanningScene(
-        scene.fixtures, scene.bins, destination_rule(scene.destinations), heap_regions(scene)
+        scene.fixtures,
+        scene.bins,
+        destinations.destination_rule(scene.destinations),
+        heap_geometry.heap_regions(scene),
     )
     belief.let_stand(standing_pairs(model, belief))
     journal = Journal()
@@ -97,7 +95,7 @@ def assemble_world(
         width=lambda: gripper.widest(),
         now=lambda: hardware.clock.now,
         workspace=scene.limits.workspace,
-        planner=scene.planner or robot.planner or AUTO,
+        planner=scene.planner or robot.planner or planner_names.AUTO,
         verify=verify,
         worker=planning_worker,
         stopwatch=watch,
@@ -120,7 +118,7 @@ def assemble_world(
         clock=hardware.clock,
         scene=belief,
         journal=journal,
-        attempts=AttemptMemory(),
+        attempts=world_facts.AttemptMemory(),
         streams=streams,
         thinking=thinking,
         control=control,
@@ -210,7 +208,7 @@ class Execution:
         self.world.plan.finds_nothing = self.injector.no_plan
         self.tally = RunCounters()
         self._disagreed = -len(self.world.plan.disagreements)
-        self.adoption: StateTransfer | None = None
+        self.adoption: runner.StateTransfer | None = None
         """Transfer of node states from a checkpoint of another mission; None: the mission is the same."""
         if start is not None:
             self._take_up(start)
@@ -305,7 +303,7 @@ class Execution:
             return
         now, done = self.world.clock.now, self.world.journal.items_done
         state = replace(self.checkpoint(NOTHING_RECORDED), items_done=done)
-        continues = ResumedFrom("", "", now, done, NOTHING_RECORDED.digest)
+        continues = log_records.ResumedFrom("", "", now, done, NOTHING_RECORDED.digest)
         self.recipe = replace(self.recipe, limit=self.limit, start=StartCheckpoint(state, continues))
 
     def true_state(self, departed: int = 0) -> dict[str, Any]:
@@ -315,7 +313,7 @@ class Execution:
         left with bins.
         """
         bias = list(self.world.control.wrist.learnt)
-        faults = json_values(self.injector.state())
+        faults = checkpoints.json_values(self.injector.state())
         return {**self.hardware.snapshot().to_plain(departed), "faults": faults, "wrist_bias": bias}
 
     @property
@@ -323,7 +321,7 @@ class Execution:
         """Number of trajectories that the verifier has rejected, earlier sessions of the run included."""
         return self._disagreed + len(self.world.plan.disagreements)
 
-    def adopt(self, mission: Mission) -> StateTransfer:
+    def adopt(self, mission: Mission) -> runner.StateTransfer:
         """Continue with another version of the mission; belief, blackboard and attempts stay as they are."""
         tree = build(mission, self.world, self.recipe.parameters)
         adoption = tree.adopt(self.tree.save())

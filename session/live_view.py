@@ -15,9 +15,9 @@ from types import TracebackType
 import foxglove
 from foxglove.websocket import Capability, ChannelView, Client, ServerListener
 
-from ..files.errors import PicktreeError
-from ..logs import topics
-from ..logs.topics import Topic
+from picktree.files import PicktreeError
+from picktree.logs import Topic, topics
+
 from .observer import Observer
 from .session_recording import LastMessages
 

@@ -10,15 +10,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final, Protocol
 
-from ..files.errors import FileError, PicktreeError
-from ..files.fault_rendering import fault_lines
-from ..files.yaml.document import Document, read_document
-from ..files.yaml.file_text import read_text
-from ..trees.loading.loader import SceneNames, scene_names
-from ..trees.mission import IN_LIBRARY, Mission
-from ..trees.ports import PortDeclaration
-from ..trees.runner import StateTransfer
-from ..world.events import MissionChangedEvent
+from picktree.files import FileError, PicktreeError, fault_lines
+from picktree.files.yaml import Document, file_text, read_document
+from picktree.trees import IN_LIBRARY, Mission, PortDeclaration, runner
+from picktree.trees.loading import SceneNames, scene_names
+from picktree.world import event_types
+
 from .execution import Execution
 from .observer import Interrupter, ReloadMessage
 
@@ -32,7 +29,7 @@ def read_edited(current: Mission, known: SceneNames, *, own_scene: bool, file: P
     Raises FileError with the checker's errors, and PicktreeError for an edit that needs a new run.
     `own_scene`: the run has the scene that the mission names, not another.
     """
-    from ..authoring.check import check_mission  # with the linter, which no other run needs
+    from picktree.authoring import check_mission  # with the linter, which no other run needs
 
     check = check_mission(read_document(file or current.document.path, "mission"), known=known)
     errors = [fault for fault in check.faults if fault.severity == "error"]
@@ -238,20 +235,20 @@ def _is_on_disk(mission: Mission) -> bool:
     """Whether the mission's files are as they were when it was read."""
     try:
         documents = (mission.document, *mission.included)
-        same = all(read_text(document.path) == document.text for document in documents)
+        same = all(file_text.read_text(document.path) == document.text for document in documents)
         named = [plugin for plugin in mission.sources if plugin.name.endswith(".py")]
         return same and all(p.file is not None and p.file.read_bytes() == p.source for p in named)
     except (FileError, OSError):
         return False
 
 
-def mission_changed(adoption: StateTransfer) -> MissionChangedEvent:
+def mission_changed(adoption: runner.StateTransfer) -> event_types.MissionChangedEvent:
     """Return the journal event of a run that resumes with another mission."""
     message = f"another mission goes on: {adoption_summary(adoption)}"
-    return MissionChangedEvent(message, fresh=tuple(adoption.fresh), gone=tuple(adoption.gone))
+    return event_types.MissionChangedEvent(message, fresh=tuple(adoption.fresh), gone=tuple(adoption.gone))
 
 
-def adoption_summary(adoption: StateTransfer) -> str:
+def adoption_summary(adoption: runner.StateTransfer) -> str:
     """Return the number of nodes that keep their state, start without one, and no longer exist, as text."""
     kept, fresh, gone = map(len, (adoption.kept, adoption.fresh, adoption.gone))
     return f"{kept} nodes go on, {fresh} begin anew, {gone} are gone"

@@ -12,18 +12,16 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..files.errors import PicktreeError
-from ..world.events import OperatorAnswerEvent
-from ..world.journal import Journal
+from picktree.files import PicktreeError
+from picktree.world import Journal, event_types
 
 if TYPE_CHECKING:  # The displays of the command line are observers and must be loaded at once.
     from pathlib import Path
 
-    from ..logs.run_result import RunResult
-    from ..logs.topics import Topic
-    from ..robot.operator_desk import OperatorQuestion, OperatorRequests
-    from ..trees.mission import Mission
-    from ..trees.runner import TickReport
+    from picktree.logs import RunResult, Topic
+    from picktree.robot import operator_desk
+    from picktree.trees import Mission, TickReport
+
     from .execution import Execution
 
 
@@ -75,7 +73,7 @@ class Interrupter(Observer):
         simulated s."""
         return ()
 
-    def answer(self, question: OperatorQuestion) -> str | None:
+    def answer(self, question: operator_desk.OperatorQuestion) -> str | None:
         """Return one of the question's choices; None when there is no answer.
 
         Without an answer the next interrupter is asked, and the run ends `paused` after the last. Simulated
@@ -98,7 +96,7 @@ class PresetAnswers(Interrupter):
     def __init__(self, answers: Iterable[str]) -> None:
         self._left = deque(answers)
 
-    def answer(self, question: OperatorQuestion) -> str | None:
+    def answer(self, question: operator_desk.OperatorQuestion) -> str | None:
         """Return the next answer. Raises PicktreeError for one that is not among the question's choices."""
         if not self._left:
             return None
@@ -110,7 +108,9 @@ class PresetAnswers(Interrupter):
         return choice
 
 
-def answer_pending(desk: OperatorRequests, journal: Journal, operators: Sequence[Interrupter]) -> bool:
+def answer_pending(
+    desk: operator_desk.OperatorRequests, journal: Journal, operators: Sequence[Interrupter]
+) -> bool:
     """Have the operators answer the pending question in turn. False when it stays without an answer.
 
     Simulated time stands still while a person thinks.
@@ -124,7 +124,9 @@ def answer_pending(desk: OperatorRequests, journal: Journal, operators: Sequence
         return False
     desk.answer(answer)
     message = f"the answer is: {answer}"
-    journal.note(OperatorAnswerEvent(message, question.node, question=question.reason, answer=answer))
+    journal.note(
+        event_types.OperatorAnswerEvent(message, question.node, question=question.reason, answer=answer)
+    )
     return True
 
 

@@ -23,13 +23,12 @@ from typing import Any, Final, TypeAlias, cast
 
 import orjson
 
-from ..files.errors import PicktreeError
-from ..logs.run_result import RunResult
-from ..robot.control.joint_controllers import HoldController
-from ..trees.flow import NodeStatus
-from ..trees.node import Node
-from ..trees.runner import BehaviourTree, TickReport
-from ..world.computing_time import PartFollower
+from picktree.files import PicktreeError
+from picktree.logs import RunResult
+from picktree.robot.control import HoldController
+from picktree.trees import BehaviourTree, Node, NodeStatus, TickReport
+from picktree.world import PartFollower
+
 from .execution import Execution
 from .observer import Observer
 

@@ -15,26 +15,20 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final
 
-from ..files.errors import PicktreeError
-from ..logs import topics
-from ..logs.mcap.reader import RawMessage
-from ..logs.recording.recorder import RecordingState
-from ..logs.records import ResumedFrom
-from ..logs.run_log import RunLog
-from ..logs.run_record import RunRecord
-from ..logs.topics import Digest
-from ..logs.visits import with_transitions
-from ..robot.operator_desk import OperatorQuestion
-from ..simulation.checkpoints import Backend
-from ..trees.mission import Mission
-from ..trees.runner import TickReport, checked_value
-from ..world.events import BlackboardSetEvent, MissionEditedEvent, OperatorAnswerEvent
-from ..world.journal import JournalEvent
+from picktree.files import PicktreeError
+from picktree.logs import Digest, RunLog, RunRecord, log_records, node_visits, topics
+from picktree.logs.mcap import RawMessage
+from picktree.logs.recording import RecordingState
+from picktree.robot import operator_desk
+from picktree.simulation import Backend
+from picktree.trees import Mission, TickReport, runner
+from picktree.world import JournalEvent, event_types
+
 from .checkpoints import RunState
 from .debugger import EntryChange, set_entry
 from .execution import Execution
 from .observer import Interrupter, ReloadMessage
-from .recipe import DEFAULT_TIME_LIMIT, Recipe, StartCheckpoint, Unpacking
+from .run_recipe import DEFAULT_TIME_LIMIT, Recipe, StartCheckpoint, Unpacking
 from .run_tally import RunCounters
 from .session_recording import START_ATTACHMENT
 
@@ -110,9 +104,9 @@ class RecordedRun:
         changes: list[tuple[float, EntryChange]] = []
         for at in self.run.log.events(since + _TIME_TOLERANCE if since >= 0.0 else None):
             event = at.record
-            if isinstance(event, OperatorAnswerEvent):
+            if isinstance(event, event_types.OperatorAnswerEvent):
                 answers.append((event.node, event.answer))
-            elif isinstance(event, BlackboardSetEvent):
+            elif isinstance(event, event_types.BlackboardSetEvent):
                 changes.append((at.time, EntryChange(event.key, event.value, event.passes, event.node)))
         return RecordedOperator(answers, changes)
 
@@ -141,7 +135,7 @@ class RecordedRun:
             recipe = replace(recipe, mission=self._unpacking.mission(edits[-1]))
         assert state.recording is not None
         log = str(self.run.path.absolute())
-        continues = ResumedFrom(log, name, state.time, state.items_done, state.recording.digest)
+        continues = log_records.ResumedFrom(log, name, state.time, state.items_done, state.recording.digest)
         return replace(recipe, start=StartCheckpoint(state, continues))
 
     def _limit(self) -> float:
@@ -163,7 +157,7 @@ def _edits(run: RunRecord) -> Iterator[tuple[float, str]]:
     """
     for tree in run.trees[1:2]:
         for at in run.log.events(tree.time):
-            if isinstance(at.record, MissionEditedEvent):
+            if isinstance(at.record, event_types.MissionEditedEvent):
                 yield at.time, at.record.files
 
 
@@ -220,7 +214,7 @@ def tally_of(run: RunRecord, time: float) -> RunCounters:
     for at in run.events:
         events.setdefault(at.time, []).append(at.record)
     ticks = run.log.ticks(end=time)
-    for at in ticks if run.log.format >= 2 else with_transitions(ticks):
+    for at in ticks if run.log.format >= 2 else node_visits.with_transitions(ticks):
         while coming and coming[0].time <= at.time:
             tally.follow(coming.pop(0).record.nodes)
         now = events.get(at.time, ())
@@ -270,7 +264,7 @@ class RecordedOperator(Interrupter):
             run.tree.on_start.insert(0, self._pass)
             run.tree.on_end.insert(0, self._pass)
 
-    def answer(self, question: OperatorQuestion) -> str | None:
+    def answer(self, question: operator_desk.OperatorQuestion) -> str | None:
         if self._answers:
             node, said = self._answers.popleft()
             if node == question.node and said in question.choices:
@@ -312,7 +306,7 @@ class RecordedOperator(Interrupter):
         assert self._run is not None
         tree = self._run.tree
         try:
-            checked_value(tree, change.key, change.value)
+            runner.checked_value(tree, change.key, change.value)
         except PicktreeError:
             return
         set_entry(tree, change)

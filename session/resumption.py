@@ -13,24 +13,19 @@ from typing import Any, Final
 
 from pydantic import TypeAdapter, ValidationError
 
-from ..files.errors import PicktreeError
-from ..logs import topics
-from ..logs.log_files import NO_ROTATION, Rotation
-from ..logs.recording.recorder import RecordingState
-from ..logs.recording.true_state import WHOLE_STATE_PERIOD, fold_states, read_state
-from ..logs.records import ResumedFrom, arithmetic_difference
-from ..logs.run_record import RunRecord
-from ..logs.topics import Digest
-from ..robot.planning.lookahead_planning import has_second_core
-from ..simulation.checkpoints import snapshot_at_rest
-from ..simulation.fault_injector import FaultState
-from ..world.journal import JournalEvent
+from picktree.files import PicktreeError
+from picktree.logs import Digest, RunRecord, log_files, log_records, topics
+from picktree.logs.recording import WHOLE_STATE_PERIOD, RecordingState, fold_states, read_state
+from picktree.robot.planning import has_second_core
+from picktree.simulation import FaultState, checkpoints
+from picktree.world import JournalEvent
+
 from .arithmetic_probe import arithmetic
 from .checkpoints import NOTHING_RECORDED, RunState
 from .execution import Execution
 from .observer import Observer, PresetAnswers
-from .recipe import Recipe, Recording, StartCheckpoint
 from .recorded_recipe import RecordedRun, simulated_messages
+from .run_recipe import Recipe, Recording, StartCheckpoint
 from .run_tally import RunCounters, RunCountersState
 from .session import Session
 from .session_recording import START_ATTACHMENT
@@ -68,7 +63,7 @@ def recipe_from_truth(recorded: RecordedRun) -> tuple[Recipe, str, float]:
                 _NEVER_WRITTEN,
                 "there is no checkpoint: it knows nothing",
             )
-    stood = snapshot_at_rest(recipe.backend, last.simulation, len(recipe.robot.joints))
+    stood = checkpoints.snapshot_at_rest(recipe.backend, last.simulation, len(recipe.robot.joints))
     state = replace(
         known,
         time=time,
@@ -82,7 +77,7 @@ def recipe_from_truth(recorded: RecordedRun) -> tuple[Recipe, str, float]:
         recording=_recording(run, known, knows, time),
     )
     assert state.recording is not None
-    continues = ResumedFrom(
+    continues = log_records.ResumedFrom(
         str(run.path.absolute()), name, time, known.items_done, state.recording.digest, as_it_stands=True
     )
     told = f"going on with {run.path} as things stood at {time:.2f} s, at rest; {told}: it looks first"
@@ -188,7 +183,7 @@ class ResumeRequest:
     """Folder in which the new run's folder is made; None: `runs`."""
     limit: float | None = None
     """Limit in simulated s, counted from the beginning of the first run; None: as it was."""
-    rotation: Rotation = NO_ROTATION
+    rotation: log_files.Rotation = log_files.NO_ROTATION
     as_it_stands: bool = False
     """Whether to resume from the last recorded state of the simulation instead of the checkpoint's.
 
@@ -265,7 +260,7 @@ def _from_checkpoint(recorded: RecordedRun) -> tuple[Recipe, str, float]:
             f"going on with {run.path} from {name.removesuffix('.json')}: {state.time:.2f} s, "
             f"{_done(state.items_done)}"
         )
-    departed = arithmetic_difference(run.info.arithmetic, arithmetic())
+    departed = log_records.arithmetic_difference(run.info.arithmetic, arithmetic())
     if departed:
         told = f"{told}\n{departed}"
     return recipe, told, _since(recipe)

@@ -7,21 +7,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol, TypeAlias
 
-from ..logs.episode import EpisodeTracker, EpisodeTrackerState, NodeLike, TransitionLike
-from ..logs.episode_counts import CureCount, EpisodeCounts, PlantedCount
-from ..world.events import (
-    BeltStopsEvent,
-    BinEmptiedEvent,
-    BinExchangedEvent,
-    CuredEvent,
-    DeliveryEvent,
-    ItemDoneEvent,
-    PickEvent,
-    RecoveryEvent,
-    SetAsideEvent,
-    TookStockEvent,
-)
-from ..world.journal import Entry, JournalEvent
+from picktree.logs import episode_counts, item_episodes
+from picktree.world import Entry, JournalEvent, event_types
 
 Place: TypeAlias = Literal["bin", "elsewhere", "aside"]
 """Kinds of places where a mission leaves an item: a bin or hole, another place, where it was."""
@@ -31,9 +18,9 @@ Place: TypeAlias = Literal["bin", "elsewhere", "aside"]
 class EpisodeCountersState:
     """State of the episode counters in a checkpoint; older logs have none."""
 
-    cures: tuple[CureCount, ...] = ()
-    planted: tuple[PlantedCount, ...] = ()
-    following: EpisodeTrackerState = field(default_factory=EpisodeTrackerState)
+    cures: tuple[episode_counts.CureCount, ...] = ()
+    planted: tuple[episode_counts.PlantedCount, ...] = ()
+    following: item_episodes.EpisodeTrackerState = field(default_factory=item_episodes.EpisodeTrackerState)
 
 
 class EpisodeCounters:
@@ -41,23 +28,27 @@ class EpisodeCounters:
 
     def __init__(self, state: EpisodeCountersState | None = None) -> None:
         state = state or EpisodeCountersState()
-        self._counts = EpisodeCounts(state.cures, state.planted)
-        self._following = EpisodeTracker(self._counts.add, self._counts.add_planted, state.following)
+        self._counts = episode_counts.EpisodeCounts(state.cures, state.planted)
+        self._following = item_episodes.EpisodeTracker(
+            self._counts.add, self._counts.add_planted, state.following
+        )
 
-    def follow(self, nodes: Iterable[NodeLike]) -> None:
+    def follow(self, nodes: Iterable[item_episodes.NodeLike]) -> None:
         """Use another tree from the next tick on."""
         self._following.follow(nodes)
 
-    def take(self, time: float, changes: Iterable[TransitionLike], events: Sequence[JournalEvent]) -> None:
+    def take(
+        self, time: float, changes: Iterable[item_episodes.TransitionLike], events: Sequence[JournalEvent]
+    ) -> None:
         """Count the transitions and events of one tick."""
         self._following.take(time, changes, events)
 
     def state(self) -> EpisodeCountersState:
         return EpisodeCountersState(self._counts.cures, self._counts.planted, self._following.state())
 
-    def so_far(self, time: float) -> EpisodeCounts:
+    def so_far(self, time: float) -> episode_counts.EpisodeCounts:
         """Return the counts up to `time`, simulated s, undecided episodes as open. Changes nothing."""
-        counts = EpisodeCounts(self._counts.cures, self._counts.planted)
+        counts = episode_counts.EpisodeCounts(self._counts.cures, self._counts.planted)
         self._following.copied(counts.add, counts.add_planted).finish(time)
         return counts
 
@@ -205,7 +196,7 @@ class RunCounters:
         self.objects -= gone
         self.first_try -= gone
 
-    def follow(self, nodes: Iterable[NodeLike]) -> None:
+    def follow(self, nodes: Iterable[item_episodes.NodeLike]) -> None:
         """Use another tree from the next tick on."""
         self.episodes.follow(nodes)
 
@@ -215,7 +206,7 @@ class RunCounters:
         entries: Iterable[Entry],
         nodes: Iterable[CountedNode],
         leaves: frozenset[str],
-        changes: Iterable[TransitionLike],
+        changes: Iterable[item_episodes.TransitionLike],
     ) -> None:
         """Count the results of one tick.
 
@@ -233,29 +224,29 @@ class RunCounters:
 
     def _happened(self, event: JournalEvent) -> None:
         match event:
-            case PickEvent(object=subject, held=held):
+            case event_types.PickEvent(object=subject, held=held):
                 self.tried += 1
                 self.held += held
                 if subject not in self.objects and held:
                     self.first_try.add(subject)
                 self.objects.add(subject)
-            case ItemDoneEvent(object=subject, into=into):
+            case event_types.ItemDoneEvent(object=subject, into=into):
                 self.done += 1
                 self.places[subject] = "bin" if into else "elsewhere"
-            case TookStockEvent(done=done):
+            case event_types.TookStockEvent(done=done):
                 self.places |= dict.fromkeys(done or (), "bin")
-            case DeliveryEvent() | BeltStopsEvent():
+            case event_types.DeliveryEvent() | event_types.BeltStopsEvent():
                 self.deliveries += 1
-            case BinExchangedEvent():
+            case event_types.BinExchangedEvent():
                 self.exchanges += 1
-            case SetAsideEvent(object=subject):
+            case event_types.SetAsideEvent(object=subject):
                 self.set_aside += 1
                 self.places[subject] = "aside"
-            case BinEmptiedEvent(objects=objects):
+            case event_types.BinEmptiedEvent(objects=objects):
                 self._forget(objects)
-            case RecoveryEvent(cause=cause):
+            case event_types.RecoveryEvent(cause=cause):
                 self.recovered[cause] += 1
-            case CuredEvent(cause=cause):
+            case event_types.CuredEvent(cause=cause):
                 self.cured[cause] += 1
             case _:
                 pass

@@ -16,11 +16,8 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
-from ..files import arithmetic
-from ..files.errors import PicktreeError
-from ..logs.log_files import FEED_ROTATION, NO_ROTATION
-from ..logs.records import NodeTime, Timing
-from ..logs.run_result import (
+from picktree.files import PicktreeError, arithmetic
+from picktree.logs import (
     CrushedItem,
     FeedCount,
     FormCount,
@@ -30,19 +27,19 @@ from ..logs.run_result import (
     RunResult,
     RunStatus,
     WallSeconds,
+    log_files,
+    log_records,
 )
-from ..robot.perception.robot_mask import hidden_shares
-from ..simulation.scorer import ItemScore, score
-from ..simulation.truth import TrueBody
-from ..trees.mission import Mission
-from ..trees.runner import TickReport
-from ..world.computing_time import Stopwatch
-from ..world.events import CheckpointEvent, MissionEditedEvent
-from ..world.scene.description import MAX_HIDDEN_SHARE
+from picktree.robot.perception import hidden_shares
+from picktree.simulation import ItemScore, TrueBody, score
+from picktree.trees import Mission, TickReport
+from picktree.world import Stopwatch, event_types
+from picktree.world.scene import MAX_HIDDEN_SHARE
+
 from .execution import Execution
 from .mission_edits import FileWatch, MissionReload, adoption_summary, mission_changed
 from .observer import Interrupter, Observer, answer_pending
-from .recipe import DEFAULT_TIME_LIMIT, Recipe, Recording, RunRequest, make_folder, read_recipe
+from .run_recipe import DEFAULT_TIME_LIMIT, Recipe, Recording, RunRequest, make_folder, read_recipe
 from .session_recording import LOG_FILE_NAME, SessionRecorder
 
 
@@ -59,7 +56,9 @@ class RunTimer:
         """CPU time of this process since the creation, s."""
         return time.process_time() - self._cpu_began
 
-    def tick_timing(self, before: Mapping[str, float], began: float, nodes: Mapping[str, float]) -> Timing:
+    def tick_timing(
+        self, before: Mapping[str, float], began: float, nodes: Mapping[str, float]
+    ) -> log_records.Timing:
         """Return the wall times of one tick.
 
         `before`: the stopwatch's seconds at the start of the tick; `began`: `perf_counter` then; `nodes`:
@@ -67,14 +66,14 @@ class RunTimer:
         """
         now = self.stopwatch.seconds()
         spent = {part: seconds - before.get(part, 0.0) for part, seconds in now.items()}
-        return Timing(
+        return log_records.Timing(
             time.perf_counter() - began,
             **{
                 part: spent.get(part, 0.0)
                 for part in ("physics", "control", "planning", "perception", "rendering")
             },
             recording=spent.get("logging", 0.0),
-            nodes=tuple(NodeTime(path, seconds) for path, seconds in nodes.items()),
+            nodes=tuple(log_records.NodeTime(path, seconds) for path, seconds in nodes.items()),
         )
 
     def wall_seconds(self) -> WallSeconds:
@@ -242,7 +241,9 @@ class Session:
         self.execution = recipe
         self._interrupters = [each for each in self._observers if isinstance(each, Interrupter)]
         record = record or Recording()
-        self._rotation = record.rotation or (FEED_ROTATION if recipe.recipe.scene.deliveries else NO_ROTATION)
+        self._rotation = record.rotation or (
+            log_files.FEED_ROTATION if recipe.recipe.scene.deliveries else log_files.NO_ROTATION
+        )
         self.folder = make_folder(record.out, recipe.mission.document.path.stem, recipe.recipe.seed)
 
     def run(self) -> RunResult:
@@ -339,7 +340,7 @@ class Session:
 
     def _note_checkpoint(self) -> None:
         done = self.execution.tally.done
-        self.execution.world.journal.note(CheckpointEvent(f"after {done} items", items_done=done))
+        self.execution.world.journal.note(event_types.CheckpointEvent(f"after {done} items", items_done=done))
 
     def _follow_edits(self, recorder: SessionRecorder) -> None:
         execution = self.execution
@@ -357,7 +358,9 @@ class Session:
         adoption = self.execution.adopt(mission)
         message = f"the edited mission takes over: {adoption_summary(adoption)}"
         files, fresh, gone = recorder.edited(mission), tuple(adoption.fresh), tuple(adoption.gone)
-        self.execution.world.journal.note(MissionEditedEvent(message, files=files, fresh=fresh, gone=gone))
+        self.execution.world.journal.note(
+            event_types.MissionEditedEvent(message, files=files, fresh=fresh, gone=gone)
+        )
         for observer in self._observers:
             observer.edited(self.execution)
         self._tell(message)

@@ -9,26 +9,18 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final
 
-from ..logs import records, topics
-from ..logs.binary_gltf import link_meshes
-from ..logs.log_files import NO_ROTATION, Rotation
-from ..logs.recording.recorder import Listener, Recorder, RecordingState
-from ..logs.run_result import RunResult
-from ..logs.topics import Topic
-from ..trees.blackboard import BlackboardWrite
-from ..trees.flow import NodeStatus
-from ..trees.mission import Mission
-from ..trees.runner import NodeInfo, NodeReport, TickReport
-from ..world.events import BeltStopsEvent, BinExchangedEvent, DeliveryEvent, FaultEvent
-from ..world.journal import Entry, JournalEvent
-from ..world.scene.destinations import MEASURES, asks_for
-from ..world.values import Array, Pose
+from picktree.logs import RunResult, Topic, binary_gltf, log_files, log_records, topics
+from picktree.logs.recording import Listener, Recorder, RecordingState
+from picktree.trees import BlackboardWrite, Mission, NodeStatus, TickReport, runner
+from picktree.world import Array, Entry, JournalEvent, Pose, event_types
+from picktree.world.scene import destinations
+
 from . import environment
 from .arithmetic_probe import arithmetic
 from .checkpoints import RunState
 from .execution import Execution
 from .observer import Observer
-from .recipe import fingerprints, mission_files, plugin_versions, recipe_files
+from .run_recipe import fingerprints, mission_files, plugin_versions, recipe_files
 
 _MOMENTARY_TOPICS: Final = frozenset(
     topic.name
@@ -58,7 +50,11 @@ class SessionRecorder:
     """Writer of one run's log; a context manager, so that the log is finished on every exit."""
 
     def __init__(
-        self, path: Path, run: Execution, rotation: Rotation = NO_ROTATION, observers: Sequence[Observer] = ()
+        self,
+        path: Path,
+        run: Execution,
+        rotation: log_files.Rotation = log_files.NO_ROTATION,
+        observers: Sequence[Observer] = (),
     ) -> None:
         """Open the log. Each written message goes to `observers`."""
         self._run = run
@@ -67,15 +63,15 @@ class SessionRecorder:
         self._checkpoints = self._edits = self._refused = 0
         self._there = {body.id for body in run.hardware.recent_truth() if body.present}
         """Ids of the items in the last message about the ground truth."""
-        self._reports: tuple[NodeReport, ...] = ()
-        self._nodes: tuple[records.NodeStatusRecord, ...] = ()
+        self._reports: tuple[runner.NodeReport, ...] = ()
+        self._nodes: tuple[log_records.NodeStatusRecord, ...] = ()
         """Reports and records of the nodes in the last tick."""
         self._tip = ""
         """Path of the deepest running node in the last tick."""
         recipe = run.recipe
         start = recipe.start
         self._files = list(recipe_files(recipe))
-        info = records.RunInfo(
+        info = log_records.RunInfo(
             mission=recipe.mission.name,
             scene=recipe.scene.name,
             robot=recipe.robot.name,
@@ -104,7 +100,9 @@ class SessionRecorder:
             rotation=rotation,
             resumed=start.state.recording if start else None,
             listener=_listener(observers),
-            measured=any(asks_for(recipe.scene.destinations, name) for name in MEASURES),
+            measured=any(
+                destinations.asks_for(recipe.scene.destinations, name) for name in destinations.MEASURES
+            ),
         )
 
     def __enter__(self) -> SessionRecorder:
@@ -129,13 +127,13 @@ class SessionRecorder:
         recorder.fixed(recipe.scene.fixtures, recipe.scene.bins, run.hardware.true_fixtures())
         if start is None:
             recorder.tree(tree)
-            recorder.robot_model(link_meshes(recipe.robot.urdf))
+            recorder.robot_model(binary_gltf.link_meshes(recipe.robot.urdf))
             return
         state = replace(start.state, tree=run.tree.save())
         recorder.attach(START_ATTACHMENT, state.to_json(), "application/json")
         with recorder.preamble():
             recorder.tree(tree, state.time)
-            recorder.robot_model(link_meshes(recipe.robot.urdf), state.time)
+            recorder.robot_model(binary_gltf.link_meshes(recipe.robot.urdf), state.time)
 
     @property
     def digest(self) -> str:
@@ -187,7 +185,7 @@ class SessionRecorder:
         if recorder.state_due(now):
             recorder.true_state(now, self._run.true_state)
 
-    def _follow(self, reports: tuple[NodeReport, ...]) -> None:
+    def _follow(self, reports: tuple[runner.NodeReport, ...]) -> None:
         """Make the records of a tick with changed reports; an unchanged report keeps its record."""
         if len(reports) != len(self._reports):
             self._nodes = tuple(map(_node_record, reports))
@@ -205,7 +203,7 @@ class SessionRecorder:
         cameras = self._world.description.cameras
         return {camera.name: tcp @ camera.pose for camera in cameras if camera.on == "hand"}
 
-    def timing(self, timing: records.Timing) -> None:
+    def timing(self, timing: log_records.Timing) -> None:
         self._recorder.timing(self._world.clock.now, timing)
 
     def edited(self, mission: Mission) -> str:
@@ -273,15 +271,17 @@ def _listener(observers: Sequence[Observer]) -> Listener | None:
 
 def _moves_bodies(event: JournalEvent) -> bool:
     """Whether bodies have moved at once with this event."""
-    if isinstance(event, FaultEvent):
+    if isinstance(event, event_types.FaultEvent):
         return event.fault == "obstacle"
-    return isinstance(event, DeliveryEvent | BeltStopsEvent | BinExchangedEvent)
+    return isinstance(
+        event, event_types.DeliveryEvent | event_types.BeltStopsEvent | event_types.BinExchangedEvent
+    )
 
 
-def _tree(structure: tuple[NodeInfo, ...]) -> records.Tree:
-    return records.Tree(
+def _tree(structure: tuple[runner.NodeInfo, ...]) -> log_records.Tree:
+    return log_records.Tree(
         tuple(
-            records.TreeNode(
+            log_records.TreeNode(
                 n.path, n.id, n.name, n.parent or "", n.children, {k: str(v) for k, v in n.ports.items()}
             )
             for n in structure
@@ -289,25 +289,27 @@ def _tree(structure: tuple[NodeInfo, ...]) -> records.Tree:
     )
 
 
-def _control(controller: str, reference: Array | None, position: Array) -> records.Control:
+def _control(controller: str, reference: Array | None, position: Array) -> log_records.Control:
     if reference is None:
-        return records.Control(controller)
-    return records.Control(controller, tuple(reference.tolist()), tuple((reference - position).tolist()))
+        return log_records.Control(controller)
+    return log_records.Control(controller, tuple(reference.tolist()), tuple((reference - position).tolist()))
 
 
-def _node_record(n: NodeReport) -> records.NodeStatusRecord:
+def _node_record(n: runner.NodeReport) -> log_records.NodeStatusRecord:
     evidence = dict(n.evidence or {})
-    return records.NodeStatusRecord(n.path, n.id, str(n.status), n.ticked, n.message, n.cause or "", evidence)
+    return log_records.NodeStatusRecord(
+        n.path, n.id, str(n.status), n.ticked, n.message, n.cause or "", evidence
+    )
 
 
-def _tick(report: TickReport, nodes: tuple[records.NodeStatusRecord, ...], tip: str) -> records.Tick:
-    return records.Tick(
+def _tick(report: TickReport, nodes: tuple[log_records.NodeStatusRecord, ...], tip: str) -> log_records.Tick:
+    return log_records.Tick(
         root_status=nodes[0].status,
         tip=tip,
         nodes=nodes,
-        writes=tuple(records.WriteRecord(w.key, w.value, w.node) for w in report.writes),
+        writes=tuple(log_records.WriteRecord(w.key, w.value, w.node) for w in report.writes),
         transitions=tuple(
-            records.TransitionRecord(
+            log_records.TransitionRecord(
                 t.path,
                 str(t.status),
                 dict(t.inputs),

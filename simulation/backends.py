@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Protocol
 
-from ..world.journal import JournalEvent
-from ..world.protocols import Hardware
-from ..world.robot_model.description import RobotDescription
-from ..world.scene.description import Fixture, SceneDescription
+from picktree.world import Hardware, JournalEvent
+from picktree.world.robot_model import RobotDescription
+from picktree.world.scene import Fixture, SceneDescription
+
 from .checkpoints import Backend, Checkpoint, KinematicState
 from .device_faults import InjectableRobot
 from .truth import TrueBody
@@ -67,11 +67,11 @@ def build_hardware(
     """
     robot = replace(robot, tool=scene.tool_error)
     if backend == "kinematic":
-        from .kinematic.backend import KinematicHardware
+        from picktree.simulation.kinematic import KinematicHardware
 
         if start is None:
             return KinematicHardware(scene, robot, seed)
         return KinematicHardware.resume(scene, robot, seed, KinematicState.from_plain(start))
-    from .physics.backend import PhysicsHardware
+    from picktree.simulation.physics import PhysicsHardware
 
     return PhysicsHardware(scene, robot, seed, None if start is None else Checkpoint.from_plain(start))

@@ -10,14 +10,18 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
-from ..files.errors import PicktreeError
-from ..world.events import BeltRunsEvent, BeltStopsEvent
-from ..world.journal import JournalEvent
-from ..world.random_streams import RandomStreams
-from ..world.scene.description import Belt, Delivery, Fixture, SceneDescription
-from ..world.scene.feed_loading import MIN_BELT_GAP, SPACING_SPREAD, reach
-from ..world.shapes import Box, bottom
-from ..world.values import ObjectId, Pose, Vector3
+from picktree.files import PicktreeError
+from picktree.world import Box, JournalEvent, ObjectId, Pose, RandomStreams, Vector3, bottom, event_types
+from picktree.world.scene import (
+    MIN_BELT_GAP,
+    SPACING_SPREAD,
+    Belt,
+    Delivery,
+    Fixture,
+    SceneDescription,
+    reach,
+)
+
 from .feed_cell import CELL_CHECK_INTERVAL, FeedCell, Zone
 from .footprints import distance, footprint
 from .spawn import LooseItem, SpawnedItem, draw_load
@@ -267,7 +271,9 @@ class BeltFeed:
             self._state = replace(self._state, seen=here)
             belt = self._drive.id
             self._events.append(
-                BeltRunsEvent(f"{belt} runs", feed=self._number, belt=belt, number=self._state.runs)
+                event_types.BeltRunsEvent(
+                    f"{belt} runs", feed=self._number, belt=belt, number=self._state.runs
+                )
             )
         self._drive.go()
 
@@ -296,7 +302,9 @@ class BeltFeed:
             items = state.put - state.put_before
             belt, runs = self._drive.id, self._state.runs
             self._events.append(
-                BeltStopsEvent(f"{belt} stops", feed=self._number, belt=belt, number=runs, items=items)
+                event_types.BeltStopsEvent(
+                    f"{belt} stops", feed=self._number, belt=belt, number=runs, items=items
+                )
             )
 
     @property

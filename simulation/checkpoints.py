@@ -10,9 +10,10 @@ from typing import Any, Literal, TypeAlias, cast
 import orjson
 from pydantic import TypeAdapter, ValidationError
 
-from ..files.errors import PicktreeError
-from ..world.scene.description import Fixture
-from ..world.values import ObjectId, Pose, Quaternion, Vector3
+from picktree.files import PicktreeError
+from picktree.world import ObjectId, Pose, Quaternion, Vector3
+from picktree.world.scene import Fixture
+
 from .belt_feed import BeltState
 from .feeder import FeederState
 from .inventory import SavedInventory

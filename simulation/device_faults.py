@@ -8,9 +8,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from ..world.protocols import Clock, Gripper
-from ..world.scene.description import Fixture
-from ..world.values import Array, ObjectId, Pose, Quaternion, Vector3, Wrench, rotated
+from picktree.world import Array, Clock, Gripper, ObjectId, Pose, Quaternion, Vector3, Wrench, rotated
+from picktree.world.scene import Fixture
+
 from .checkpoints import GripperCommand
 from .fault_entries import (
     Ailing,

@@ -10,61 +10,46 @@ from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, Strict, WithJsonSchema
 
-from ..files.value_wording import describe, suggest_name
-from ..files.yaml.file_models import (
-    Angle,
-    Angles,
-    Duration,
-    FileModel,
-    Flag,
-    InvalidValue,
-    Length,
-    Mass,
-    Name,
-    NamedFile,
-    Share,
-    Vector,
-    quantity,
-)
-from ..world.colours import ITEM_COLOURS
-from ..world.scene.description import Fixture, Form
-from ..world.scene.scene_entries import hidden_body
-from ..world.scene.scene_schema import UnknownFile
-from ..world.values import Pose, Vector3
+from picktree.files import describe, suggest_name
+from picktree.files.yaml import file_models
+from picktree.world import ITEM_COLOURS, Pose, Vector3
+from picktree.world.scene import Fixture, Form, UnknownFile, hidden_body
 
 
 def _colour(name: str) -> str:
     if name not in ITEM_COLOURS:
         message = f"{describe(name)} is no colour that an item may have"
-        raise InvalidValue(message, suggest_name(name, ITEM_COLOURS), code="P108")
+        raise file_models.InvalidValue(message, suggest_name(name, ITEM_COLOURS), code="P108")
     return name
 
 
 def _pattern(text: str) -> str:
     if not text.strip("/"):
-        raise InvalidValue("the node is empty", "its name, or a path as SortOne/Grasp", code="P606")
+        raise file_models.InvalidValue(
+            "the node is empty", "its name, or a path as SortOne/Grasp", code="P606"
+        )
     return text
 
 
 ItemColour = Annotated[str, AfterValidator(_colour), WithJsonSchema({"enum": list(ITEM_COLOURS)})]
 NodePattern = Annotated[str, AfterValidator(_pattern), WithJsonSchema({"type": "string", "pattern": "[^/]"})]
-Lasting = Annotated[float, quantity("s", above=0)]
+Lasting = Annotated[float, file_models.quantity("s", above=0)]
 Count = Annotated[int, Strict(), Field(ge=1)]
-Probability = Annotated[float, quantity("", above=0, most=1)]
-Factor = Annotated[float, quantity("", above=0, most=100)]
-Push = Annotated[float, quantity("N", least=-1000, most=1000)]
-Twist = Annotated[float, quantity("Nm", least=-100, most=100)]
-Speed = Annotated[float, quantity("m/s", least=-10, most=10)]
-Spin = Annotated[float, quantity("rad/s", least=-100, most=100)]
+Probability = Annotated[float, file_models.quantity("", above=0, most=1)]
+Factor = Annotated[float, file_models.quantity("", above=0, most=100)]
+Push = Annotated[float, file_models.quantity("N", least=-1000, most=1000)]
+Twist = Annotated[float, file_models.quantity("Nm", least=-100, most=100)]
+Speed = Annotated[float, file_models.quantity("m/s", least=-10, most=10)]
+Spin = Annotated[float, file_models.quantity("rad/s", least=-100, most=100)]
 
 
-class WhenFile(FileModel):
+class WhenFile(file_models.FileModel):
     """When it happens: at a time, or when a node starts; once unless `each` or `every` says otherwise."""
 
     one_of: ClassVar[tuple[str, ...]] = ("at", "node")
     """Exactly one of these is given."""
 
-    at: Duration | None = None
+    at: file_models.Duration | None = None
     """Simulated time since the run began."""
     every: Lasting | None = None
     """Interval at which it repeats. Only with `at`."""
@@ -72,13 +57,13 @@ class WhenFile(FileModel):
     """The node that starts: its name, or a path as SortOne/Grasp; '*' and '?' stand for other letters."""
     start: Count | None = None
     """At which of the node's starts, from 1; the first unless given. Only with `node`."""
-    delay: Duration | None = None
+    delay: file_models.Duration | None = None
     """How long after the node's start; at once unless given. Only with `node`."""
-    each: Flag | None = None
+    each: file_models.Flag | None = None
     """true: at each of the node's starts, from that one on. Only with `node`."""
 
 
-class TargetFile(FileModel):
+class TargetFile(file_models.FileModel):
     """Which item is meant: of those that fit all that is given the nearest, or the first that was spawned."""
 
     index: Annotated[int, Strict(), Field(ge=0)] | None = None
@@ -100,7 +85,7 @@ FaultName: TypeAlias = Literal[
 ]  # fmt: skip
 
 
-class FaultEntryFile(FileModel):
+class FaultEntryFile(file_models.FileModel):
     """One thing that goes wrong: what, when, and to which item, device or place."""
 
     fault: FaultName
@@ -114,9 +99,9 @@ class FaultEntryFile(FileModel):
     """How long it is so; for good unless given."""
     target: TargetFile | None = None
     """The item that it happens to. Only of faults that happen to one item."""
-    friction: Annotated[float, quantity("", least=0, most=2)] | None = None
+    friction: Annotated[float, file_models.quantity("", least=0, most=2)] | None = None
     """Its new coefficient of friction: of the fault friction, which needs it, and of slip, 0 unless given."""
-    mass: Mass | None = None
+    mass: file_models.Mass | None = None
     """Its new mass: of the fault heavier, which needs it, and of friction, unchanged unless given."""
     velocity: tuple[Speed, Speed, Speed] | None = None
     """Velocity that it gets at once, along x, y, z of the world. Only of the fault bump, which needs it."""
@@ -129,12 +114,12 @@ class FaultEntryFile(FileModel):
     """Its kind, by the scene's catalogue. Only of the fault appear, which needs it."""
     colour: ItemColour | None = None
     """Colour of the item that appears, or the colour that camera_mislabel shows as another. Both need it."""
-    place: tuple[Length, Length] | None = None
+    place: tuple[file_models.Length, file_models.Length] | None = None
     """Position of its centre, x and y in the world. It waits until nothing is there. Only of the fault
     appear, which needs it."""
-    yaw: Angle | None = None
+    yaw: file_models.Angle | None = None
     """Rotation about the world's z; 0 unless given. Only of the fault appear."""
-    share: Share | None = None
+    share: file_models.Share | None = None
     """Share that is left: of the force with gripper_weak, of the torque with joint_weak. Both need it."""
     joint: str | None = None
     """The joint of the arm, by its name. Only of the fault joint_weak, which needs it."""
@@ -146,14 +131,14 @@ class FaultEntryFile(FileModel):
     """The camera; all of them unless given. Only of faults of cameras."""
     images: Count | None = None
     """Number of images that do not come, unless `lasts` is over before. Only of the fault camera_drop."""
-    shift: Vector | None = None
+    shift: file_models.Vector | None = None
     """Translation: right, down, forward in its former view. Only of the fault camera_shift, which needs
     it."""
-    turn: Angles | None = None
+    turn: file_models.Angles | None = None
     """Rotation about the same axes, one after the other; 0 unless given. Only of camera_shift."""
     shown_as: ItemColour | None = None
     """Colour that is shown instead of `colour`. Only of the fault camera_mislabel, which needs it."""
-    swapped: Flag | None = None
+    swapped: file_models.Flag | None = None
     """true: `colour` is shown instead of `shown_as`, too. Only of the fault camera_mislabel."""
     requests: Count | None = None
     """Number of planning requests that fail, unless `lasts` is over before. Only of the fault no_plan."""
@@ -161,9 +146,9 @@ class FaultEntryFile(FileModel):
     body: UnknownFile | None = None
     """The body and its pose; it never moves. It waits until no item and no part of the robot is in its place.
     Only of the fault obstacle, which needs it."""
-    name: Name | None = None
+    name: file_models.Name | None = None
     """Its name in the record; `obstacle` unless given. Only of the fault obstacle."""
-    stays: Duration | None = None
+    stays: file_models.Duration | None = None
     """How long it stays before it is taken away; for good unless given. Only of the fault obstacle."""
 
 
@@ -218,7 +203,7 @@ OWN_KEYS = tuple(dict.fromkeys(key for keys in ALLOWED_KEYS.values() for key in 
 """Keys that some faults take and others do not."""
 
 
-class ExpectFile(FileModel):
+class ExpectFile(file_models.FileModel):
     """Expected outcome, for the evaluation of a campaign. Neither the robot nor the simulation reads it."""
 
     causes: list[str]
@@ -230,10 +215,10 @@ class ExpectFile(FileModel):
     """How many items can physically not be sorted any more."""
 
 
-class FaultsRestFile(FileModel):
+class FaultsRestFile(file_models.FileModel):
     """Keys of a fault file besides its list."""
 
-    scene: Annotated[str, NamedFile("scene")] | None = None
+    scene: Annotated[str, file_models.NamedFile("scene")] | None = None
     """A scene, shipped or a file next to this one. Kinds, colours and numbers of items, cameras and joints
     are checked against it."""
     expect: ExpectFile | None = None

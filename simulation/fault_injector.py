@@ -9,12 +9,9 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Protocol, cast
 
-from ..files.errors import PicktreeError
-from ..files.node_patterns import node_matches
-from ..world.events import FaultEvent
-from ..world.journal import JournalEvent, Plain
-from ..world.random_streams import RandomStreams
-from ..world.values import ObjectId, Vector3
+from picktree.files import PicktreeError, node_matches
+from picktree.world import JournalEvent, ObjectId, Plain, RandomStreams, Vector3, event_types
+
 from .device_faults import InjectableRobot
 from .fault_entries import (
     Ailing,
@@ -351,7 +348,7 @@ _RAISED_MESSAGE = "the skill's code cannot go on"
 class InjectionResult:
     """Result of carrying out a fault at one occasion."""
 
-    event: FaultEvent
+    event: event_types.FaultEvent
     """Event without the node. One of a fault that waits is recorded once, and without a message never."""
     standing: str = ""
     """Effect that has to be ended later; empty: none."""
@@ -395,7 +392,7 @@ class FaultInjector:
         self._kill = kill
         self._occasions = FaultSchedule(seed)
         self._states = list(new_states(faults, seed))
-        self._told: list[FaultEvent] = []
+        self._told: list[event_types.FaultEvent] = []
 
     @property
     def no_plan(self) -> Callable[[], bool] | None:
@@ -461,11 +458,11 @@ class FaultInjector:
             return True
         return state.until is not None and now >= state.until - 1e-9
 
-    def _end(self, n: int, fault: FaultSpec) -> list[FaultEvent]:
+    def _end(self, n: int, fault: FaultSpec) -> list[event_types.FaultEvent]:
         """End a fault that lasted."""
         state = self._states[n]
         name, self._states[n] = state.standing, replace(state, standing="")
-        event = FaultEvent("", state.node, fault=fault.name, gone=True)
+        event = event_types.FaultEvent("", state.node, fault=fault.name, gone=True)
         match fault:
             case Obstacle():
                 self._hardware.take_obstacle(ObjectId(name))
@@ -482,7 +479,7 @@ class FaultInjector:
                 event = replace(event, message=end_sentence(cast(Ailing, fault)))
         return [event]
 
-    def _strike(self, n: int, fault: FaultSpec, now: float) -> list[FaultEvent]:
+    def _strike(self, n: int, fault: FaultSpec, now: float) -> list[event_types.FaultEvent]:
         """Carry out the first due occasion of a fault."""
         state = self._states[n]
         if state.standing and not isinstance(fault, Obstacle):
@@ -511,23 +508,27 @@ class FaultInjector:
             case Hang() | Raise():
                 return self._meddle(fault, state)
             case Kill():
-                return InjectionResult(FaultEvent("the process is killed", fault="kill"), standing="kill")
+                return InjectionResult(
+                    event_types.FaultEvent("the process is killed", fault="kill"), standing="kill"
+                )
             case Remove() | Friction() | Bump() | Heavier() | Larger():
                 return self._befall(fault, state)
             case _:
                 width = self._hardware.gripper.read().width
                 self._hardware.afflict(n, fault)
                 said = start_sentence(fault, width)
-                event = FaultEvent(said, fault=fault.name, extra=record_details(fault))
+                event = event_types.FaultEvent(said, fault=fault.name, extra=record_details(fault))
                 return InjectionResult(event, standing=fault.name)
 
     def _befall(self, fault: ItemFault, state: FaultState) -> InjectionResult:
         name = fault.name
         body = choose_target(self._hardware, fault.target, state.node, self._object_place)
         if body is None:
-            return InjectionResult(FaultEvent(f"{name}: no item fits", fault=name, extra=NO_ITEM))
+            return InjectionResult(event_types.FaultEvent(f"{name}: no item fits", fault=name, extra=NO_ITEM))
         message = apply_item_fault(fault, body, self._hardware)
-        event = FaultEvent(message or "", fault=name, item=body.id, extra=item_fault_details(fault, body))
+        event = event_types.FaultEvent(
+            message or "", fault=name, item=body.id, extra=item_fault_details(fault, body)
+        )
         if message is None:
             event = replace(event, message=f"{body.id} waits for room to be larger", waits=True)
         return InjectionResult(event)
@@ -535,7 +536,9 @@ class FaultInjector:
     def _obstruct(self, fault: Obstacle, state: FaultState) -> InjectionResult:
         """Add the obstacle, or wait until its place is free."""
         body = fault.body
-        event = FaultEvent("", fault="obstacle", obstacle=body.id, extra={"at": body.pose.position})
+        event = event_types.FaultEvent(
+            "", fault="obstacle", obstacle=body.id, extra={"at": body.pose.position}
+        )
         if state.standing:  # what it put there before
             return InjectionResult(replace(event, waits=True))
         if not self._hardware.room_for(body):
@@ -548,7 +551,7 @@ class FaultInjector:
 
     def _appear(self, fault: Appear) -> InjectionResult:
         what = f"a {fault.colour} {fault.kind}"
-        event = FaultEvent("", fault="appear", extra={"kind": fault.kind, "colour": fault.colour})
+        event = event_types.FaultEvent("", fault="appear", extra={"kind": fault.kind, "colour": fault.colour})
         x, y = fault.place
         try:
             name = self._hardware.appear(fault.kind, fault.colour, fault.place, fault.yaw)
@@ -562,7 +565,9 @@ class FaultInjector:
         return InjectionResult(replace(event, message=message, item=name))
 
     def _slip(self, fault: Slip) -> InjectionResult:
-        event = FaultEvent("", fault="slip", extra={"friction": fault.friction, "lasts": fault.lasts})
+        event = event_types.FaultEvent(
+            "", fault="slip", extra={"friction": fault.friction, "lasts": fault.lasts}
+        )
         item = self._hardware.in_hand()
         if item is None:  # it waits for something to be held
             return InjectionResult(replace(event, waits=True))
@@ -578,9 +583,9 @@ class FaultInjector:
         path = None if tree is None else tree.acting(state.node)
         if tree is None or path is None:
             message = f"{name}: the node had ended before"
-            return InjectionResult(FaultEvent(message, fault=name, extra={"skill": None}))
+            return InjectionResult(event_types.FaultEvent(message, fault=name, extra={"skill": None}))
         if not path:
-            return InjectionResult(FaultEvent("", fault=name, waits=True))
+            return InjectionResult(event_types.FaultEvent("", fault=name, waits=True))
         tree.stand_in(path, _fault_generator(fault))
         return _program_fault_result(fault, path)
 
@@ -616,7 +621,7 @@ def new_states(
 def _program_fault_result(fault: Hang | Raise, path: str) -> InjectionResult:
     name = path.rsplit("/", 1)[-1]
     does = "hangs" if isinstance(fault, Hang) else "raises an exception"
-    return InjectionResult(FaultEvent(f"the code of {name} {does}", fault=fault.name, skill=path))
+    return InjectionResult(event_types.FaultEvent(f"the code of {name} {does}", fault=fault.name, skill=path))
 
 
 def _fault_generator(fault: Hang | Raise) -> Callable[[], Generator[None, None, None]]:

@@ -6,16 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..files.errors import CheckedFile, FileError, Location, PicktreeError
-from ..files.value_wording import describe, suggest_name
-from ..files.yaml.document import Document, read_document
-from ..files.yaml.document_checker import DocumentChecker
-from ..world.causes import all_causes
-from ..world.robot_model.description import RobotDescription
-from ..world.robot_model.robot_file import load_robot
-from ..world.scene.description import SceneDescription
-from ..world.scene.scene_entries import check_unknown
-from ..world.scene.scene_loading import load_scene
+from picktree.files import CheckedFile, FileError, Location, PicktreeError, describe, suggest_name
+from picktree.files.yaml import Document, DocumentChecker, read_document
+from picktree.world import all_causes
+from picktree.world.robot_model import RobotDescription, load_robot
+from picktree.world.scene import SceneDescription, check_unknown, load_scene
+
 from .fault_entries import (
     ALLOWED_KEYS,
     OWN_KEYS,

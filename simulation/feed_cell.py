@@ -14,10 +14,10 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from ..robot.planning.collision_checker import robot_geometry
-from ..world.journal import JournalEvent
-from ..world.robot_model.model import RobotModel
-from ..world.values import Array, ObjectId
+from picktree.robot.planning import robot_geometry
+from picktree.world import Array, JournalEvent, ObjectId
+from picktree.world.robot_model import RobotModel
+
 from .spawn import SpawnedItem
 from .truth import TrueBody
 

@@ -9,14 +9,10 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-from ..files.errors import PicktreeError
-from ..world.events import BinExchangedEvent, DeliveryEvent
-from ..world.journal import JournalEvent
-from ..world.protocols import FeedSignals
-from ..world.random_streams import RandomStreams
-from ..world.scene.description import AtIntervals, AtTimes, Bin, Delivery, SceneDescription, WhenClear
-from ..world.scene.feed_loading import reach
-from ..world.values import Array, ObjectId, Quaternion
+from picktree.files import PicktreeError
+from picktree.world import Array, FeedSignals, JournalEvent, ObjectId, Quaternion, RandomStreams, event_types
+from picktree.world.scene import AtIntervals, AtTimes, Bin, Delivery, SceneDescription, WhenClear, reach
+
 from .belt_feed import BeltDrive, BeltFeed, BeltFeedState
 from .feed_cell import CELL_CHECK_INTERVAL, FeedCell, ItemSource, Zone
 from .footprints import footprint, support_height
@@ -250,7 +246,7 @@ class TableFeed:
         number = self._state.loads
         message = f"{_count_phrase(items)} set down" + (f", {waiting} more found no room" if waiting else "")
         self._events.append(
-            DeliveryEvent(message, feed=self._number, number=number, items=items, waiting=waiting)
+            event_types.DeliveryEvent(message, feed=self._number, number=number, items=items, waiting=waiting)
         )
 
 
@@ -332,7 +328,9 @@ class ToteFeed:
         )
         message = f"{self.tote} comes with {len(load)} item{'s' if len(load) > 1 else ''}"
         self._events.append(
-            DeliveryEvent(message, feed=self._number, number=state.loads + 1, items=len(load), waiting=0)
+            event_types.DeliveryEvent(
+                message, feed=self._number, number=state.loads + 1, items=len(load), waiting=0
+            )
         )
         return True
 
@@ -446,7 +444,9 @@ class BinExchange:
         tote = self._totes.get(each.id)
         other = "a full" if tote is not None and tote.fill() else "an empty"
         message = f"{each.id} is exchanged for {other} one, with {_counted(len(inside))} in it"
-        self._events.append(BinExchangedEvent(message, bin=each.id, items=len(inside), number=number))
+        self._events.append(
+            event_types.BinExchangedEvent(message, bin=each.id, items=len(inside), number=number)
+        )
 
 
 def goes_with(each: Bin, body: TrueBody) -> bool:

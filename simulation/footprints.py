@@ -9,9 +9,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ..world.scene.description import Fixture
-from ..world.shapes import Box, Cylinder, Shape, Sphere, bottom, corners, top
-from ..world.values import Array, Pose, Quaternion
+from picktree.world import Array, Box, Cylinder, Pose, Quaternion, Shape, Sphere, bottom, corners, top
+from picktree.world.scene import Fixture
 
 Point: TypeAlias = tuple[float, float]
 FLOOR_DEPTH = 0.75

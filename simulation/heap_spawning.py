@@ -13,13 +13,26 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files.disk_cache import cached_arrays
-from ..files.errors import PicktreeError
-from ..world import convex_decomposition, mesh_reader
-from ..world.convex_decomposition import as_arrays, body_of, centre_and_spread, from_arrays, moments
-from ..world.heaps import PILE_RIM, HeapRegion
-from ..world.mesh_reader import MeshError, parse_groups
-from ..world.scene.description import (
+from picktree.files import PicktreeError, disk_cache
+from picktree.world import (
+    Array,
+    Box,
+    ConvexMesh,
+    ObjectId,
+    Pose,
+    Quaternion,
+    Shape,
+    bottom,
+    convex_decomposition,
+    convex_hull,
+    corners,
+    half_spaces,
+    heap_geometry,
+    mesh_reader,
+    top,
+)
+from picktree.world import convex_parts as convex_parts_of
+from picktree.world.scene import (
     ASSORTMENT,
     MESH_SETS,
     Assortment,
@@ -28,9 +41,7 @@ from ..world.scene.description import (
     SceneDescription,
     Spawn,
 )
-from ..world.shapes import Box, ConvexMesh, Shape, bottom, convex_hull, corners, half_spaces, top
-from ..world.shapes import convex_parts as convex_parts_of
-from ..world.values import Array, ObjectId, Pose, Quaternion
+
 from .footprints import support_height
 
 MIN_THICKNESS = 0.002
@@ -127,11 +138,11 @@ def read_thing(file: Path, assortment: Assortment) -> Thing:
     side = assortment.tag_size if assortment.tags else 0.0
     key = (raw, repr(assortment.scale), repr(side))
     makers = (Path(__file__), convex_decomposition, mesh_reader, "numpy", "scipy", "trimesh")
-    solid = cached_arrays("thing", key, makers, lambda: _solid(file, raw, assortment.scale, side))
+    solid = disk_cache.cached_arrays("thing", key, makers, lambda: _solid(file, raw, assortment.scale, side))
     volume, stickers, shape = (
         float(solid["volume"]),
         solid["stickers"],
-        from_arrays(solid, str(file), assortment.scale),
+        convex_decomposition.from_arrays(solid, str(file), assortment.scale),
     )
     entry = CatalogueEntry("unknown", "mesh", shape, volume * assortment.density, assortment.friction)
     poses = tuple(Pose.from_rotation(tuple(m[:3, 3]), m[:3, :3]) for m in stickers)
@@ -145,15 +156,15 @@ def _solid(file: Path, raw: bytes, scale: float, side: float) -> dict[str, Array
     of tags with that side; 0: there are none.
     """
     try:
-        parts = [points * scale for points in parse_groups(raw)]
-    except MeshError as error:
+        parts = [points * scale for points in mesh_reader.parse_groups(raw)]
+    except mesh_reader.MeshError as error:
         raise PicktreeError(f"{file}: {error}") from None
     if any(np.linalg.matrix_rank(part - part.mean(axis=0), tol=1e-6) < 3 for part in parts):
         raise PicktreeError(f"{file}: the mesh is broken: a part has no volume")
-    volume = sum(moments(part)[0] for part in parts)
-    body = body_of(parts, str(file), scale)
+    volume = sum(convex_decomposition.moments(part)[0] for part in parts)
+    body = convex_decomposition.body_of(parts, str(file), scale)
     about = [np.array(part.vertices) for part in convex_parts_of(body)]
-    _, spread = centre_and_spread(about)
+    _, spread = convex_decomposition.centre_and_spread(about)
     _, axes = np.linalg.eigh(spread)
     thin = float(np.ptp(np.array(body.vertices) @ axes, axis=0).min())
     if thin < MIN_THICKNESS:
@@ -161,7 +172,11 @@ def _solid(file: Path, raw: bytes, scale: float, side: float) -> dict[str, Array
             f"{file}: the mesh is {thin * 1000:.1f} mm thick; at least {MIN_THICKNESS * 1000:.0f} mm are "
             "wanted, the engine's margin: give a greater 'scale'"
         )
-    return {**as_arrays(body), "volume": np.array(volume), "stickers": _stickers(about, side)}
+    return {
+        **convex_decomposition.as_arrays(body),
+        "volume": np.array(volume),
+        "stickers": _stickers(about, side),
+    }
 
 
 MAX_STICKERS = 8
@@ -272,7 +287,7 @@ def _place(scene: SceneDescription, spawn: Spawn, where: str) -> tuple[Pose, tup
 
 
 def check_contained(
-    region: HeapRegion, lying: Iterable[tuple[ObjectId, CatalogueEntry, Pose]], where: str
+    region: heap_geometry.HeapRegion, lying: Iterable[tuple[ObjectId, CatalogueEntry, Pose]], where: str
 ) -> None:
     """Raise PicktreeError when items lie outside of their tote or pile, or far above the rim of a tote."""
     x_end, y_end = region.size[0] - region.wall, region.size[1] - region.wall
@@ -292,8 +307,8 @@ def check_contained(
     if out:
         raise PicktreeError(
             f"{where}: {len(out)} of {count} items roll or slide out of the area with its rim of "
-            f"{PILE_RIM * 1000:.0f} mm ({', '.join(out[:4])}); ask for fewer or flatter items, another seed, "
-            "or a larger area"
+            f"{heap_geometry.PILE_RIM * 1000:.0f} mm ({', '.join(out[:4])}); "
+            "ask for fewer or flatter items, another seed, or a larger area"
         )
 
 

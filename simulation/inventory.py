@@ -9,9 +9,9 @@ from typing import Annotated, Any, TypeAlias, cast
 
 from pydantic import BeforeValidator
 
-from ..world.scene.description import CatalogueEntry, SceneDescription
-from ..world.shapes import ConvexMesh, Shape, scaled
-from ..world.values import ObjectId, Pose
+from picktree.world import ConvexMesh, ObjectId, Pose, Shape, scaled
+from picktree.world.scene import CatalogueEntry, SceneDescription
+
 from .heap_spawning import Stickers, mesh_files, read_thing
 from .spawn import SpawnedItem, item_id, item_number
 from .truth import TrueBody

@@ -11,12 +11,11 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from ..robot.planning.collision_checker import robot_geometry
-from ..robot.planning.collision_model import CoalShapes
-from ..world.robot_model.model import RobotModel
-from ..world.scene.description import Fixture
-from ..world.shapes import Shape
-from ..world.values import Array, ObjectId, Pose
+from picktree.robot.planning import CoalShapes, robot_geometry
+from picktree.world import Array, ObjectId, Pose, Shape
+from picktree.world.robot_model import RobotModel
+from picktree.world.scene import Fixture
+
 from .truth import TrueObstacle
 
 MIN_OBSTACLE_CLEARANCE = 0.01

@@ -8,11 +8,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
-from ..files.expressions import Expression
-from ..world.scene.description import Bin, Delivery, Form, SceneDescription
-from ..world.scene.destinations import destination_rule, is_at
-from ..world.shapes import bottom
-from ..world.values import ObjectId
+from picktree.files import Expression
+from picktree.world import ObjectId, bottom
+from picktree.world.scene import Bin, Delivery, Form, SceneDescription, destinations
+
 from .truth import HoleSeating, TrueBody
 
 Verdict: TypeAlias = Literal["sorted", "misplaced", "left", "no destination"]
@@ -105,7 +104,7 @@ def score(truth: Iterable[TrueBody], scene: SceneDescription) -> Score:
     is a fixture, any of its holes is right. An item inside a wall is misplaced.
     """
     truth = tuple(truth)
-    destination = destination_rule(scene.destinations)
+    destination = destinations.destination_rule(scene.destinations)
     items = tuple(_item_score(body, destination(body), scene.bins) for body in truth)
     by_form: dict[str, FormScore] = {}
     for form in dict.fromkeys(item.form for item in items):
@@ -154,7 +153,9 @@ def _score_in_hole(body: TrueBody, seat: HoleSeating, destination: ObjectId | No
     if seat.penetration > MAX_PENETRATION:
         verdict = "misplaced"
     elif within is not None:
-        verdict = "misplaced" if destination is None or not is_at(within, destination) else "sorted"
+        verdict = (
+            "misplaced" if destination is None or not destinations.is_at(within, destination) else "sorted"
+        )
     elif destination is None:
         verdict = "no destination"
     if verdict == "misplaced" and not reason:

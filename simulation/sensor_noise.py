@@ -10,10 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..world.colours import ITEM_COLOURS, Rgb
-from ..world.random_streams import RandomStreams
-from ..world.scene.description import CameraDescription, SensorNoise
-from ..world.values import Array, Quaternion, rotated
+from picktree.world import ITEM_COLOURS, Array, Quaternion, RandomStreams, Rgb, rotated
+from picktree.world.scene import CameraDescription, SensorNoise
 
 MIN_COLOUR_SATURATION, MIN_COLOUR_BRIGHTNESS = 0.4, 0.08
 """Least saturation, and least brightness, of a pixel that counts as coloured; both 0 … 1."""

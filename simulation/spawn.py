@@ -10,11 +10,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..files.errors import PicktreeError
-from ..world.random_streams import RandomStreams
-from ..world.scene.description import NO_UNCERTAINTY, CatalogueEntry, Fixture, SceneDescription, Spawn
-from ..world.shapes import Cylinder, Shape, Sphere, bottom, scaled
-from ..world.values import Array, ObjectId, Pose, Quaternion, quaternion_product
+from picktree.files import PicktreeError
+from picktree.world import (
+    Array,
+    Cylinder,
+    ObjectId,
+    Pose,
+    Quaternion,
+    RandomStreams,
+    Shape,
+    Sphere,
+    bottom,
+    quaternion_product,
+    scaled,
+)
+from picktree.world.scene import NO_UNCERTAINTY, CatalogueEntry, Fixture, SceneDescription, Spawn
+
 from .footprints import Footprint, distance, footprint, support_height
 from .heap_spawning import Stickers, draw_entries, pour_poses, upright_turn
 

@@ -6,10 +6,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ..world.holes import fits_hole
-from ..world.scene.description import CatalogueEntry, Fixture, Form, Hole
-from ..world.shapes import Box, Shape, Sphere, bottom, greatest_length
-from ..world.values import ObjectId, Pose, Vector3
+from picktree.world import Box, ObjectId, Pose, Shape, Sphere, Vector3, bottom, greatest_length, hole_geometry
+from picktree.world.scene import CatalogueEntry, Fixture, Form, Hole
 
 MAX_STANDING_DEPTH = 0.001
 """Depth below a board's top face up to which an item stands on it, m."""
@@ -78,7 +76,7 @@ def _seat(hole: Hole, shape: Shape, item_in_board: Pose) -> HoleSeating:
         math.acos(upright),
         math.hypot(x, y),
         over,
-        fits_hole(hole, shape),
+        hole_geometry.fits_hole(hole, shape),
     )
 
 

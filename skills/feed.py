@@ -5,18 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..robot.manipulation.bin_belief import apply_bin_exchanges, bin_fill_level, forget_belt_items
-from ..trees.flow import LeafFlow
-from ..trees.ports import In, port
-from ..trees.skill import Doing, Skill, Steps
-from ..world.causes import Failure, feed
-from ..world.causes import world as world_causes
-from ..world.scene.description import Bin
-from ..world.values import ObjectId
+from picktree.robot.manipulation import bin_belief
+from picktree.trees import Doing, In, Skill, Steps, control_flow, port
+from picktree.world import Failure, ObjectId, feed
+from picktree.world import world as world_causes
+from picktree.world.scene import Bin
 
 if TYPE_CHECKING:
-    from ..robot.world import World
-    from ..world.protocols import FeedSignals
+    from picktree.robot import World
+    from picktree.world import FeedSignals
 
 
 @dataclass
@@ -64,7 +61,7 @@ class AwaitItems(Skill):
         began, arm = world.clock.now, _Obstruction(self.clearance)
         asked = False
         while True:
-            apply_bin_exchanges(world, self.path)
+            bin_belief.apply_bin_exchanges(world, self.path)
             signals, waited = world.feed.read(), world.clock.now - began
             if signals.deliveries > world.noticed.deliveries:
                 world.noticed.deliveries = signals.deliveries
@@ -73,7 +70,7 @@ class AwaitItems(Skill):
                 return
             if not asked:
                 world.feed.ready()
-                forget_belt_items(world)
+                bin_belief.forget_belt_items(world)
                 asked = True
             if arm.obstructs_for_long(signals, world.clock.now):
                 raise Failure(
@@ -103,7 +100,7 @@ class ExchangeBin(Skill):
     item in the hand: nobody reaches below it.
     """
 
-    flow = LeafFlow(empties=("bin", "fill"))
+    flow = control_flow.LeafFlow(empties=("bin", "fill"))
     example = """
     ExchangeBin: {bin: red_bin, fill: 0.6}
     """
@@ -126,9 +123,9 @@ class ExchangeBin(Skill):
 
     def run(self, world: World) -> Steps:
         bin_ = self._bin(world)
-        if self.bin in apply_bin_exchanges(world, self.path):
+        if self.bin in bin_belief.apply_bin_exchanges(world, self.path):
             return  # at an earlier request, for which nobody waited to the end
-        full = bin_fill_level(world, bin_)
+        full = bin_belief.bin_fill_level(world, bin_)
         if full < self.level:
             self.feedback_message = f"{self.bin} is {full:.0%} full"
             return
@@ -147,7 +144,7 @@ class ExchangeBin(Skill):
         began, arm = world.clock.now, _Obstruction(self.clearance)
         while True:
             yield
-            if self.bin in apply_bin_exchanges(world, self.path):
+            if self.bin in bin_belief.apply_bin_exchanges(world, self.path):
                 return
             signals, waited = world.feed.read(), world.clock.now - began
             if arm.obstructs_for_long(signals, world.clock.now):

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..robot.manipulation.replanning import follow_with_replanning
-from ..robot.planning.requests import NamedGoal
-from ..trees.ports import In, port
-from ..trees.skill import ARM, Skill, Steps
-from ..world.causes import control, planning, safety
+from picktree.robot.manipulation import follow_with_replanning
+from picktree.robot.planning import NamedGoal
+from picktree.trees import ARM, In, Skill, Steps, port
+from picktree.world import control, planning, safety
 
 if TYPE_CHECKING:
-    from ..robot.world import World
+    from picktree.robot import World
 
 
 class GoTo(Skill):

@@ -4,23 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..robot.manipulation.held_object import is_in_hand
-from ..robot.manipulation.object_pick import (
-    LostGrasp,
-    PickTask,
-    approach_object,
-    close_on_object,
-    lift_object,
-    relocate_object,
-)
-from ..trees.ports import In, port
-from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
-from ..world.causes import control, grasp, perception, planning, safety
-from ..world.causes import world as world_causes
-from ..world.values import ObjectId
+from picktree.robot.manipulation import held_object, object_pick
+from picktree.trees import ARM, GRIPPER, Doing, In, Skill, Steps, port
+from picktree.world import ObjectId, control, grasp, perception, planning, safety
+from picktree.world import world as world_causes
 
 if TYPE_CHECKING:
-    from ..robot.world import World
+    from picktree.robot import World
 
 
 class Grasp(Skill):
@@ -77,17 +67,22 @@ class Grasp(Skill):
 
     def run(self, world: World) -> Steps:
         world.handover.drop()
-        if (yield from is_in_hand(world, self.object, self.path)):
+        if (yield from held_object.is_in_hand(world, self.object, self.path)):
             return
-        task = PickTask(self.object, self.path, self.force, self.speed, self.onward, self.servo)
+        task = object_pick.PickTask(self.object, self.path, self.force, self.speed, self.onward, self.servo)
         lost = yield from self._pick(world, task)
-        if lost is not None and (again := (yield from relocate_object(world, task, lost))) is not None:
+        if (
+            lost is not None
+            and (again := (yield from object_pick.relocate_object(world, task, lost))) is not None
+        ):
             lost = yield from self._pick(world, again, firmer=lost.gripped)
         if lost is not None:
             raise lost.failure
 
-    def _pick(self, world: World, task: PickTask, *, firmer: bool = False) -> Doing[LostGrasp | None]:
+    def _pick(
+        self, world: World, task: object_pick.PickTask, *, firmer: bool = False
+    ) -> Doing[object_pick.LostGrasp | None]:
         """Pick with the best remaining candidate. None: the object is lifted and held."""
-        approached = yield from approach_object(world, task)
-        grip = yield from close_on_object(world, task, approached, firmer=firmer)
-        return (yield from lift_object(world, task, grip))
+        approached = yield from object_pick.approach_object(world, task)
+        grip = yield from object_pick.close_on_object(world, task, approached, firmer=firmer)
+        return (yield from object_pick.lift_object(world, task, grip))

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..robot.manipulation.held_object import open_gripper
-from ..trees.ports import In, Out, port
-from ..trees.skill import GRIPPER, Skill, Steps
-from ..world.causes import control
+from picktree.robot.manipulation import held_object
+from picktree.trees import GRIPPER, In, Out, Skill, Steps, port
+from picktree.world import control
 
 if TYPE_CHECKING:
-    from ..robot.world import World
+    from picktree.robot import World
 
 
 class OpenGripper(Skill):
@@ -28,7 +27,7 @@ class OpenGripper(Skill):
     hand_after = "empty"
 
     def run(self, world: World) -> Steps:
-        yield from open_gripper(world, "let go by OpenGripper", self.width or None)
+        yield from held_object.open_gripper(world, "let go by OpenGripper", self.width or None)
 
 
 class CloseGripper(Skill):

@@ -4,24 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-from ..robot.control.peg_insertion import InsertionParameters
-from ..robot.manipulation.held_object import check_held_object, confirm_release
-from ..robot.manipulation.insertion import (
-    choose_hole,
-    explain_missed_insertion,
-    insert_by_contact,
-    move_over_hole,
-)
-from ..robot.manipulation.pick_place_motions import withdraw
-from ..trees.ports import In, port
-from ..trees.skill import ARM, GRIPPER, Skill, Steps
-from ..world.causes import control, grasp, insert, place, planning, safety
-from ..world.causes import world as world_causes
-from ..world.events import ItemDoneEvent
-from ..world.values import ObjectId
+from picktree.robot.control import InsertionParameters
+from picktree.robot.manipulation import held_object, insertion, withdraw
+from picktree.trees import ARM, GRIPPER, In, Skill, Steps, port
+from picktree.world import ObjectId, control, event_types, grasp, insert, place, planning, safety
+from picktree.world import world as world_causes
 
 if TYPE_CHECKING:
-    from ..robot.world import World
+    from picktree.robot import World
 
 
 class Insert(Skill):
@@ -88,24 +78,24 @@ class Insert(Skill):
 
     def run(self, world: World) -> Steps:
         world.handover.drop()
-        held, _ = yield from check_held_object(world, self.object)
-        task = yield from choose_hole(world, held, self.into, self.path)
-        yield from move_over_hole(world, self.object, task, self.speed, self.path)
-        held, _ = yield from check_held_object(world, self.object)
+        held, _ = yield from held_object.check_held_object(world, self.object)
+        task = yield from insertion.choose_hole(world, held, self.into, self.path)
+        yield from insertion.move_over_hole(world, self.object, task, self.speed, self.path)
+        held, _ = yield from held_object.check_held_object(world, self.object)
         hanging = world.control.load()
         touch = InsertionParameters(
             press=self.press, push=self.force, pitch=self.pitch, attempts=self.attempts
         )
         depth = self.depth or task.hole.depth
-        result = yield from insert_by_contact(
+        result = yield from insertion.insert_by_contact(
             world, held, task, self.search, touch, self.grip, depth, self.path
         )
         if not result.inserted:
-            raise (yield from explain_missed_insertion(world, self.object, task, result))
+            raise (yield from insertion.explain_missed_insertion(world, self.object, task, result))
         yield from withdraw(world, self.path)
-        yield from confirm_release(world, held, hanging, insert.MISSED, hole=task.hole.id)
+        yield from held_object.confirm_release(world, held, hanging, insert.MISSED, hole=task.hole.id)
         world.journal.note(
-            ItemDoneEvent(
+            event_types.ItemDoneEvent(
                 f"{held.id} inserted into {task.hole.id}",
                 self.path,
                 object=held.id,

@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Literal, cast
 
-from ..files.errors import PicktreeError
-from ..robot.control.commands import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Twist
-from ..trees.ports import In, Out, PortProblem, PortValues, port
-from ..trees.skill import ARM, Skill, Steps
-from ..world.causes import control, planning, safety
-from ..world.causes import world as world_causes
+from picktree.files import PicktreeError
+from picktree.robot.control import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Twist
+from picktree.trees import ARM, In, Out, PortProblem, PortValues, Skill, Steps, port
+from picktree.world import control, planning, safety
+from picktree.world import world as world_causes
 
 if TYPE_CHECKING:
-    from ..robot.world import World
-    from ..world.values import Vector3
+    from picktree.robot import World
+    from picktree.world import Vector3
 
 
 class Jog(Skill):

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..robot.manipulation.bin_belief import apply_bin_exchanges
-from ..robot.manipulation.travel_time import travel_order
-from ..trees.flow import LeafFlow
-from ..trees.ports import In, Out, port
-from ..trees.skill import ARM, CAMERA, Skill, Steps
-from ..world.causes import Failure, control, grasp, perception, planning, safety
-from ..world.causes import world as world_causes
-from ..world.values import ObjectId
+from picktree.robot.manipulation import bin_belief, travel_order
+from picktree.trees import ARM, CAMERA, In, Out, Skill, Steps, control_flow, port
+from picktree.world import Failure, ObjectId, control, grasp, perception, planning, safety
+from picktree.world import world as world_causes
 
 if TYPE_CHECKING:
-    from ..robot.world import World
+    from picktree.robot import World
 
 
 class Observe(Skill):
@@ -24,7 +20,7 @@ class Observe(Skill):
     keeps the travel of the empty hand short.
     """
 
-    flow = LeafFlow(fails_with="expect")
+    flow = control_flow.LeafFlow(fails_with="expect")
     example = """
     Observe: {camera: overhead, objects: "{items}"}
     """
@@ -41,7 +37,7 @@ class Observe(Skill):
 
     def run(self, world: World) -> Steps:
         yield from world.control.settle()
-        apply_bin_exchanges(world, self.path)
+        bin_belief.apply_bin_exchanges(world, self.path)
         world.noticed.deliveries = world.feed.read().deliveries
         summary = yield from world.vision.look(self.camera)
         for gone in summary.removed:
@@ -98,7 +94,7 @@ class Present(Skill):
 
     def run(self, world: World) -> Steps:
         # Perception of what is held is slow to load, and a check does without.
-        from ..robot.manipulation.presentation import PresentTask, present
+        from picktree.robot.manipulation import PresentTask, present
 
         world.handover.drop()
         yield from world.move.rest()

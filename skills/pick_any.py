@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..trees.ports import In, Out, port
-from ..trees.skill import ARM, CAMERA, GRIPPER, Skill, Steps
-from ..world.causes import control, grasp, perception, planning, safety
-from ..world.causes import world as world_causes
-from ..world.values import ObjectId
+from picktree.trees import ARM, CAMERA, GRIPPER, In, Out, Skill, Steps, port
+from picktree.world import ObjectId, control, grasp, perception, planning, safety
+from picktree.world import world as world_causes
 
 if TYPE_CHECKING:
-    from ..robot.world import World
+    from picktree.robot import World
 
 
 class PickAny(Skill):
@@ -54,10 +52,10 @@ class PickAny(Skill):
 
     def run(self, world: World) -> Steps:
         # OpenCV, which the search among grasps takes, is slow to load, and a check does without.
-        from ..robot.manipulation.heap_pick import HeapPickTask, pick_any, thing_in_hand
+        from picktree.robot.manipulation import heap_pick
 
         world.handover.drop()
         yield from world.move.rest()
-        task = HeapPickTask(self.tote, self.path, self.camera, self.force, self.speed)
-        held = yield from thing_in_hand(world)
-        self.thing = held or (yield from pick_any(world, task, self.attempts))
+        task = heap_pick.HeapPickTask(self.tote, self.path, self.camera, self.force, self.speed)
+        held = yield from heap_pick.thing_in_hand(world)
+        self.thing = held or (yield from heap_pick.pick_any(world, task, self.attempts))

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, cast
 
-from ..robot.manipulation.bin_belief import apply_bin_exchanges
-from ..robot.manipulation.held_object import PUT_BACK
-from ..robot.manipulation.object_placement import PlaceTask, carry_to_place, lower_and_release
-from ..trees.ports import In, PortProblem, PortValues, port
-from ..trees.skill import ARM, GRIPPER, Skill, Steps
-from ..world.causes import control, grasp, place, planning, safety
-from ..world.causes import world as world_causes
-from ..world.events import ItemDoneEvent, PutDownEvent
-from ..world.values import ObjectId
+from picktree.robot.manipulation import bin_belief, held_object, object_placement
+from picktree.trees import ARM, GRIPPER, In, PortProblem, PortValues, Skill, Steps, port
+from picktree.world import ObjectId, control, event_types, grasp, place, planning, safety
+from picktree.world import world as world_causes
 
 if TYPE_CHECKING:
-    from ..robot.world import World
+    from picktree.robot import World
 
 
 class Place(Skill):
@@ -67,17 +62,17 @@ class Place(Skill):
         return ()
 
     def run(self, world: World) -> Steps:
-        apply_bin_exchanges(world, self.path)
-        task = PlaceTask(self.object, self.path, self.into, tuple(self.at), self.speed)
-        spot = yield from carry_to_place(world, task)
-        held = yield from lower_and_release(world, task, spot)
+        bin_belief.apply_bin_exchanges(world, self.path)
+        task = object_placement.PlaceTask(self.object, self.path, self.into, tuple(self.at), self.speed)
+        spot = yield from object_placement.carry_to_place(world, task)
+        held = yield from object_placement.lower_and_release(world, task, spot)
         if self.into in world.scene.regions:
-            world.scene.remove(held.id, PUT_BACK)
+            world.scene.remove(held.id, held_object.PUT_BACK)
             told = f"{held.id} is put back into {self.into}"
-            world.journal.note(PutDownEvent(told, self.path, object=held.id))
+            world.journal.note(event_types.PutDownEvent(told, self.path, object=held.id))
             return
         world.journal.note(
-            ItemDoneEvent(
+            event_types.ItemDoneEvent(
                 f"{held.id} placed {('into ' + self.into) if self.into else f'at {self.at}'}",
                 self.path,
                 object=held.id,

@@ -1,7 +1,6 @@
 """Everything that a plug-in's file needs, from one import: `from picktree.skills.plugin import Skill, port`.
 
-Names stay here when the modules behind them move. Each is imported on first use, so that a skill does not
-load what only other skills need.
+Each name is imported on first use, so that a skill does not load what only other skills need.
 """
 
 from __future__ import annotations
@@ -10,100 +9,212 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from ..robot.control.commands import Twist as Twist
-    from ..robot.control.compliant_motion import CartesianStiffness as CartesianStiffness
-    from ..robot.control.compliant_motion import CompliantMotion as CompliantMotion
-    from ..robot.control.compliant_motion import ContactState as ContactState
-    from ..robot.control.compliant_motion import GuardedMoveResult as GuardedMoveResult
-    from ..robot.control.jog_motion import JogFeedback as JogFeedback
-    from ..robot.control.jog_motion import JogResult as JogResult
-    from ..robot.planning.path_search import SearchProblem as SearchProblem
-    from ..robot.planning.requests import BoxConstraint as BoxConstraint
-    from ..robot.planning.requests import HeldObject as HeldObject
-    from ..robot.planning.requests import JointGoal as JointGoal
-    from ..robot.planning.requests import LineGoal as LineGoal
-    from ..robot.planning.requests import NamedGoal as NamedGoal
-    from ..robot.planning.requests import OffsetGoal as OffsetGoal
-    from ..robot.planning.requests import PoseGoal as PoseGoal
-    from ..robot.planning.requests import RegionGoal as RegionGoal
-    from ..robot.planning.requests import Request as Request
-    from ..robot.planning.requests import Scaling as Scaling
-    from ..robot.planning.requests import UprightConstraint as UprightConstraint
-    from ..robot.world import World as World
-    from ..trees.decorators import Decorator as Decorator
-    from ..trees.flow import NodeStatus as NodeStatus
-    from ..trees.leaves import ConditionNode as ConditionNode
-    from ..trees.node import ControlNode as ControlNode
-    from ..trees.ports import In as In
-    from ..trees.ports import Out as Out
-    from ..trees.ports import child as child
-    from ..trees.ports import children as children
-    from ..trees.ports import optional_child as optional_child
-    from ..trees.ports import port as port
-    from ..trees.ports import table as table
-    from ..trees.skill import ARM as ARM
-    from ..trees.skill import CAMERA as CAMERA
-    from ..trees.skill import GRIPPER as GRIPPER
-    from ..trees.skill import Doing as Doing
-    from ..trees.skill import Skill as Skill
-    from ..trees.skill import Steps as Steps
-    from ..world.causes import Cause as Cause
-    from ..world.causes import Failure as Failure
-    from ..world.causes import control as control
-    from ..world.causes import feed as feed
-    from ..world.causes import grasp as grasp
-    from ..world.causes import insert as insert
-    from ..world.causes import internal as internal
-    from ..world.causes import perception as perception
-    from ..world.causes import place as place
-    from ..world.causes import planning as planning
-    from ..world.causes import push as push
-    from ..world.causes import register_cause as register_cause
-    from ..world.causes import safety as safety
-    from ..world.causes import tree as tree
-    from ..world.causes import world as world
-    from ..world.planning_scene import BeliefObject as BeliefObject
-    from ..world.values import Array as Array
-    from ..world.values import ObjectId as ObjectId
-    from ..world.values import Pose as Pose
-    from ..world.values import Trajectory as Trajectory
-    from ..world.values import Wrench as Wrench
+    from picktree.robot import (
+        World as World,
+    )
+    from picktree.robot.control import (
+        CartesianStiffness as CartesianStiffness,
+    )
+    from picktree.robot.control import (
+        CompliantMotion as CompliantMotion,
+    )
+    from picktree.robot.control import (
+        ContactState as ContactState,
+    )
+    from picktree.robot.control import (
+        GuardedMoveResult as GuardedMoveResult,
+    )
+    from picktree.robot.control import (
+        JogFeedback as JogFeedback,
+    )
+    from picktree.robot.control import (
+        JogResult as JogResult,
+    )
+    from picktree.robot.control import (
+        Twist as Twist,
+    )
+    from picktree.robot.planning import (
+        BoxConstraint as BoxConstraint,
+    )
+    from picktree.robot.planning import (
+        HeldObject as HeldObject,
+    )
+    from picktree.robot.planning import (
+        JointGoal as JointGoal,
+    )
+    from picktree.robot.planning import (
+        LineGoal as LineGoal,
+    )
+    from picktree.robot.planning import (
+        NamedGoal as NamedGoal,
+    )
+    from picktree.robot.planning import (
+        OffsetGoal as OffsetGoal,
+    )
+    from picktree.robot.planning import (
+        PoseGoal as PoseGoal,
+    )
+    from picktree.robot.planning import (
+        RegionGoal as RegionGoal,
+    )
+    from picktree.robot.planning import (
+        Request as Request,
+    )
+    from picktree.robot.planning import (
+        Scaling as Scaling,
+    )
+    from picktree.robot.planning import (
+        SearchProblem as SearchProblem,
+    )
+    from picktree.robot.planning import (
+        UprightConstraint as UprightConstraint,
+    )
+    from picktree.trees import (
+        ARM as ARM,
+    )
+    from picktree.trees import (
+        CAMERA as CAMERA,
+    )
+    from picktree.trees import (
+        GRIPPER as GRIPPER,
+    )
+    from picktree.trees import (
+        ConditionNode as ConditionNode,
+    )
+    from picktree.trees import (
+        ControlNode as ControlNode,
+    )
+    from picktree.trees import (
+        Decorator as Decorator,
+    )
+    from picktree.trees import (
+        Doing as Doing,
+    )
+    from picktree.trees import (
+        In as In,
+    )
+    from picktree.trees import (
+        NodeStatus as NodeStatus,
+    )
+    from picktree.trees import (
+        Out as Out,
+    )
+    from picktree.trees import (
+        Skill as Skill,
+    )
+    from picktree.trees import (
+        Steps as Steps,
+    )
+    from picktree.trees import (
+        child as child,
+    )
+    from picktree.trees import (
+        children as children,
+    )
+    from picktree.trees import (
+        optional_child as optional_child,
+    )
+    from picktree.trees import (
+        port as port,
+    )
+    from picktree.trees import (
+        table as table,
+    )
+    from picktree.world import (
+        Array as Array,
+    )
+    from picktree.world import (
+        BeliefObject as BeliefObject,
+    )
+    from picktree.world import (
+        Cause as Cause,
+    )
+    from picktree.world import (
+        Failure as Failure,
+    )
+    from picktree.world import (
+        ObjectId as ObjectId,
+    )
+    from picktree.world import (
+        Pose as Pose,
+    )
+    from picktree.world import (
+        Trajectory as Trajectory,
+    )
+    from picktree.world import (
+        Wrench as Wrench,
+    )
+    from picktree.world import (
+        control as control,
+    )
+    from picktree.world import (
+        feed as feed,
+    )
+    from picktree.world import (
+        grasp as grasp,
+    )
+    from picktree.world import (
+        insert as insert,
+    )
+    from picktree.world import (
+        internal as internal,
+    )
+    from picktree.world import (
+        perception as perception,
+    )
+    from picktree.world import (
+        place as place,
+    )
+    from picktree.world import (
+        planning as planning,
+    )
+    from picktree.world import (
+        push as push,
+    )
+    from picktree.world import (
+        register_cause as register_cause,
+    )
+    from picktree.world import (
+        safety as safety,
+    )
+    from picktree.world import (
+        tree as tree,
+    )
+    from picktree.world import (
+        world as world,
+    )
 
 _NAMES: Final = {
-    "trees.skill": ("Skill", "Steps", "Doing", "ARM", "GRIPPER", "CAMERA"),
-    "trees.leaves": ("ConditionNode",),
-    "trees.decorators": ("Decorator",),
-    "trees.node": ("ControlNode",),
-    "trees.flow": ("NodeStatus",),
-    "trees.ports": ("In", "Out", "port", "child", "children", "optional_child", "table"),
-    "world.causes": (
-        "Cause", "Failure", "register_cause", "perception", "planning", "grasp", "place", "insert", "push",
-        "control", "safety", "world", "feed", "tree", "internal",
+    "trees": (
+        "Skill", "Steps", "Doing", "ARM", "GRIPPER", "CAMERA", "ConditionNode", "Decorator",
+        "ControlNode", "NodeStatus", "In", "Out", "port", "child", "children", "optional_child",
+        "table",
     ),
-    "robot.world": ("World",),
-    "world.planning_scene": ("BeliefObject",),
-    "world.values": ("ObjectId", "Pose", "Wrench", "Array", "Trajectory"),
-    "robot.planning.requests": (
-        "NamedGoal", "JointGoal", "PoseGoal", "RegionGoal", "LineGoal", "OffsetGoal", "UprightConstraint",
-        "BoxConstraint", "Request", "HeldObject", "Scaling",
+    "world": (
+        "Cause", "Failure", "register_cause", "perception", "planning", "grasp", "place", "insert",
+        "push", "control", "safety", "world", "feed", "tree", "internal", "BeliefObject",
+        "ObjectId", "Pose", "Wrench", "Array", "Trajectory",
     ),
-    "robot.planning.path_search": ("SearchProblem",),
-    "robot.control.compliant_motion": (
-        "CompliantMotion", "ContactState", "CartesianStiffness", "GuardedMoveResult",
+    "robot": ("World",),
+    "robot.planning": (
+        "NamedGoal", "JointGoal", "PoseGoal", "RegionGoal", "LineGoal", "OffsetGoal",
+        "UprightConstraint", "BoxConstraint", "Request", "HeldObject", "Scaling", "SearchProblem",
     ),
-    "robot.control.commands": ("Twist",),
-    "robot.control.jog_motion": ("JogFeedback", "JogResult"),
+    "robot.control": (
+        "CompliantMotion", "ContactState", "CartesianStiffness", "Twist", "GuardedMoveResult",
+        "JogFeedback", "JogResult",
+    ),
 }  # fmt: skip
-"""Names by their module."""
-_MODULES: Final = {name: module for module, names in _NAMES.items() for name in names}
+"""Names by the door that has them."""
+_DOORS: Final = {name: door for door, names in _NAMES.items() for name in names}
 
 
 def __getattr__(name: str) -> object:
     """Return what a plug-in imports. Raises AttributeError for another name."""
-    if name not in _MODULES:
+    if name not in _DOORS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"...{_MODULES[name]}", __name__), name)
+    return getattr(import_module(f"picktree.{_DOORS[name]}"), name)
 
 
 def __dir__() -> list[str]:
-    return sorted(_MODULES)
+    return sorted(_DOORS)

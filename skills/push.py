@@ -5,24 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, cast
 
-from ..robot.manipulation.closed_loop_pushing import (
-    PushTask,
-    PushTolerance,
-    check_goal,
-    check_hand_is_free,
-    make_room,
-    observe_pushed_object,
-    push_goal,
-    push_to_goal,
-)
-from ..trees.ports import In, PortProblem, PortValues, port
-from ..trees.skill import ARM, CAMERA, GRIPPER, Skill, Steps
-from ..world.causes import control, perception, planning, push, safety
-from ..world.causes import world as world_causes
-from ..world.values import ObjectId
+from picktree.robot.manipulation import closed_loop_pushing
+from picktree.trees import ARM, CAMERA, GRIPPER, In, PortProblem, PortValues, Skill, Steps, port
+from picktree.world import ObjectId, control, perception, planning, push, safety
+from picktree.world import world as world_causes
 
 if TYPE_CHECKING:
-    from ..robot.world import World
+    from picktree.robot import World
 
 
 class Push(Skill):
@@ -101,14 +90,16 @@ class Push(Skill):
 
     def run(self, world: World) -> Steps:
         world.handover.drop()
-        check_hand_is_free(world, self.object)
-        task = PushTask(self.object, self.path, self.camera, self.strokes, self.speed, self.force)
+        closed_loop_pushing.check_hand_is_free(world, self.object)
+        task = closed_loop_pushing.PushTask(
+            self.object, self.path, self.camera, self.strokes, self.speed, self.force
+        )
         if self.singulate:
-            yield from make_room(world, task)
+            yield from closed_loop_pushing.make_room(world, task)
             return
         world.scene.get(self.object)
-        belief = yield from observe_pushed_object(world, task)
-        goal = push_goal(belief, self.to, self.yaw, self.direction, self.distance)
-        check_goal(world, belief, goal)
-        tolerance = PushTolerance(self.tolerance, self.turned)
-        yield from push_to_goal(world, task, belief, goal, tolerance)
+        belief = yield from closed_loop_pushing.observe_pushed_object(world, task)
+        goal = closed_loop_pushing.push_goal(belief, self.to, self.yaw, self.direction, self.distance)
+        closed_loop_pushing.check_goal(world, belief, goal)
+        tolerance = closed_loop_pushing.PushTolerance(self.tolerance, self.turned)
+        yield from closed_loop_pushing.push_to_goal(world, task, belief, goal, tolerance)

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..trees.ports import In, port
-from ..trees.skill import ARM, CAMERA, GRIPPER, Skill, Steps
-from ..world.causes import control, perception, planning, push, safety
-from ..world.causes import world as world_causes
-from ..world.values import ObjectId
+from picktree.trees import ARM, CAMERA, GRIPPER, In, Skill, Steps, port
+from picktree.world import ObjectId, control, perception, planning, push, safety
+from picktree.world import world as world_causes
 
 if TYPE_CHECKING:
-    from ..robot.world import World
+    from picktree.robot import World
 
 
 class Stir(Skill):
@@ -47,12 +45,10 @@ class Stir(Skill):
 
     def run(self, world: World) -> Steps:
         # OpenCV, which the search among strokes takes, is slow to load, and a check does without.
-        from ..robot.manipulation.closed_loop_pushing import check_hand_is_free
-        from ..robot.manipulation.heap_pick import HeapPickTask
-        from ..robot.manipulation.heap_stirring import stir
+        from picktree.robot.manipulation import closed_loop_pushing, heap_pick, stir
 
         world.handover.drop()
-        check_hand_is_free(world, self.tote)
+        closed_loop_pushing.check_hand_is_free(world, self.tote)
         yield from world.move.rest()
-        task = HeapPickTask(self.tote, self.path, self.camera, self.force, self.speed)
+        task = heap_pick.HeapPickTask(self.tote, self.path, self.camera, self.force, self.speed)
         yield from stir(world, task, self.strokes)

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..robot.calibration.calibration_targets import CalibrationTarget, target_named
-from ..robot.calibration.observations import DetectedTile, TargetImage, Viewpoint, viewpoints
-from ..robot.planning.requests import NamedGoal, PoseGoal, Request
-from ..trees.ports import In, port
-from ..trees.skill import ARM, CAMERA, Doing, Skill, Steps
-from ..world.causes import Failure, control, perception, planning, safety
-from ..world.causes import world as world_causes
-from ..world.events import CalibrationSkippedEvent
+from picktree.robot.calibration import calibration_targets, observations
+from picktree.robot.planning import NamedGoal, PoseGoal, Request
+from picktree.trees import ARM, CAMERA, Doing, In, Skill, Steps, port
+from picktree.world import Failure, control, event_types, perception, planning, safety
+from picktree.world import world as world_causes
 
 if TYPE_CHECKING:
-    from ..robot.world import World
-    from ..world.scene.description import CameraDescription
+    from picktree.robot import World
+    from picktree.world.scene import CameraDescription
 
 PLACES_PER_VIEW = 3
 """Number of tested places for each required view: not all are within reach."""
@@ -58,7 +55,7 @@ class Survey(Skill):
     limit = 1800.0
 
     def run(self, world: World) -> Steps:
-        target = target_named(world.scene.fixtures.values(), self.target)
+        target = calibration_targets.target_named(world.scene.fixtures.values(), self.target)
         camera = next((c for c in world.description.cameras if c.name == self.camera), None)
         if camera is None:
             known = [c.name for c in world.description.cameras]
@@ -68,7 +65,9 @@ class Survey(Skill):
         else:
             yield from self._from_all_sides(world, target, camera)
 
-    def _from_afar(self, world: World, target: CalibrationTarget, camera: CameraDescription) -> Steps:
+    def _from_afar(
+        self, world: World, target: calibration_targets.CalibrationTarget, camera: CameraDescription
+    ) -> Steps:
         for pose in (name for name in LEAVE_VIEW_POSES if name in world.robot.description.named):
             plan = yield from world.plan.to(
                 NamedGoal(pose), scaling=world.handling.scaling(1.0), node=self.path
@@ -82,9 +81,13 @@ class Survey(Skill):
                     return
         raise self._unseen(target)
 
-    def _from_all_sides(self, world: World, target: CalibrationTarget, camera: CameraDescription) -> Steps:
+    def _from_all_sides(
+        self, world: World, target: calibration_targets.CalibrationTarget, camera: CameraDescription
+    ) -> Steps:
         first = yield from world.vision.shoot(self.camera)
-        offered = viewpoints(target.pose, target.size, first.image.intrinsics, PLACES_PER_VIEW * self.views)
+        offered = observations.viewpoints(
+            target.pose, target.size, first.image.intrinsics, PLACES_PER_VIEW * self.views
+        )
         found = 0
         for place in offered:
             if found == self.views:
@@ -100,7 +103,7 @@ class Survey(Skill):
         if found == 0:
             raise self._unseen(target)
 
-    def _go(self, world: World, place: Viewpoint, camera: CameraDescription) -> Doing[bool]:
+    def _go(self, world: World, place: observations.Viewpoint, camera: CameraDescription) -> Doing[bool]:
         to_tcp = camera.pose.inverse()
         failure: Failure | None = None
         for pose in place.camera_in_world:
@@ -119,43 +122,49 @@ class Survey(Skill):
         return False
 
     def _shot(
-        self, world: World, target: CalibrationTarget, camera: CameraDescription, pictures: int
-    ) -> Doing[TargetImage | None]:
+        self,
+        world: World,
+        target: calibration_targets.CalibrationTarget,
+        camera: CameraDescription,
+        pictures: int,
+    ) -> Doing[observations.TargetImage | None]:
         """Return the average of several images from here; None when they do not show the target."""
-        from ..robot.calibration.target_detection import average_tiles, detect_tiles  # needs OpenCV
+        from picktree.robot.calibration import target_detection  # needs OpenCV
 
         yield from world.control.settle()
-        seen: list[tuple[DetectedTile, ...]] = []
+        seen: list[tuple[observations.DetectedTile, ...]] = []
         taken = None
         for _ in range(pictures):
             taken = yield from world.vision.shoot(self.camera)
-            seen.append(detect_tiles(taken.image, target.tiles))
-        together = average_tiles(seen)
+            seen.append(target_detection.detect_tiles(taken.image, target.tiles))
+        together = target_detection.average_tiles(seen)
         if not together or taken is None:
             return None
         on_hand = camera.on == "hand"
-        return TargetImage(
+        return observations.TargetImage(
             self.camera, on_hand, taken.image.intrinsics, world.control.tcp, camera.pose, together
         )
 
-    def _seen(self, world: World, target: CalibrationTarget, pictures: int) -> Doing[bool]:
-        from ..robot.calibration.target_detection import detect_tiles
+    def _seen(
+        self, world: World, target: calibration_targets.CalibrationTarget, pictures: int
+    ) -> Doing[bool]:
+        from picktree.robot.calibration import target_detection
 
         yield from world.control.settle()
         for _ in range(pictures):
             taken = yield from world.vision.shoot(self.camera)
-            if detect_tiles(taken.image, target.tiles):
+            if target_detection.detect_tiles(taken.image, target.tiles):
                 return True
         return False
 
-    def _note(self, world: World, shot: TargetImage, where: str) -> None:
+    def _note(self, world: World, shot: observations.TargetImage, where: str) -> None:
         message = f"{self.camera}: {len(shot.tiles)} squares of {self.target} {where}"
         world.journal.note(shot.to_event(message, self.path))
 
     def _skip(self, world: World, message: str) -> None:
-        world.journal.note(CalibrationSkippedEvent(f"{self.camera}: {message}", self.path))
+        world.journal.note(event_types.CalibrationSkippedEvent(f"{self.camera}: {message}", self.path))
 
-    def _unseen(self, target: CalibrationTarget) -> Failure:
+    def _unseen(self, target: calibration_targets.CalibrationTarget) -> Failure:
         return Failure(
             perception.NOT_FOUND, f"{target.name} is not in any view of {self.camera}", object=target.name
         )

@@ -7,18 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..robot.calibration.calibration_targets import TouchPoint, fingertip_corners, target_named, touch_points
-from ..robot.calibration.observations import TargetTouch
-from ..robot.planning.requests import PoseGoal, Request
-from ..trees.ports import In, port
-from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
-from ..world.causes import Failure, control, grasp, planning, safety
-from ..world.causes import world as world_causes
-from ..world.events import CalibrationSkippedEvent
+from picktree.robot.calibration import calibration_targets, observations
+from picktree.robot.planning import PoseGoal, Request
+from picktree.trees import ARM, GRIPPER, Doing, In, Skill, Steps, port
+from picktree.world import Failure, control, event_types, grasp, planning, safety
+from picktree.world import world as world_causes
 
 if TYPE_CHECKING:
-    from ..robot.world import World
-    from ..world.values import Pose
+    from picktree.robot import World
+    from picktree.world import Pose
 
 APPROACH_DISTANCE = 0.03
 """Distance of the fingers from a face before the touch, m: more than the uncertainty of the target's pose."""
@@ -62,12 +59,15 @@ class TouchTarget(Skill):
     limit = 1800.0
 
     def run(self, world: World) -> Steps:
-        target = target_named(world.scene.fixtures.values(), self.target)
+        target = calibration_targets.target_named(world.scene.fixtures.values(), self.target)
         if world.scene.held is not None:
             raise Failure(grasp.NO_CANDIDATE, f"the hand is not free: it holds {world.scene.held.id}")
         width = yield from world.gripper.close(CLOSING_FORCE)
-        at_tips = fingertip_corners(world.robot, max(0.0, width))
-        ways = [touch_points(target.pose, target.size, at_tips, turned) for turned in (0.0, math.pi / 2)]
+        at_tips = calibration_targets.fingertip_corners(world.robot, max(0.0, width))
+        ways = [
+            calibration_targets.touch_points(target.pose, target.size, at_tips, turned)
+            for turned in (0.0, math.pi / 2)
+        ]
         wanted = max(ways, key=lambda way: self._room(world, way))
         found = 0
         for number, contact in enumerate(wanted):
@@ -86,7 +86,7 @@ class TouchTarget(Skill):
                 touched=found,
             )
 
-    def _room(self, world: World, way: tuple[TouchPoint, ...]) -> float:
+    def _room(self, world: World, way: tuple[calibration_targets.TouchPoint, ...]) -> float:
         """Return the least distance of the joints from their limits in touches that turn the hand by half a
         turn, rad."""
         room = math.inf
@@ -98,7 +98,9 @@ class TouchTarget(Skill):
                 room = min(room, 0.0)
         return room
 
-    def _touch(self, world: World, contact: TouchPoint, force: float) -> Doing[TargetTouch | None]:
+    def _touch(
+        self, world: World, contact: calibration_targets.TouchPoint, force: float
+    ) -> Doing[observations.TargetTouch | None]:
         """Move to the face, touch it and move back; None when that is impossible here."""
         away = np.array(contact.normal) * APPROACH_DISTANCE
         try:
@@ -114,7 +116,7 @@ class TouchTarget(Skill):
         yield from world.control.settle()
         world.control.tare()
         why = "there is nothing to be felt"
-        touch: TargetTouch | None = None
+        touch: observations.TargetTouch | None = None
         with world.scene.allow(("gripper", self.target)):
             try:
                 felt = yield from world.move.guarded(
@@ -139,17 +141,17 @@ class TouchTarget(Skill):
             self._skip(world, contact, why)
         return touch
 
-    def _felt(self, world: World, contact: TouchPoint) -> TargetTouch:
+    def _felt(self, world: World, contact: calibration_targets.TouchPoint) -> observations.TargetTouch:
         pushed = world.control.wrench_external().force
         against = float(np.dot(pushed, contact.normal))
-        return TargetTouch(contact.face, world.control.tcp, max(0.0, against), contact.name)
+        return observations.TargetTouch(contact.face, world.control.tcp, max(0.0, against), contact.name)
 
-    def _skip(self, world: World, contact: TouchPoint, why: str) -> None:
+    def _skip(self, world: World, contact: calibration_targets.TouchPoint, why: str) -> None:
         message = f"{self.target}, {contact.name}: {why}"
-        world.journal.note(CalibrationSkippedEvent(message, self.path))
+        world.journal.note(event_types.CalibrationSkippedEvent(message, self.path))
 
 
-def _before(contact: TouchPoint) -> tuple[Pose, ...]:
+def _before(contact: calibration_targets.TouchPoint) -> tuple[Pose, ...]:
     """Return the poses of the tool before a touch."""
     away = np.array(contact.normal) * APPROACH_DISTANCE
     return tuple(pose.shifted(away) for pose in contact.tcp)

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..robot.world import World
-from ..trees.declaration import Resource
-from ..trees.decorators import Decorator
-from ..trees.flow import FAILURE, IDLE, RUNNING, ChildFlow, NodeStatus
-from ..trees.ports import In, port
-from ..world.causes import Failure, perception
-from ..world.journal import Plain
+from picktree.robot import World
+from picktree.trees import Decorator, In, NodeStatus, Resource, control_flow, port
+from picktree.world import Failure, Plain, perception
 
 if TYPE_CHECKING:
-    from ..robot.vision import CapturedImage
-    from ..trees.runtime import TreeWorld
+    from picktree.robot import CapturedImage
+    from picktree.trees import TreeWorld
 
 SETTLE_TIME = 0.5
 """Time without images after a release, s: released objects fall and roll."""
@@ -35,7 +31,9 @@ class WatchScene(Decorator):
     after a release, no picture is taken.
     """
 
-    flow = ChildFlow(own={IDLE: FAILURE, RUNNING: FAILURE})
+    flow = control_flow.ChildFlow(
+        own={control_flow.IDLE: control_flow.FAILURE, control_flow.RUNNING: control_flow.FAILURE}
+    )
     example = """
     WatchScene:
       every: 250 ms

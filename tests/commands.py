@@ -32,9 +32,8 @@ from pathlib import Path
 from typing import NoReturn
 
 from picktree.__main__ import main
-from picktree.apps.batch import local_executor
+from picktree.apps.batch import die_with_parent, local_executor
 from picktree.apps.batch.job_output import flush
-from picktree.apps.batch.job_process import die_with_parent
 from picktree.apps.batch.local_executor import load, serve
 
 PATIENCE = 120.0

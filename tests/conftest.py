@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import HealthCheck, settings
 
-from picktree.files.arithmetic import restart  # picktree before numpy: it chooses numpy's kernels
+from picktree.files import restart  # picktree before numpy: it chooses numpy's kernels
 from picktree.files.disk_cache import VARIABLE
 
 from .needs import left_out

@@ -34,11 +34,9 @@ def file_of(module: str) -> Path:
 def read_doors(root: Path = ROOT) -> dict[str, dict[str, str]]:
     """Return what the stubs of all packages below the top one say."""
     doors: dict[str, dict[str, str]] = {}
-    for stub in sorted(root.glob("*/**/__init__.pyi")):
-        folder = stub.relative_to(root).parent.parts
-        if not (stub.parent / "__init__.py").exists() or folder[0] in ("tests", "links"):
-            continue
-        door = ".".join(("picktree", *folder))
+    rooms = sorted(file.parent for file in root.glob("*/__init__.py"))
+    for stub in sorted(stub for room in rooms for stub in room.rglob("__init__.pyi")):
+        door = ".".join(("picktree", *stub.relative_to(root).parent.parts))
         names = doors.setdefault(door, {})
         for node in ast.parse(stub.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.ImportFrom):

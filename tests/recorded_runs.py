@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from picktree.logs.run_result import RunResult
+    from picktree.logs import RunResult
 
     from .browser import Chromium
 
@@ -42,8 +42,7 @@ def picked(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
     """Result of a run of `one_pick` without physics; do not change its files."""
     out = tmp_path_factory.mktemp("picked")
 
-    from picktree.session.recipe import RunRequest
-    from picktree.session.session import Session
+    from picktree.session import RunRequest, Session
 
     mission = EXAMPLES / "one_pick.yaml"
     return Session(RunRequest(mission, backend="kinematic", out=out)).run()
@@ -61,8 +60,7 @@ faults:
 def troubled_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Of a run without physics in which the second item is snatched away; do not change the file."""
 
-    from picktree.session.recipe import RunRequest
-    from picktree.session.session import Session
+    from picktree.session import RunRequest, Session
 
     out = tmp_path_factory.mktemp("troubled")
     (out / "faults.yaml").write_text(TROUBLE, encoding="utf-8")

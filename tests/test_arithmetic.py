@@ -11,12 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files import arithmetic
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError, arithmetic
 
 PROBE = """
 import json
-from picktree.session.arithmetic_probe import arithmetic
+from picktree.session import arithmetic
 print(json.dumps(arithmetic().words()))
 """
 
@@ -63,7 +62,7 @@ def test_other_kernels_would_show_in_the_probe(pinned: dict[str, str]) -> None:
 def test_a_tuned_c_library_shows_in_the_probe_and_a_command_starts_again(tmp_path: Path) -> None:
     tuned = {"GLIBC_TUNABLES": "glibc.malloc.check=0:glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F"}
     assert words(**tuned)["probe of glibc"] != words()["probe of glibc"]
-    assert words("from picktree.files.arithmetic import restart\nrestart()" + PROBE, **tuned) == words()
+    assert words("from picktree.files import restart\nrestart()" + PROBE, **tuned) == words()
 
 
 def test_what_else_is_tuned_stays(monkeypatch: pytest.MonkeyPatch) -> None:

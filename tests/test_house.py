@@ -16,6 +16,7 @@ import pytest
 
 from picktree.files.file_system import rooms
 
+from . import import_contracts
 from .docstrings import docstrings
 from .rooms import PACKAGES, PROJECT, ROOMS, ROOT, modules
 
@@ -36,12 +37,46 @@ def test_doctests(name: str) -> None:
     assert result.failed == 0 < result.attempted
 
 
-def test_import_contracts() -> None:
-    linter = Path(sys.executable).with_name("lint-imports")
-    checked = subprocess.run(
-        [str(linter), "--no-logo", "--no-cache"], cwd=ROOT, capture_output=True, text=True
-    )
-    assert checked.returncode == 0, checked.stdout + checked.stderr
+def test_import_contracts(capsys: pytest.CaptureFixture[str]) -> None:
+    assert import_contracts.main() == 0, capsys.readouterr().out
+
+
+def test_a_skill_that_reaches_the_simulation_through_a_door_breaks_a_contract(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def sources(graph: grimp.ImportGraph) -> dict[str, str]:
+        found = sources_of(graph)
+        found["picktree.skills.grasp"] += "\n\ndef cheat():\n    from picktree.simulation import score\n"
+        return found
+
+    sources_of = import_contracts.sources_of
+    monkeypatch.setattr(import_contracts, "sources_of", sources)
+    assert import_contracts.main() == 1
+    said = capsys.readouterr().out
+    assert "truth is out of reach BROKEN" in said
+    assert "picktree.skills.grasp -> picktree.simulation.scorer" in said
+
+
+def test_who_is_outside_of_a_package_imports_from_its_door() -> None:
+    graph = grimp.build_graph("picktree", cache_dir=None)
+    doors = import_contracts.read_doors()
+    assert len(doors) > 30
+    assert import_contracts.ways_around_doors(graph, doors) == []
+    graph.add_import(importer="picktree.skills.grasp", imported="picktree.robot.planning.solver")
+    graph.add_import(importer="picktree.skills.grasp", imported="picktree.robot.planning.rrt_connect")
+    assert import_contracts.ways_around_doors(graph, doors) == [
+        "picktree.skills.grasp imports picktree.robot.planning.rrt_connect, behind its door",
+        "picktree.skills.grasp imports picktree.robot.planning.solver",
+    ]
+
+
+def test_every_door_has_its_names() -> None:
+    for door, names in import_contracts.read_doors().items():
+        package = importlib.import_module(door)
+        for name, module in names.items():
+            assert getattr(package, name) is not None
+            assert module in (f"{door}.{name}", *sys.modules)
+        assert package.__all__ == sorted(names)
 
 
 def test_every_list_of_packages_has_all_of_them() -> None:
@@ -60,6 +95,9 @@ def test_every_list_of_packages_has_all_of_them() -> None:
 def test_no_file_imports_itself_in_a_circle() -> None:
     """Imports in functions and for types count, too."""
     graph = grimp.build_graph("picktree", cache_dir=None)
+    import_contracts.look_through_doors(
+        graph, import_contracts.read_doors(), import_contracts.sources_of(graph)
+    )
     assert len(graph.modules) > 300
     imports = {module: graph.find_modules_directly_imported_by(module) for module in graph.modules}
     TopologicalSorter(imports).prepare()  # its CycleError names the files

@@ -14,7 +14,7 @@ import pytest
 
 from picktree.apps.studio.folder_slice import example_files
 
-from .rooms import ROOMS, ROOT
+from .rooms import PACKAGES, ROOMS, ROOT
 
 FOLDERS = (*ROOMS, "schemas")
 TOP = [*ROOT.glob("*.py"), *ROOT.glob("*.pyi"), ROOT / "py.typed"]
@@ -110,6 +110,20 @@ def elsewhere(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str
     )  # fmt: skip
     assert Path(where.stdout.strip()).is_relative_to(packages)
     return environment
+
+
+def test_every_door_of_the_wheel_opens(elsewhere: dict[str, str]) -> None:
+    program = (
+        "import importlib, pkgutil, picktree\n"
+        "doors = [one.name for one in pkgutil.walk_packages(picktree.__path__, 'picktree.') if one.ispkg]\n"
+        "names = [getattr(importlib.import_module(door), name) for door in doors\n"
+        "         for name in getattr(importlib.import_module(door), '__all__', ())]\n"
+        "print(len(doors), len(names))"
+    )
+    ran = subprocess.run([sys.executable, "-c", program], env=elsewhere, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr
+    doors, names = map(int, ran.stdout.split())
+    assert doors >= len(PACKAGES) - 1 and names > 500
 
 
 @pytest.mark.slow

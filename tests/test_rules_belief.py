@@ -10,11 +10,10 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from picktree.simulation.checkpoints import Backend
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.protocols import RgbdImage
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.values import ObjectId, Vector3
+from picktree.simulation import Backend
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.world import ObjectId, RgbdImage, Vector3
+from picktree.world.scene import load_scene
 
 from .rooms import ROOT, modules
 from .skills.cell import Cell, items, mission, sorting

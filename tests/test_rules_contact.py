@@ -9,7 +9,7 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from picktree.simulation.physics.backend import PhysicsHardware
+from picktree.simulation.physics import PhysicsHardware
 
 from .skills.cell import Cell, items, mission, sorting
 

@@ -7,16 +7,13 @@ from functools import cache
 
 import pytest
 
-from picktree.logs.records import NodeStatusRecord
-from picktree.logs.run_log import RunLog
-from picktree.logs.run_result import RunResult
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.simulation.checkpoints import Backend
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.world.causes import all_causes, cause_named, matches
-from picktree.world.events import InternalErrorEvent, RecoveryEvent
-from picktree.world.journal import JournalEvent
+from picktree.logs import RunLog, RunResult
+from picktree.logs.log_records import NodeStatusRecord
+from picktree.session import RunRequest, Session
+from picktree.simulation import Backend
+from picktree.trees.loading import NodeRegistry
+from picktree.world import JournalEvent, all_causes, cause_named, matches
+from picktree.world.event_types import InternalErrorEvent, RecoveryEvent
 
 from .skills.cell import EXAMPLES
 

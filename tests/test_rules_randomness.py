@@ -15,18 +15,14 @@ import numpy as np
 import pytest
 
 from picktree.apps.cli.debug_prompt import DebugPrompt
-from picktree.logs.run_result import RunResult
-from picktree.session.debugger import Debugger, DebuggerStop
-from picktree.session.execution import Execution
-from picktree.session.observer import Observer
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.simulation.checkpoints import Backend
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.trees.runner import TickReport
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.scene_loading import load_scene
+from picktree.logs import RunResult
+from picktree.session import Debugger, DebuggerStop, Execution, Observer, RunRequest, Session
+from picktree.simulation import Backend
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.simulation.physics import PhysicsHardware
+from picktree.trees import TickReport
+from picktree.world.robot_model import load_robot
+from picktree.world.scene import load_scene
 
 from .rooms import ROOT, modules
 from .skills.cell import EXAMPLES, Cell, items, mission, sorting
@@ -35,9 +31,9 @@ BACKENDS: tuple[Backend, ...] = ("kinematic", "physics")
 ELSEWHERE = """\
 import sys
 from pathlib import Path
-from picktree.session.execution import Execution
-from picktree.session.observer import Observer
-from picktree.session.recipe import RunRequest; from picktree.session.session import Session
+from picktree.session import Execution
+from picktree.session import Observer
+from picktree.session import RunRequest; from picktree.session import Session
 for backend in ("kinematic", "physics"):
     request = RunRequest(Path(sys.argv[1]), seed=3, out=Path(sys.argv[2]), backend=backend)
     print(Session(request).run().digest)
@@ -112,9 +108,9 @@ def test_one_seed_one_digest_in_another_process_with_another_hash_seed(
 
 PLANNED_BEFORE = """\
 import sys
-from picktree.session.arithmetic_probe import arithmetic
+from picktree.session import arithmetic
 if sys.argv[1] == "plan":
-    from picktree.robot.planning.requests import PoseGoal, Request
+    from picktree.robot.planning import PoseGoal, Request
     from tests.planning.motion_cell import Cell, Pose, np, shelf_scene
     left = Pose.from_rpy((0.6, 0.17, 0.4), (0.0, np.pi / 2, 0.0))
     Cell(shelf_scene(), verify=False).plan.solver.solve(Request(PoseGoal((left,))), 1)

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
+from picktree.session import RunRequest, Session
 from picktree.world.scene.description import Thinking
 
 from .rooms import ROOT, modules
@@ -26,7 +25,7 @@ MEASURING = {
     "session/session.py",
     "logs/recording/recorder.py",
     "logs/mcap/writer.py",
-    "session/recipe.py",
+    "session/run_recipe.py",
     "session/mission_edits.py",
     "apps/commissioning/calibration.py",
     "session/live_view.py",

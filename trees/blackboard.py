@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-from ..world.journal import Plain
-from ..world.planning_scene import PlanningScene
+from picktree.world import Plain, PlanningScene
+
 from .ports import plain_copy
 from .references import ROOT_KEY, Reference, resolve
 

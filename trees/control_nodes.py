@@ -7,7 +7,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import ClassVar, cast
 
-from ..world.causes import Failure, FailureReport, tree
+from picktree.world import Failure, FailureReport, tree
+
+from .control_flow import (
+    NEXT,
+    AtOnce,
+    Branch,
+    ChildFlow,
+    Choice,
+    CleanUp,
+    NodeStatus,
+    Pipeline,
+    Resumed,
+    Turns,
+)
 from .decorators import (
     Delay,
     ForceFailure,
@@ -25,7 +38,6 @@ from .decorators import (
     WasEntryUpdated,
 )
 from .failure_reports import decisive_report, with_attached
-from .flow import NEXT, AtOnce, Branch, ChildFlow, Choice, CleanUp, NodeStatus, Pipeline, Resumed, Turns
 from .leaves import AlwaysFailure, AlwaysSuccess, Condition, Log, Script, SetBlackboard, Sleep
 from .node import ControlNode, Node
 from .ports import In, PortProblem, PortValues, children, optional_child, port, show, table

@@ -8,9 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, cast
 
-from ..files.errors import Mark
-from ..files.expression_syntax import ExpressionError
-from ..files.expressions import (
+from picktree.files import (
     ANY,
     BOOL,
     FLOAT,
@@ -19,14 +17,16 @@ from ..files.expressions import (
     TEXT,
     WORD,
     Expression,
+    Mark,
     ValueType,
     check_types,
+    expression_syntax,
     join,
     list_of,
     type_of_value,
 )
-from ..world.journal import Plain
-from ..world.world_facts import FACTS
+from picktree.world import Plain, world_facts
+
 from .mission import MAIN, NodeSpec, TreeSpec, bottom_up
 from .ports import NameKind, PortDeclaration, accept_value
 from .references import ATTRIBUTE_TYPES, ROOT_KEY, Assignment, Constant, PortExpression, Reference
@@ -174,7 +174,7 @@ def _takes(value: ValueType, port: PortDeclaration, *, strict: bool) -> bool:
 MAX_CHAIN: Final = 60
 """How far a value is followed from key to key."""
 _PLAIN: Mapping[type, ValueType] = {bool: BOOL, int: INT, float: FLOAT, str: WORD}
-FACT_TYPES: Final[Mapping[str, ValueType]] = {name: _PLAIN[kind] for name, kind in FACTS.items()}
+FACT_TYPES: Final[Mapping[str, ValueType]] = {name: _PLAIN[kind] for name, kind in world_facts.FACTS.items()}
 """Types of the facts of the world; a text among them is the id of an object."""
 _NAMING: Mapping[str, NameKind] = {"kind": "kind", "colour": "colour", "destination": "bin"}
 """Attributes whose value is a name of the scene."""
@@ -353,7 +353,7 @@ class TreeKeys(Mapping[str, ValueType]):
         """Return the source that an expression is; nothing is known of one that can have no value."""
         try:
             found = check_types(expression, self, ATTRIBUTE_TYPES)
-        except ExpressionError:
+        except expression_syntax.ExpressionError:
             found = ANY
         return ValueSource(found, mark, writer)
 

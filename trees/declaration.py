@@ -15,9 +15,10 @@ from typing import Literal, Protocol, TypeAlias
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from ..files.errors import PicktreeError
-from ..world.causes import Cause, Family
-from .flow import ChildFlow, Flow, Hand, LeafFlow
+from picktree.files import PicktreeError
+from picktree.world import Cause, Family
+
+from .control_flow import ChildFlow, Flow, Hand, LeafFlow
 from .ports import (
     In,
     Out,

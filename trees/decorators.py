@@ -7,11 +7,23 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Literal, cast
 
-from ..files.expressions import Expression
-from ..world.causes import Failure, FailureReport, internal, matches, tree
-from ..world.events import HandledEvent
+from picktree.files import Expression
+from picktree.world import Failure, FailureReport, event_types, internal, matches, tree
+
+from .control_flow import (
+    AGAIN,
+    FAILURE,
+    IDLE,
+    RUNNING,
+    SKIPPED,
+    SUCCESS,
+    ChildFlow,
+    LeafFlow,
+    Loop,
+    NodeStatus,
+    Once,
+)
 from .failure_reports import cannot_be_hidden, with_attached
-from .flow import AGAIN, FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, ChildFlow, LeafFlow, Loop, NodeStatus, Once
 from .node import ControlNode, Node
 from .ports import In, Out, PortProblem, PortValues, child, port
 from .references import Reference
@@ -392,7 +404,7 @@ class ForEach(Decorator):
         message = f"element {self._index + 1} of {len(self._items)} failed and is passed over: {why}"
         element = self._items[self._index]
         self.world.journal.note(
-            HandledEvent(
+            event_types.HandledEvent(
                 message,
                 self.path,
                 cause=cause,

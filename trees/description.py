@@ -15,11 +15,9 @@ from typing import Any, ClassVar, Final, Protocol, TypeAlias, cast
 
 from py_trees.behaviour import Behaviour
 
-from ..files.errors import Diagnostic, Mark, PicktreeError
-from ..files.value_wording import suggest_name
-from ..files.yaml.document import Document, read_document
-from ..files.yaml.reader import Value
-from ..files.yaml.writer import from_value, mission_text, value_text
+from picktree.files import Diagnostic, Mark, PicktreeError, suggest_name
+from picktree.files.yaml import Document, Value, from_value, mission_text, read_document, value_text
+
 from .declaration import NodeDeclaration
 from .ports import PortDeclaration, SlotDeclaration, show
 

@@ -11,17 +11,18 @@ from pathlib import Path
 from types import GeneratorType
 from typing import Final, cast
 
-from ..files.file_system import ROOT, rooms
-from ..world.causes import (
+from picktree.files import file_system
+from picktree.world import (
     PLUGIN_LINE,
     Evidence,
     EvidenceValue,
     FailureReport,
+    Plain,
     cause_named,
     internal,
     matches,
 )
-from ..world.journal import Plain
+
 from .ports import plain_copy
 
 _ADDRESS: Final = re.compile(r"\b0x[0-9a-fA-F]{6,}\b")
@@ -82,8 +83,11 @@ def _line_of_plugin(error: BaseException) -> str | None:
 
 def _portable(file: str) -> str:
     path = Path(file)
-    if path.is_relative_to(ROOT) and path.relative_to(ROOT).parts[0] in rooms():
-        return f"picktree/{path.relative_to(ROOT).as_posix()}"
+    if (
+        path.is_relative_to(file_system.ROOT)
+        and path.relative_to(file_system.ROOT).parts[0] in file_system.rooms()
+    ):
+        return f"picktree/{path.relative_to(file_system.ROOT).as_posix()}"
     for place in ("site-packages", "dist-packages"):
         if place in path.parts:
             return "/".join(path.parts[path.parts.index(place) + 1 :])

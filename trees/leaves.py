@@ -5,16 +5,16 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import TYPE_CHECKING, cast
 
-from ..files.expressions import Expression
-from ..world.causes import tree
-from ..world.events import LogEvent
-from .flow import FAILURE, SUCCESS, LeafFlow, NodeStatus
+from picktree.files import Expression
+from picktree.world import event_types, tree
+
+from .control_flow import FAILURE, SUCCESS, LeafFlow, NodeStatus
 from .node import Node, assign
 from .ports import In, Out, plain_copy, port, show
 from .runtime import TIME_TOLERANCE
 
 if TYPE_CHECKING:
-    from ..robot.world import World
+    from picktree.robot import World
 
 
 class ConditionNode(Node, abstract=True):
@@ -132,7 +132,7 @@ class Log(Node):
     def on_tick(self) -> NodeStatus:
         value = plain_copy(self.value)
         self.feedback_message = self.message if value is None else f"{self.message}: {show(value)}"
-        self.world.journal.note(LogEvent(self.feedback_message, self.path, value=value))
+        self.world.journal.note(event_types.LogEvent(self.feedback_message, self.path, value=value))
         return NodeStatus.SUCCESS
 
 

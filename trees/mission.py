@@ -10,11 +10,9 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Final, Literal, Protocol
 
-from ..files.errors import Diagnostic, Location, Mark, PicktreeError
-from ..files.expressions import Expression
-from ..files.file_system import is_file, shipped_names
-from ..files.value_wording import suggest_name
-from ..files.yaml.document import Document, read_document
+from picktree.files import Diagnostic, Expression, Location, Mark, PicktreeError, file_system, suggest_name
+from picktree.files.yaml import Document, read_document
+
 from .node import Node
 from .ports import PortDeclaration
 from .references import Assignment, Binding
@@ -130,7 +128,7 @@ class FilesOnDisk:
         text = self._unsaved.get(path.absolute())
         if text is not None:
             return read_document(path, "mission", text)
-        if not is_file(path):
+        if not file_system.is_file(path):
             raise PicktreeError(_missing(name, self._folder))
         if not name.startswith(IN_LIBRARY) and not _inside(path, self._folder):
             raise PicktreeError(f"{name!r} leads out of the mission's folder by a symbolic link")
@@ -165,7 +163,7 @@ def name_of(path: Path, folder: Path) -> str:
 
 def library_names() -> tuple[str, ...]:
     """Return the names that are valid after `library/`."""
-    return shipped_names(LIBRARY)
+    return file_system.shipped_names(LIBRARY)
 
 
 def _inside(path: Path, folder: Path) -> bool:

@@ -11,10 +11,21 @@ from typing import ClassVar, Literal, Self, cast
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from ..files.expressions import Expression
-from ..world.causes import Cause, Failure, FailureReport, Family, internal, matches, tree, world
-from ..world.events import InternalErrorEvent, PostconditionFailedEvent, UndeclaredCauseEvent, event_of
-from ..world.journal import Plain
+from picktree.files import Expression
+from picktree.world import (
+    Cause,
+    Failure,
+    FailureReport,
+    Family,
+    Plain,
+    event_types,
+    internal,
+    matches,
+    tree,
+    world,
+)
+
+from .control_flow import PY_TREES_STATUS, Flow, Hand, NodeStatus
 from .declaration import PRECONDITIONS, Kind, Resource, declare, reserved_names
 from .description import DescribedNode, documented
 from .failure_reports import (
@@ -26,7 +37,6 @@ from .failure_reports import (
     unpack,
     with_attached,
 )
-from .flow import PY_TREES_STATUS, Flow, Hand, NodeStatus
 from .ports import PortDeclaration, PortProblem, PortValues, accept_value, plain_copy
 from .references import Assignment, Constant, PortExpression, Reference
 from .runtime import Runtime, TreeWorld, Wiring, end_transition, evaluate, start_transition
@@ -324,7 +334,9 @@ class Node(DescribedNode):
             node.halt()
         if self._state is NodeStatus.RUNNING:
             for problem in assign_after(self._wiring, self.world, NodeStatus.IDLE):
-                event = PostconditionFailedEvent(problem.message, self.path, cause=problem.cause.name)
+                event = event_types.PostconditionFailedEvent(
+                    problem.message, self.path, cause=problem.cause.name
+                )
                 self.world.journal.note(event)
         self.failure = None
         self.feedback_message = ""
@@ -418,7 +430,7 @@ class Node(DescribedNode):
 
     def note(self, kind: str, message: str, **data: Plain) -> None:
         """Add an event of this node to the journal; a kind of one's own, or one that is declared."""
-        self.world.journal.note(event_of(kind, message, self.path, data))
+        self.world.journal.note(event_types.event_of(kind, message, self.path, data))
 
     # Entry points of py_trees, so that its tools work on these trees.
 
@@ -485,14 +497,16 @@ class Node(DescribedNode):
         declared = (*self.causes, *_ALWAYS_POSSIBLE)
         if not any(matches(str(cause), failure.cause) for cause in declared):
             message = f"{self._wiring.id} failed with {failure.cause}, which it does not declare"
-            event = UndeclaredCauseEvent(message, self.path, cause=failure.cause.name)
+            event = event_types.UndeclaredCauseEvent(message, self.path, cause=failure.cause.name)
             self.world.journal.note(event)
         return FailureReport(failure.cause, failure.message, plain_evidence(failure.evidence), self.path)
 
     def _fault(self, error: Exception, doing: str) -> FailureReport:
         report = internal_error_report(error, f"{self._wiring.id} was {doing}", self.path)
         traceback = str(report.evidence["traceback"])
-        self.world.journal.note(InternalErrorEvent(report.message, self.path, traceback=traceback))
+        self.world.journal.note(
+            event_types.InternalErrorEvent(report.message, self.path, traceback=traceback)
+        )
         return report
 
     def _guarded_halt(self) -> None:

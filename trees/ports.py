@@ -11,11 +11,8 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Generic, Literal, Protocol, Self, TypeAlias, TypeVar, cast, overload
 
-from ..files.expressions import Expression
-from ..files.quantities import bare_number, in_unit, parse_quantity
-from ..files.value_wording import suggest_name
-from ..world.journal import Plain
-from ..world.values import ObjectId
+from picktree.files import Expression, quantities, suggest_name
+from picktree.world import ObjectId, Plain
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +160,11 @@ class Range:
 def _out_of(number: float, relation: str, bound: float, written: object, unit: str | None) -> str:
     if not isinstance(written, str) or written.rstrip()[-1:].isdigit():
         return f"{number:g} is {relation} {bound:g}"
-    limit = in_unit(bound / 1000, "s", written) if unit == "ms" else in_unit(bound, unit or "", written)
+    limit = (
+        quantities.in_unit(bound / 1000, "s", written)
+        if unit == "ms"
+        else quantities.in_unit(bound, unit or "", written)
+    )
     return f"{written.strip()} is {relation} {limit}"
 
 
@@ -248,15 +249,15 @@ def _float(value: object, unit: str | None) -> float:
         return _milliseconds(value)
     if unit is None and isinstance(value, str) and not value.rstrip().endswith("%"):
         raise ValueError(f"{show(value)} is not a number")
-    return parse_quantity(value, unit or "")
+    return quantities.parse_quantity(value, unit or "")
 
 
 def _milliseconds(value: str | int | float) -> float:
     # BT.CPP's ports `msec` and `delay_msec` take bare numbers in ms; here, too.
-    number = bare_number(value) if isinstance(value, str) else value
+    number = quantities.bare_number(value) if isinstance(value, str) else value
     if number is not None:
-        return parse_quantity(number, "s")
-    return round(parse_quantity(value, "s") * 1000.0, 9)
+        return quantities.parse_quantity(number, "s")
+    return round(quantities.parse_quantity(value, "s") * 1000.0, 9)
 
 
 def _bool(value: object, _: str | None) -> bool:

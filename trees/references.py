@@ -11,17 +11,23 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Final, TypeAlias
 
-from ..files.errors import Mark
-from ..files.expression_syntax import ExpressionError
-from ..files.expressions import BOOL, FLOAT, INT, OBJECT, PLACE, TEXT, Expression, ValueType
-from ..files.value_wording import suggest_name
-from ..files.yaml.document import Document
-from ..world.causes import Failure, tree
-from ..world.colours import ITEM_COLOURS
-from ..world.journal import Plain
-from ..world.planning_scene import BeliefObject, PlanningScene
-from ..world.scene.description import Form
-from ..world.values import ObjectId
+from picktree.files import (
+    BOOL,
+    FLOAT,
+    INT,
+    OBJECT,
+    PLACE,
+    TEXT,
+    Expression,
+    Mark,
+    ValueType,
+    expression_syntax,
+    suggest_name,
+)
+from picktree.files.yaml import Document
+from picktree.world import ITEM_COLOURS, BeliefObject, Failure, ObjectId, Plain, PlanningScene, tree
+from picktree.world.scene import Form
+
 from .ports import show
 
 _LINE = re.compile(r"\r?\n")
@@ -34,7 +40,9 @@ class ExpressionLocator:
         self._texts = {str(document.path): document.text for document in documents}
         self._lines: dict[str, list[str]] = {}
 
-    def told(self, start: Mark, text: str, error: ExpressionError, before: int = 0) -> tuple[Mark, str]:
+    def told(
+        self, start: Mark, text: str, error: expression_syntax.ExpressionError, before: int = 0
+    ) -> tuple[Mark, str]:
         """Return place and message of an error in an expression that begins `before` characters after
         `start`.
 
@@ -148,8 +156,8 @@ class PortExpression:
         at = len(text) - 1 - len(inner.lstrip())
         try:
             return cls(Expression.parse(inner.strip()), text, at)
-        except ExpressionError as error:
-            raise ExpressionError(str(error), at + error.offset) from None
+        except expression_syntax.ExpressionError as error:
+            raise expression_syntax.ExpressionError(str(error), at + error.offset) from None
 
     def __str__(self) -> str:
         return self.text

@@ -6,11 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ..files.errors import PicktreeError
-from ..files.node_patterns import node_matches
-from ..files.value_wording import suggest_name
-from ..files.yaml.reader import resolve
-from ..world.journal import Plain
+from picktree.files import PicktreeError, node_matches, suggest_name
+from picktree.files.yaml import resolve
+from picktree.world import Plain
+
 from .mission import Mission, NodeSpec
 from .ports import PortDeclaration, PortProblem, PortValues, convert_literal
 from .references import Binding, Constant

@@ -11,17 +11,15 @@ from typing import Any, cast
 
 from py_trees.behaviour import Behaviour
 
-from ..files.errors import FileError, PicktreeError
-from ..files.expression_syntax import ExpressionError
-from ..files.value_wording import suggest_name
-from ..files.yaml.reader import read
-from ..world.causes import Evidence, Failure, FailureReport
-from ..world.journal import Plain
+from picktree.files import FileError, PicktreeError, expression_syntax, suggest_name
+from picktree.files.yaml import read
+from picktree.world import Evidence, Failure, FailureReport, Plain
+
 from .blackboard import Blackboard, BlackboardWrite, Namespace
+from .control_flow import NodeStatus
 from .decorators import ForEach
 from .description import TreeDefinition
 from .failure_reports import pack, report_from_plain, unpack
-from .flow import NodeStatus
 from .mission import Mission, NodeSpec, TreeSpec
 from .node import Node
 from .ports import PortDeclaration, accept_value, child, convert_literal, plain_copy, show
@@ -550,7 +548,7 @@ def entry_value(tree: BehaviourTree, key: str, text: str, here: Node) -> Plain:
             value = read(text, "value").root.value
             for port in _ports_at(tree, key):
                 value = convert_literal(value, port.type, port.unit, port.choices, port.within)
-    except ExpressionError as error:
+    except expression_syntax.ExpressionError as error:
         raise PicktreeError(f"{error}, at character {error.offset + 1} of {text!r}") from None
     except Failure as failure:
         raise PicktreeError(failure.message) from None

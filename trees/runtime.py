@@ -6,18 +6,16 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Literal, Protocol
 
-from ..files.expression_syntax import ExpressionError
-from ..files.expressions import Expression
-from ..world.causes import Evidence, Failure, FailureReport, tree
+from picktree.files import Expression, expression_syntax
+from picktree.world import Evidence, Failure, FailureReport, tree
+
 from .blackboard import Blackboard, Namespace
-from .flow import NodeStatus
+from .control_flow import NodeStatus
 from .ports import PortDeclaration, plain_copy
 from .references import Assignment, Binding, Constant, Reference, attribute
 
 if TYPE_CHECKING:
-    from ..world.journal import Journal, Plain
-    from ..world.planning_scene import PlanningScene
-    from ..world.protocols import Clock
+    from picktree.world import Clock, Journal, Plain, PlanningScene
 
 
 TIME_TOLERANCE: Final = 1e-9
@@ -188,7 +186,7 @@ def evaluate(expression: Expression, namespace: Namespace, world: TreeWorld, whe
 
     try:
         return expression.evaluate(Scope(namespace, world), attribute_of)
-    except ExpressionError as error:
+    except expression_syntax.ExpressionError as error:
         raise Failure(
             tree.MISSING_INPUT, f"{where}the expression '{expression}': {error}", expression=expression.text
         ) from None

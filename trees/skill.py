@@ -6,15 +6,15 @@ from abc import abstractmethod
 from collections.abc import Generator
 from typing import TYPE_CHECKING, ClassVar, Final, TypeAlias, TypeVar, cast
 
-from ..world.causes import Failure, FailureReport, internal, tree
-from ..world.events import InternalErrorEvent
+from picktree.world import Failure, FailureReport, event_types, internal, tree
+
+from .control_flow import LeafFlow, NodeStatus
 from .declaration import Resource
-from .flow import LeafFlow, NodeStatus
 from .node import Node
 from .runtime import Runtime, Wiring
 
 if TYPE_CHECKING:
-    from ..robot.world import World
+    from picktree.robot import World
 
 T = TypeVar("T")
 
@@ -140,7 +140,7 @@ class Skill(Node, abstract=True):
                 refused += 1
         if refused:
             message = f"{self.wiring.id} yields while it is halted: a finally cannot wait"
-            self.world.journal.note(InternalErrorEvent(message, self.path))
+            self.world.journal.note(event_types.InternalErrorEvent(message, self.path))
 
     def _give_way(self) -> None:
         """Replace the skill's body with the stand-in of the runtime, if there is one."""
@@ -163,5 +163,5 @@ class Skill(Node, abstract=True):
         if not forgotten:
             return NodeStatus.SUCCESS
         message = f"{self.wiring.id} ended without writing its output {', '.join(map(repr, forgotten))}"
-        self.world.journal.note(InternalErrorEvent(message, self.path))
+        self.world.journal.note(event_types.InternalErrorEvent(message, self.path))
         return self.fail(internal.ERROR, message)

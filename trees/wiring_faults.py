@@ -6,10 +6,18 @@ from collections.abc import Collection, Iterator
 from dataclasses import replace
 from typing import Final
 
-from ..files.errors import Diagnostic, Mark
-from ..files.expression_syntax import ExpressionError
-from ..files.expressions import UnknownName, ValueType, check_types, join, unlike_sides
-from ..files.value_wording import suggest_name
+from picktree.files import (
+    Diagnostic,
+    Mark,
+    UnknownName,
+    ValueType,
+    check_types,
+    expression_syntax,
+    join,
+    suggest_name,
+    unlike_sides,
+)
+
 from .data_flow import (
     ArrivingValue,
     KeyUse,
@@ -43,12 +51,16 @@ def expression_faults(
                 except UnknownName as error:
                     if name not in unfinished:
                         yield expression_fault(placed, asked, error, pointer, "P227")
-                except ExpressionError as error:
+                except expression_syntax.ExpressionError as error:
                     yield expression_fault(placed, asked, error, pointer, "P226")
 
 
 def expression_fault(
-    placed: PlacedNode, asked: NodeExpression, error: ExpressionError, pointer: ExpressionLocator, code: str
+    placed: PlacedNode,
+    asked: NodeExpression,
+    error: expression_syntax.ExpressionError,
+    pointer: ExpressionLocator,
+    code: str,
 ) -> Diagnostic:
     """Return the fault of an expression."""
     start = placed.spec.mark_at(asked.key)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from ..files.errors import PicktreeError
+from picktree.files import PicktreeError
 
 EvidenceValue: TypeAlias = "str | float | int | bool | None | list[float] | list[str]"
 Evidence: TypeAlias = Mapping[str, EvidenceValue]

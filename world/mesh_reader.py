@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files.file_system import is_file
-from ..files.xml_text import XmlError, decode_xml, parse_xml
-from ..files.yaml.file_text import Unreadable, read_bytes
+from picktree.files import XmlError, decode_xml, file_system, parse_xml
+from picktree.files.yaml import file_text
+
 from .shapes import convex_hull
 from .values import Array
 
@@ -81,8 +81,8 @@ def read_mesh(path: Path, most: int = MAX_BYTES) -> TriangleMesh:
     cannot be read, for vertices that are not finite, and for one without triangles.
     """
     try:
-        raw = read_bytes(path, most)
-    except Unreadable as error:
+        raw = file_text.read_bytes(path, most)
+    except file_text.Unreadable as error:
         raise MeshError(f"{path}: {error.message}") from None
     return parse_mesh(raw, path)
 
@@ -275,7 +275,7 @@ def material_files(raw: bytes, folder: Path) -> dict[bytes, Path]:
     found: dict[bytes, Path] = {}
     for library in material_names(raw):
         written = (os.fsdecode(library), library.decode("latin-1"))
-        file = next((folder / name for name in written if is_file(folder / name)), None)
+        file = next((folder / name for name in written if file_system.is_file(folder / name)), None)
         if file is not None:
             found[library] = file
     return found
@@ -285,8 +285,8 @@ def _materials(raw: bytes, folder: Path) -> dict[str, bytes]:
     """Return the content of the libraries of materials that can be read, by name."""
     found: dict[str, bytes] = {}
     for library, file in material_files(raw, folder).items():
-        with suppress(Unreadable):
-            found[_ascii(library).decode()] = _ascii(read_bytes(file, MAX_MATERIAL_BYTES))
+        with suppress(file_text.Unreadable):
+            found[_ascii(library).decode()] = _ascii(file_text.read_bytes(file, MAX_MATERIAL_BYTES))
     return found
 
 

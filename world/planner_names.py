@@ -11,8 +11,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, WithJsonSchema
 
-from ..files.value_wording import describe, suggest_name
-from ..files.yaml.file_models import InvalidValue
+from picktree.files import describe, suggest_name
+from picktree.files.yaml import file_models
 
 GROUP = "picktree.planners"
 """Entry point group of installed planners: name of the planner, and its function as `module:function`."""
@@ -74,7 +74,7 @@ def unknown_planner(name: str) -> str:
 
 def _known(name: str) -> str:
     if not is_planner(name):
-        raise InvalidValue(unknown_planner(name), suggest_planner(name), code="P108")
+        raise file_models.InvalidValue(unknown_planner(name), suggest_planner(name), code="P108")
     return name
 
 

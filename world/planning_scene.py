@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal, TypeAlias
 
+from picktree.world.scene import Bin, Fixture
+
 from .causes import Failure, world
-from .heaps import HeapRegion
-from .scene.description import Bin, Fixture
+from .heap_geometry import HeapRegion
 from .shapes import Shape, greatest_length
 from .values import ObjectId, Pose, Vector3
 

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files.library_parts import library_part
+from picktree.files import library_parts
+
 from .values import Array, Pose, Vector3
 
 if TYPE_CHECKING:
@@ -251,7 +252,9 @@ def convex_hull(points: Array, options: str | None = None) -> ConvexHull:
     Raises:
         RuntimeError: The points have no extent in one direction, and are not joggled (option `QJ`).
     """
-    kind = library_part("scipy.spatial._qhull", "scipy.spatial.ConvexHull", "scipy.linalg", "scipy._lib")
+    kind = library_parts.library_part(
+        "scipy.spatial._qhull", "scipy.spatial.ConvexHull", "scipy.linalg", "scipy._lib"
+    )
     return kind(points, qhull_options=options)
 
 

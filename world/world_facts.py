@@ -7,9 +7,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol, TypeVar
 
+from picktree.world.scene import destinations
+
 from .planning_scene import BeliefObject, PlanningScene
 from .protocols import FeedSignals
-from .scene.destinations import is_at
 from .values import ObjectId, Pose
 
 
@@ -169,7 +170,7 @@ def items_to_do(scene: PlanningScene) -> tuple[BeliefObject, ...]:
         if o.role == "item"
         and o.place != ASIDE
         and (to := scene.destination(o.id)) is not None
-        and not is_at(o.place, to)
+        and not destinations.is_at(o.place, to)
     )
 
 

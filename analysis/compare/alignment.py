@@ -12,9 +12,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal, TypeAlias
 
-from ...logs.run_account import account_of
-from ...logs.visits import Key, Visit
-from ..run import Run
+from picktree.analysis import Run
+from picktree.logs import account_of, node_visits
+
 from .matching import (
     TIME_TOLERANCE,
     Aspect,
@@ -45,15 +45,15 @@ class Divergence:
     how: How
     also: tuple[Aspect, ...]
     """Further aspects in which the same visit differs, in order of time."""
-    a: Visit | None
+    a: node_visits.Visit | None
     """Visit of A at the divergence; with `order` the one that begins next.
 
     None when no further visit begins, or the log ends.
     """
-    b: Visit | None
-    next_a: Visit | None
+    b: node_visits.Visit | None
+    next_a: node_visits.Visit | None
     """First leaf that begins afterwards in A; None when there is none."""
-    next_b: Visit | None
+    next_b: node_visits.Visit | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,13 +61,13 @@ class ComparedRuns:
     """Visits of two compared runs, and the time of the last tick of each, simulated s."""
 
     pairs: Sequence[VisitPair]
-    only_a: Sequence[Visit]
-    only_b: Sequence[Visit]
+    only_a: Sequence[node_visits.Visit]
+    only_b: Sequence[node_visits.Visit]
     end_a: float
     end_b: float
     nodes: NodeMatch
 
-    def all(self, side: Side) -> Sequence[Visit]:
+    def all(self, side: Side) -> Sequence[node_visits.Visit]:
         if side == "a":
             return [*(pair.a for pair in self.pairs), *self.only_a]
         return [*(pair.b for pair in self.pairs), *self.only_b]
@@ -85,8 +85,8 @@ upwards, starts from above downwards.
 class _Candidate:
     rank: _Rank
     how: How
-    a: Visit | None
-    b: Visit | None
+    a: node_visits.Visit | None
+    b: node_visits.Visit | None
     also: tuple[Aspect, ...] = ()
 
 
@@ -148,7 +148,7 @@ def _log_end_divergence(sides: ComparedRuns, over: float) -> Divergence | None:
     return Divergence(over, "end", (), a, b, next_a, next_b)
 
 
-def _deepest_open_visit(visits: Sequence[Visit], time: float) -> Visit | None:
+def _deepest_open_visit(visits: Sequence[node_visits.Visit], time: float) -> node_visits.Visit | None:
     """Return the deepest visit that is open at that time."""
     open_ = [
         v for v in visits if v.start <= time + TIME_TOLERANCE and (v.outcome == "RUNNING" or v.end > time)
@@ -163,8 +163,8 @@ def _next(
     *,
     new: bool = False,
     leaf: bool = False,
-    beside: Visit | None = None,
-) -> Visit | None:
+    beside: node_visits.Visit | None = None,
+) -> node_visits.Visit | None:
     """Return the first visit of that side that begins at `time` or later.
 
     `new`: it does not begin at the same time in the other run; `leaf`: its node has no children; `beside`: it
@@ -205,8 +205,8 @@ class Alignment:
     nodes: NodeMatch
     pairs: tuple[VisitPair, ...]
     """Pairs in the order of their starts in A."""
-    only_a: tuple[Visit, ...]
-    only_b: tuple[Visit, ...]
+    only_a: tuple[node_visits.Visit, ...]
+    only_b: tuple[node_visits.Visit, ...]
     parting: Divergence | None
     """First divergence; None when nothing differs."""
     until: float | None = None
@@ -215,11 +215,11 @@ class Alignment:
     """Whether the visits follow from the statuses after each tick, because one log is of format 1."""
 
     @property
-    def visits_a(self) -> tuple[Visit, ...]:
+    def visits_a(self) -> tuple[node_visits.Visit, ...]:
         return (*(pair.a for pair in self.pairs), *self.only_a)
 
     @property
-    def visits_b(self) -> tuple[Visit, ...]:
+    def visits_b(self) -> tuple[node_visits.Visit, ...]:
         return (*(pair.b for pair in self.pairs), *self.only_b)
 
 
@@ -227,8 +227,8 @@ class Alignment:
 class _Side:
     """Visits of one run, from the first compared tick on."""
 
-    visits: tuple[Visit, ...]
-    keys: tuple[Key, ...]
+    visits: tuple[node_visits.Visit, ...]
+    keys: tuple[node_visits.Key, ...]
     """Keys of the visits, with the names of run A."""
     resumed: frozenset[int]
     """Indices of the visits that had begun before the comparison."""
@@ -279,15 +279,15 @@ def _first_gap(a: Run, b: Run, since: float) -> float | None:
 
 
 def _side(
-    of_run: Sequence[Visit],
+    of_run: Sequence[node_visits.Visit],
     since: float,
     until: float | None,
     items: Mapping[str, str],
     nodes: Mapping[str, str],
 ) -> _Side:
     counts: Counter[tuple[str, str]] = Counter()
-    visits: list[Visit] = []
-    keys: list[Key] = []
+    visits: list[node_visits.Visit] = []
+    keys: list[node_visits.Key] = []
     resumed: set[int] = set()
     for visit in of_run:
         if visit.end < since - TIME_TOLERANCE or (until is not None and visit.start > until + TIME_TOLERANCE):

@@ -18,9 +18,8 @@ from dataclasses import dataclass
 from difflib import SequenceMatcher
 from typing import Final, Literal, TypeAlias, cast
 
-from ...logs.records import BodyRecord, TreeNode
-from ...logs.visits import Visit
-from ..run import Run
+from picktree.analysis import Run
+from picktree.logs import log_records, node_visits
 
 MAX_SAME_PLACE_DISTANCE = 0.02
 """Maximum distance of the same place, m: half an item, above the error of perception, below the gap of two
@@ -84,10 +83,10 @@ def match_items(a: Run, b: Run, *, since: float = 0.0) -> ItemMatch:
     )
 
 
-def first_bodies(run: Run, since: float = 0.0) -> tuple[BodyRecord, ...]:
+def first_bodies(run: Run, since: float = 0.0) -> tuple[log_records.BodyRecord, ...]:
     """Return every object as the robot first believed in it from `since` (simulated s) on, in the order of
     discovery."""
-    found: dict[str, BodyRecord] = {}
+    found: dict[str, log_records.BodyRecord] = {}
     known = run.log.belief_at(since)
     for at in run.log.beliefs(known.time if known else since):
         for body in at.record.bodies:
@@ -95,7 +94,9 @@ def first_bodies(run: Run, since: float = 0.0) -> tuple[BodyRecord, ...]:
     return tuple(found.values())
 
 
-def _unpaired_ids(known: Iterable[BodyRecord], paired: Iterable[str]) -> dict[tuple[str, str], list[str]]:
+def _unpaired_ids(
+    known: Iterable[log_records.BodyRecord], paired: Iterable[str]
+) -> dict[tuple[str, str], list[str]]:
     """Return the ids without a partner, by kind and colour."""
     done = set(paired)
     left: dict[tuple[str, str], list[str]] = {}
@@ -118,8 +119,8 @@ class PortChange:
 
 @dataclass(frozen=True, slots=True)
 class NodePair:
-    a: TreeNode
-    b: TreeNode
+    a: log_records.TreeNode
+    b: log_records.TreeNode
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,8 +128,8 @@ class NodeMatch:
     """Pairs of the nodes of two runs. When the mission was edited during a run, all its trees count."""
 
     pairs: tuple[NodePair, ...]
-    only_a: tuple[TreeNode, ...]
-    only_b: tuple[TreeNode, ...]
+    only_a: tuple[log_records.TreeNode, ...]
+    only_b: tuple[log_records.TreeNode, ...]
 
     @property
     def a_by_b(self) -> Mapping[str, str]:
@@ -159,7 +160,7 @@ def match_nodes(a: Run, b: Run) -> NodeMatch:
     return match_trees(a.nodes, b.nodes)
 
 
-def match_trees(a: Iterable[TreeNode], b: Iterable[TreeNode]) -> NodeMatch:
+def match_trees(a: Iterable[log_records.TreeNode], b: Iterable[log_records.TreeNode]) -> NodeMatch:
     in_a, in_b = {node.path: node for node in a}, {node.path: node for node in b}
     b_of = {path: path for path in in_a if path in in_b}
     same_in_b = {path: path for path in b_of}
@@ -178,9 +179,11 @@ def match_trees(a: Iterable[TreeNode], b: Iterable[TreeNode]) -> NodeMatch:
     )
 
 
-def _unpaired_below(nodes: Mapping[str, TreeNode], paired: Mapping[str, str]) -> dict[str, list[TreeNode]]:
+def _unpaired_below(
+    nodes: Mapping[str, log_records.TreeNode], paired: Mapping[str, str]
+) -> dict[str, list[log_records.TreeNode]]:
     """Return the unpaired nodes in the order of the tree, by the nearest paired node above them."""
-    below: dict[str, list[TreeNode]] = {}
+    below: dict[str, list[log_records.TreeNode]] = {}
     for node in nodes.values():
         if node.path in paired:
             continue
@@ -191,7 +194,7 @@ def _unpaired_below(nodes: Mapping[str, TreeNode], paired: Mapping[str, str]) ->
     return below
 
 
-def _kind(node: TreeNode) -> tuple[str, str]:
+def _kind(node: log_records.TreeNode) -> tuple[str, str]:
     """Return type and name without the number that distinguishes siblings; nodes with equal results are
     alike."""
     return node.id, node.name.split("#")[0]
@@ -206,13 +209,15 @@ Aspect: TypeAlias = Literal["type", "inputs", "outcome", "cause", "length"]
 class VisitPair:
     """Same visit in both runs, each with the item, path and times of its own run."""
 
-    a: Visit
-    b: Visit
+    a: node_visits.Visit
+    b: node_visits.Visit
     differs: tuple[Aspect, ...]
     """Aspects that differ, apart from the start time."""
 
 
-def differences(a: Visit, b: Visit, items: Mapping[str, str], *, resumed: bool) -> tuple[Aspect, ...]:
+def differences(
+    a: node_visits.Visit, b: node_visits.Visit, items: Mapping[str, str], *, resumed: bool
+) -> tuple[Aspect, ...]:
     """Return the aspects in which two visits differ.
 
     `items`: ids in A of the objects of B. `resumed`: one of the visits had begun before the comparison, so

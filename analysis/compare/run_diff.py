@@ -8,16 +8,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, TypeAlias
 
-from ...files.node_patterns import short_names
-from ...logs import topics
-from ...logs.records import RunInfo, TreeNode, Values, arithmetic_difference
-from ...logs.run_log import lacking_topics
-from ...logs.topics import is_simulated
-from ...logs.visits import HALTED, Visit
-from ...session.environment import SOURCES_ATTACHMENT, source_changes, sources_from_text
-from ..run import Run
+from picktree.analysis import Run
+from picktree.files import short_names
+from picktree.logs import is_simulated, lacking_topics, log_records, node_visits, topics
+from picktree.session import environment
+
 from .alignment import Alignment, Divergence, How, align
-from .message_difference import (
+from .message_differences import (
     MessageDifference,
     compared_topics,
     first_difference,
@@ -164,7 +161,9 @@ def compare_settings(a: Run, b: Run) -> SetupDiff:
         if ours.get(name) != theirs.get(name)
     )
     return SetupDiff(
-        settings, tuple(_files(a, b)), arithmetic_difference(a.info.arithmetic, b.info.arithmetic, "in B")
+        settings,
+        tuple(_files(a, b)),
+        log_records.arithmetic_difference(a.info.arithmetic, b.info.arithmetic, "in B"),
     )
 
 
@@ -177,7 +176,7 @@ def value_changes(a: Mapping[str, object], b: Mapping[str, object]) -> tuple[Val
     )
 
 
-def _settings(info: RunInfo) -> dict[str, object]:
+def _settings(info: log_records.RunInfo) -> dict[str, object]:
     """Return the settings by user-visible names; the version of picktree has no prefix."""
     named: dict[str, object] = {
         "mission": info.mission,
@@ -201,8 +200,10 @@ def _files(a: Run, b: Run) -> Iterator[FileChange]:
             yield FileChange(name, "only_a", ())
         elif ours is None:
             yield FileChange(name, "only_b", ())
-        elif name == SOURCES_ATTACHMENT:
-            changes = source_changes(sources_from_text(ours.decode()), sources_from_text(theirs.decode()))
+        elif name == environment.SOURCES_ATTACHMENT:
+            changes = environment.source_changes(
+                environment.sources_from_text(ours.decode()), environment.sources_from_text(theirs.decode())
+            )
             if changes:
                 yield FileChange(name, "changed", changes)
         elif ours != theirs:
@@ -269,7 +270,7 @@ def first_value_lines(first: MessageDifference) -> Iterator[str]:
     yield f"  B  {value_text(first.b)}"
 
 
-def _differing_values(title: str, a: Values, b: Values) -> Iterator[str]:
+def _differing_values(title: str, a: log_records.Values, b: log_records.Values) -> Iterator[str]:
     """Yield the values that differ; for lists the first differing element."""
     if not a or not b:
         for side, values in (("A", a), ("B", b)):
@@ -283,22 +284,22 @@ def _differing_values(title: str, a: Values, b: Values) -> Iterator[str]:
             yield f"     {title} {found.path}: A {value_text(found.a)}, B {value_text(found.b)}"
 
 
-def _divergence_phrase(parting: Divergence, same: Visit | None) -> str:
+def _divergence_phrase(parting: Divergence, same: node_visits.Visit | None) -> str:
     if same is None:
         return DIVERGENCE_TEXTS[parting.how]
     also = "".join(f", {DIVERGENCE_TEXTS[aspect]}" for aspect in parting.also)
     return f"{same.name} {DIVERGENCE_TEXTS[parting.how]}{also}"
 
 
-def _visit_text(visit: Visit) -> str:
+def _visit_text(visit: node_visits.Visit) -> str:
     return f"{visit.start:.2f} to {visit.end:.2f} s: {end_text(visit)}"
 
 
-def end_text(visit: Visit, *, short: bool = False) -> str:
+def end_text(visit: node_visits.Visit, *, short: bool = False) -> str:
     """Return how a visit ended; `short`: of a failure its cause alone."""
     if visit.outcome == "RUNNING":
         return "still runs when the log ends"
-    if visit.outcome == HALTED:
+    if visit.outcome == node_visits.HALTED:
         return "was halted"
     if short:
         return visit.cause or visit.outcome
@@ -371,7 +372,7 @@ def _parting(parting: Divergence) -> dict[str, Any]:
     }
 
 
-def _visit(visit: Visit | None) -> dict[str, Any] | None:
+def _visit(visit: node_visits.Visit | None) -> dict[str, Any] | None:
     return None if visit is None else asdict(visit)
 
 
@@ -487,7 +488,7 @@ def _file(change: FileChange) -> Iterator[str]:
     if not change.diff:
         yield f"{change.name}: changed (its lines are the same, or it is no text)"
         return
-    if change.name == SOURCES_ATTACHMENT:
+    if change.name == environment.SOURCES_ATTACHMENT:
         yield f"{change.name}: {'; '.join(change.diff)}"
         return
     plus, minus = (sum(line.startswith(sign) for line in change.diff) for sign in "+-")
@@ -614,7 +615,7 @@ def _listed(title: str, names: list[str]) -> Iterator[str]:
         yield f"  … {len(names) - MAX_TABLE_ROWS} more"
 
 
-def _topmost_nodes(nodes: Sequence[TreeNode]) -> Iterator[str]:
+def _topmost_nodes(nodes: Sequence[log_records.TreeNode]) -> Iterator[str]:
     """Yield the nodes that are below none of the others, with the number of the others below each."""
     paths = [node.path for node in nodes]
     for path in paths:

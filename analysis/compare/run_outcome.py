@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from ...logs.visits import Visit, covered_time
-from ...world.events import ItemDoneEvent
-from ..run import Run
+from picktree.analysis import Run
+from picktree.logs import node_visits
+from picktree.world import event_types
+
 from .alignment import Alignment
 from .matching import Basis, first_bodies
 
@@ -109,7 +110,9 @@ def _inner(alignment: Alignment) -> tuple[set[str], set[str]]:
     )
 
 
-def _grouped(visits: Iterable[Visit], name: Callable[[Visit], str]) -> dict[str, list[float]]:
+def _grouped(
+    visits: Iterable[node_visits.Visit], name: Callable[[node_visits.Visit], str]
+) -> dict[str, list[float]]:
     grouped: dict[str, list[float]] = defaultdict(list)
     for visit in visits:
         grouped[name(visit)].append(visit.duration)
@@ -188,13 +191,13 @@ def item_changes(a: Run, b: Run, alignment: Alignment) -> tuple[ItemChange, ...]
     return tuple(changes)
 
 
-def _ends(run: Run, visits: Sequence[Visit], since: float) -> dict[str, ItemEnd]:
+def _ends(run: Run, visits: Sequence[node_visits.Visit], since: float) -> dict[str, ItemEnd]:
     """Return the ends of all bodies of the role `item` in the belief from `since` on, in the order of
     discovery."""
     done = {
         at.record.object: (at.time, at.record)
         for at in run.events
-        if isinstance(at.record, ItemDoneEvent) and at.time >= since
+        if isinstance(at.record, event_types.ItemDoneEvent) and at.time >= since
     }
     last = run.log.belief_at(run.end)
     believed = {body.id: body for body in last.record.bodies} if last else {}
@@ -214,7 +217,7 @@ def _ends(run: Run, visits: Sequence[Visit], since: float) -> dict[str, ItemEnd]
             place,
             min((visit.start for visit in about), default=None),
             event[0] if event and state == "done" else None,
-            covered_time((visit.start, visit.end) for visit in about),
+            node_visits.covered_time((visit.start, visit.end) for visit in about),
             sum(pick.object == name and pick.time >= since for pick in run.picks),
             sum(visit.failed_itself for visit in about),
         )

@@ -10,14 +10,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ...logs import topics
-from ...logs.recording.true_state import fold_states, read_state
-from ...logs.records import BodyRecord, Scene, TrueState
-from ...logs.run_log import Stamped
-from ...world.values import Pose, Vector3, rotated
+from picktree.logs import Stamped, log_records, topics
+from picktree.logs.recording import fold_states, read_state
+from picktree.world import Pose, Vector3, rotated
 
 if TYPE_CHECKING:
-    from ...logs.run_log import RunLog
+    from picktree.logs import RunLog
 
 R = TypeVar("R")
 
@@ -28,14 +26,14 @@ class BodyTrack:
 
     id: str
     times: tuple[float, ...]
-    bodies: tuple[BodyRecord, ...]
+    bodies: tuple[log_records.BodyRecord, ...]
 
     @property
-    def first(self) -> BodyRecord:
+    def first(self) -> log_records.BodyRecord:
         return self.bodies[0]
 
     @property
-    def last(self) -> BodyRecord:
+    def last(self) -> log_records.BodyRecord:
         return self.bodies[-1]
 
     @property
@@ -46,17 +44,17 @@ class BodyTrack:
         way = math.dist(self.bodies[-1].pose.position, self.bodies[-2].pose.position)
         return way / max(self.times[-1] - self.times[-2], 1e-3)
 
-    def before(self, time: float) -> BodyRecord | None:
+    def before(self, time: float) -> log_records.BodyRecord | None:
         """Return the body as of the last message at `time` or before that had it."""
         number = bisect.bisect_right(self.times, time + 1e-6)
         return self.bodies[number - 1] if number else None
 
-    def after(self, time: float) -> BodyRecord | None:
+    def after(self, time: float) -> log_records.BodyRecord | None:
         """Return the body as of the first message at `time` or after that had it."""
         number = bisect.bisect_left(self.times, time - 1e-6)
         return self.bodies[number] if number < len(self.bodies) else None
 
-    def since(self, start: float, end: float = math.inf) -> Iterator[tuple[float, BodyRecord]]:
+    def since(self, start: float, end: float = math.inf) -> Iterator[tuple[float, log_records.BodyRecord]]:
         """Yield the messages between two times, both inclusive, s."""
         first = bisect.bisect_left(self.times, start - 1e-6)
         for time, body in zip(self.times[first:], self.bodies[first:], strict=True):
@@ -68,10 +66,10 @@ class BodyTrack:
 class BodyTracks:
     """All bodies of one topic, or those of one role."""
 
-    def __init__(self, scenes: Sequence[Stamped[Scene]], role: str | None = None) -> None:
+    def __init__(self, scenes: Sequence[Stamped[log_records.Scene]], role: str | None = None) -> None:
         self.times = tuple(at.time for at in scenes)
         self._scenes = scenes
-        collected: dict[str, list[tuple[float, BodyRecord]]] = defaultdict(list)
+        collected: dict[str, list[tuple[float, log_records.BodyRecord]]] = defaultdict(list)
         for at in scenes:
             for body in at.record.bodies:
                 if role in (None, body.role):
@@ -89,7 +87,7 @@ class BodyTracks:
         steps = [b - a for a, b in itertools.pairwise(self.times)]
         return max(steps, default=0.0) + 0.05
 
-    def at(self, id_: str, time: float) -> BodyRecord | None:
+    def at(self, id_: str, time: float) -> log_records.BodyRecord | None:
         """The body as of the last message at `time` or before; None when that did not have it."""
         track = self.tracks.get(id_)
         number = bisect.bisect_right(self.times, time + 1e-6)
@@ -99,7 +97,7 @@ class BodyTracks:
         found = bisect.bisect_left(track.times, last - 1e-6)
         return track.bodies[found] if found < len(track.times) and track.times[found] <= last + 1e-6 else None
 
-    def there(self, time: float) -> list[tuple[str, BodyRecord]]:
+    def there(self, time: float) -> list[tuple[str, log_records.BodyRecord]]:
         """Return all bodies as of the last message at `time` or before."""
         number = bisect.bisect_right(self.times, time + 1e-6)
         if number == 0:
@@ -110,7 +108,7 @@ class BodyTracks:
         found = ((id_, self.at(id_, time)) for id_ in known)
         return [(id_, body) for id_, body in found if body is not None]
 
-    def about(self, time: float) -> list[tuple[str, BodyRecord]]:
+    def about(self, time: float) -> list[tuple[str, log_records.BodyRecord]]:
         """Return all bodies as of `there`, and those that came between that message and the next one."""
         number = bisect.bisect_right(self.times, time + 1e-6)
         following = self.there(self.times[number]) if number < len(self.times) else []
@@ -135,7 +133,7 @@ def _time(at: Stamped[Any]) -> float:
     return at.time
 
 
-def horizontal_distance(a: BodyRecord, b: BodyRecord) -> float:
+def horizontal_distance(a: log_records.BodyRecord, b: log_records.BodyRecord) -> float:
     """Horizontal distance of two bodies' centres, m."""
     return math.dist(a.pose.position[:2], b.pose.position[:2])
 
@@ -170,15 +168,15 @@ def true_states(log: RunLog) -> Iterator[tuple[float, Mapping[str, Any]]]:
         change = read_state(message.data)
         if state is None and not change.whole:
             continue
-        told = [change] if state is None or change.whole else [TrueState(True, state), change]
+        told = [change] if state is None or change.whole else [log_records.TrueState(True, state), change]
         state = fold_states(told)
         if state is not None:
             yield message.time / 1e9, state
 
 
 def true_scenes(
-    scenes: Sequence[Stamped[Scene]], states: Iterable[tuple[float, Mapping[str, Any]]]
-) -> list[Stamped[Scene]]:
+    scenes: Sequence[Stamped[log_records.Scene]], states: Iterable[tuple[float, Mapping[str, Any]]]
+) -> list[Stamped[log_records.Scene]]:
     """Return the truth as often as the log has it: looks once a second, places with each state."""
     found = list(scenes)
     looks = BodyTracks(scenes)
@@ -186,13 +184,13 @@ def true_scenes(
     for time, state in states:
         if time in known:
             continue
-        placed: list[BodyRecord] = [b for _, b in looks.there(time) if b.role != "item"]
+        placed: list[log_records.BodyRecord] = [b for _, b in looks.there(time) if b.role != "item"]
         for item in state["items"]:
             track = looks.tracks.get(str(item["id"]))
             look = None if track is None else track.before(time) or track.first
             if look is not None and item["present"]:
                 placed.append(replace(look, pose=_pose(item)))
-        found.append(Stamped(time, Scene(tuple(placed), ())))
+        found.append(Stamped(time, log_records.Scene(tuple(placed), ())))
     return sorted(found, key=lambda at: at.time)
 
 
@@ -227,7 +225,7 @@ def _force(wrench: Sequence[float]) -> Vector3:
     return (x, y, z)
 
 
-def offset(seen: BodyRecord, true: BodyRecord) -> Vector3:
+def offset(seen: log_records.BodyRecord, true: log_records.BodyRecord) -> Vector3:
     """Vector from the believed centre to the true one, m."""
     (a, b, c), (x, y, z) = seen.pose.position, true.pose.position
     return (x - a, y - b, z - c)

@@ -13,27 +13,20 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...logs.event_records import BeliefEvent
-from ...logs.records import BodyRecord, Scene, ThingRecord
-from ...logs.run_log import RunLog, Stamped
-from ...logs.visits import Visit, VisitTree
-from ...session.recipe import Unpacking
-from ...simulation.scorer import MAX_REST_SPEED, ItemScore, score
-from ...simulation.truth import TrueBody
-from ...world.events import BinExchangedEvent, CrushedEvent
-from ...world.journal import JournalEvent
-from ...world.scene.description import Bin, CatalogueEntry, Fixture, SceneDescription
-from ...world.scene.destinations import ItemTraits, destination_rule
-from ...world.shapes import extents, greatest_length
-from ...world.values import Array, ObjectId, Pose, Vector3
+from picktree.files import PicktreeError
+from picktree.logs import BeliefEvent, RunLog, Stamped, log_records, node_visits
+from picktree.session import run_recipe
+from picktree.simulation import MAX_REST_SPEED, ItemScore, TrueBody, score
+from picktree.world import Array, JournalEvent, ObjectId, Pose, Vector3, event_types, extents, greatest_length
+from picktree.world.scene import Bin, CatalogueEntry, Fixture, SceneDescription, destinations
+
 from .body_tracks import BodyTracks, DeviceState, between, device_state, true_scenes, true_states
 from .explanation import FailureStory
 from .identities import Identities
 
 if TYPE_CHECKING:
-    from ...logs.run_record import RunRecord
-    from ...robot.planning.inverse_kinematics import InverseKinematics
+    from picktree.logs import RunRecord
+    from picktree.robot.planning import InverseKinematics
 
 E = TypeVar("E", bound=JournalEvent)
 T = TypeVar("T")
@@ -53,12 +46,12 @@ def arm_of(run: RunRecord) -> InverseKinematics | None:
     if "robot.yaml" not in run.log.attachments:
         return None
     # They are slow to import, and needed for few failures.
-    from ...robot.planning.inverse_kinematics import InverseKinematics
-    from ...world.robot_model.model import RobotModel
+    from picktree.robot.planning import InverseKinematics
+    from picktree.world.robot_model import RobotModel
 
     with tempfile.TemporaryDirectory() as folder:
         try:
-            return InverseKinematics(RobotModel(Unpacking(run.log, Path(folder)).robot()))
+            return InverseKinematics(RobotModel(run_recipe.Unpacking(run.log, Path(folder)).robot()))
         except (PicktreeError, OSError, ValueError):
             return None
 
@@ -75,7 +68,7 @@ def scene_of(log: RunLog) -> SceneDescription | None:
     """None when the log holds no scene file, or one that needs files which it does not hold."""
     with tempfile.TemporaryDirectory() as folder:
         try:
-            return Unpacking(log, Path(folder)).scene()
+            return run_recipe.Unpacking(log, Path(folder)).scene()
         except (PicktreeError, OSError):
             return None
 
@@ -83,7 +76,9 @@ def scene_of(log: RunLog) -> SceneDescription | None:
 class Investigation:
     """Queries on a log that the search for causes needs again and again. Truth is for the analyst only."""
 
-    def __init__(self, run: RunRecord, family: VisitTree, failures: Sequence[FailureStory]) -> None:
+    def __init__(
+        self, run: RunRecord, family: node_visits.VisitTree, failures: Sequence[FailureStory]
+    ) -> None:
         self.run = run
         self.family = family
         self.failures = tuple(failures)
@@ -99,7 +94,7 @@ class Investigation:
         return BodyTracks(list(self.run.log.beliefs()))
 
     @cached_property
-    def _true_scenes(self) -> tuple[list[Stamped[Scene]], tuple[DeviceState, ...]]:
+    def _true_scenes(self) -> tuple[list[Stamped[log_records.Scene]], tuple[DeviceState, ...]]:
         devices: list[DeviceState] = []
 
         def states() -> Iterator[tuple[float, Mapping[str, Any]]]:  # a long log has too many to keep
@@ -149,7 +144,7 @@ class Investigation:
     @cached_property
     def departed(self) -> Mapping[str, str]:
         """True items taken away with their bin, and which bin that was: they count as lying in it."""
-        exchanges = self.events(BinExchangedEvent)
+        exchanges = self.events(event_types.BinExchangedEvent)
         found: dict[str, str] = {}
         for true in self.truth.tracks if exchanges else ():
             gone = self.truth.gone(true)
@@ -232,7 +227,7 @@ class Investigation:
         """Name of the camera that looked first; empty when none did."""
         return next(iter(self.run.shots.cameras), "")
 
-    def visit(self, failure: FailureStory) -> Visit:
+    def visit(self, failure: FailureStory) -> node_visits.Visit:
         return self.family.visits[failure.visit]
 
     def events(self, kind: type[E], start: float = 0.0, end: float = math.inf) -> list[Stamped[E]]:
@@ -287,7 +282,7 @@ class Investigation:
                 found.append((float(away.min()), name))
         return [name for _, name in sorted(found)]
 
-    def in_the_air(self, body: BodyRecord) -> bool:
+    def in_the_air(self, body: log_records.BodyRecord) -> bool:
         """Whether a true item is well above the table, and next to no bin, fixture or obstacle."""
         x, y, z = body.pose.position
         size = float(np.linalg.norm(np.subtract(*extents(body.shape, np.eye(3))))) / 2
@@ -302,7 +297,7 @@ class Investigation:
         )
         return z > size + 0.03 and not near
 
-    def obstacle_at(self, seen: BodyRecord) -> str:
+    def obstacle_at(self, seen: log_records.BodyRecord) -> str:
         """Return the obstacle that is where a body is believed; empty for none."""
         for name, body in self.obstacles.there(seen.last_seen + 1.0):
             low, high = extents(body.shape, body.pose.rotation())
@@ -341,10 +336,11 @@ class Investigation:
             present=present,
             seat=last.seat,
             crushed=max(
-                (at.record.force for at in self.events(CrushedEvent) if at.record.object == id_), default=0.0
+                (at.record.force for at in self.events(event_types.CrushedEvent) if at.record.object == id_),
+                default=0.0,
             ),
-            mass=last.mass if isinstance(last, ThingRecord) else entry.mass if entry else None,
-            tag=last.tag if isinstance(last, ThingRecord) else None,
+            mass=last.mass if isinstance(last, log_records.ThingRecord) else entry.mass if entry else None,
+            tag=last.tag if isinstance(last, log_records.ThingRecord) else None,
         )
 
     @property
@@ -356,7 +352,7 @@ class Investigation:
     def bins(self) -> Mapping[str, Bin]:
         return {str(b.id): b for b in self.scene.bins} if self.scene else {}
 
-    def believed_at(self, time: float) -> list[BodyRecord]:
+    def believed_at(self, time: float) -> list[log_records.BodyRecord]:
         """All bodies of the belief at that time."""
         return [body for _, body in self.belief.there(time)]
 
@@ -365,20 +361,22 @@ class Investigation:
         nothing: Mapping[str, str] = {}
         return next((n.ports for n in self.run.tree_at(self.end).nodes if n.path == path), nothing)
 
-    def destination(self, body: BodyRecord) -> str:
+    def destination(self, body: log_records.BodyRecord) -> str:
         """The bin, hole or fixture with holes where it belongs by the scene's rules; empty when nowhere."""
         if self.scene is None:
             return ""
         entry = self.scene.find_entry(body.kind)
-        if isinstance(body, ThingRecord):
+        if isinstance(body, log_records.ThingRecord):
             size = greatest_length(body.shape) if body.size is None else body.size
-            item = ItemTraits(body.colour, body.form, body.kind, body.mass, size, body.tag)
+            item = destinations.ItemTraits(body.colour, body.form, body.kind, body.mass, size, body.tag)
         else:
             mass = None if entry is None else entry.mass
-            item = ItemTraits(body.colour, body.form, body.kind, mass, greatest_length(body.shape))
-        return str(destination_rule(self.scene.destinations)(item) or "")
+            item = destinations.ItemTraits(
+                body.colour, body.form, body.kind, mass, greatest_length(body.shape)
+            )
+        return str(destinations.destination_rule(self.scene.destinations)(item) or "")
 
-    def bin_at(self, body: BodyRecord) -> str:
+    def bin_at(self, body: log_records.BodyRecord) -> str:
         """The bin within whose walls it is, or the hole where it is; empty when in none."""
         if body.seat is not None and body.seat.over:
             return str(body.seat.hole)

@@ -11,12 +11,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ...files.value_wording import listed
-from ...logs.run_log import CameraImage, Stamped
-from ...robot.perception.camera_geometry import PosedCamera, depth_noise, noise_factor
-from ...world.events import SafetyStopEvent
-from ...world.shapes import extents
-from ...world.values import Array
+from picktree.files import listed
+from picktree.logs import CameraImage, Stamped
+from picktree.robot.perception import PosedCamera, depth_noise, noise_factor
+from picktree.world import Array, event_types, extents
+
 from .case import NEAR_ARM, Investigation
 from .explanation import (
     Confidence,
@@ -283,7 +282,9 @@ def device_findings(case: Investigation) -> tuple[DeviceFinding, ...]:
 def wrist_silent(case: Investigation) -> Iterator[DeviceFinding]:
     """A sensor with noise whose reading stands still, or whose stamp does, gives no new readings."""
     wrenches = case.run.wrenches
-    stale = [at.time for at in case.events(SafetyStopEvent) if at.record.cause == "safety.stale_sensor"]
+    stale = [
+        at.time for at in case.events(event_types.SafetyStopEvent) if at.record.cause == "safety.stale_sensor"
+    ]
     stale += [f.time for f in case.failures if f.cause == "safety.stale_sensor"]
     spans: list[tuple[float, float]] = []
     if case.run.info.backend == "physics" and len(wrenches.times) > 2:  # else it is without noise
@@ -434,7 +435,9 @@ def arm_stalled(case: Investigation) -> Iterator[DeviceFinding]:
     behind: Array = np.interp(joints.times[1:], controls.times, lagging)
     error = np.asarray(np.interp(joints.times[1:], controls.times, worst), dtype=np.float64)
     stuck: NDArray[np.bool_] = halted & (error > 2e-3) & (speed[1:].max(axis=1) < 2e-3)
-    stops = [at.time for at in case.events(SafetyStopEvent) if at.record.cause == "control.tracking"]
+    stops = [
+        at.time for at in case.events(event_types.SafetyStopEvent) if at.record.cause == "control.tracking"
+    ]
     stops += [f.time for f in case.failures if f.cause.startswith("control.t")]
     for tick in np.flatnonzero(stuck | hard | (behind > 0.5)):
         time = float(joints.times[tick + 1])

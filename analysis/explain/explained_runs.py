@@ -9,13 +9,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from ...files.errors import PicktreeError
-from ...files.fault_rendering import Paint, plain
-from ...files.value_wording import listed
-from ...logs.episode_counts import CauseCount, CureCount, added_cures, by_cause
-from ...logs.log_files import find_log
-from ...logs.run_index import logs_below
-from ..run import Run
+from picktree.analysis import Run
+from picktree.files import Paint, PicktreeError, listed, plain
+from picktree.logs import episode_counts, log_files, run_index
+
 from .explanation import CONFIDENCES, Confidence, RootCause, counted, wrapped
 from .run_explanation import explain
 
@@ -51,7 +48,7 @@ class ExplainedRuns:
     items: tuple[int, int]
     """Numbers of sorted items and of all items, over the runs that have a result."""
     causes: tuple[CauseOfRuns, ...]
-    cures: tuple[CauseCount, ...]
+    cures: tuple[episode_counts.CauseCount, ...]
     """Causes of failures with what was tried or done instead, with the most time lost first."""
     unreadable: tuple[str, ...]
     """Sentences about logs that could not be read."""
@@ -67,9 +64,9 @@ def holds_runs(where: str) -> bool:
     """Whether a path is a folder of runs, and neither a log nor the folder of one run."""
     folder = Path(where)
     try:
-        return folder.is_dir() and not find_log(folder)
+        return folder.is_dir() and not log_files.find_log(folder)
     except PicktreeError:
-        return bool(logs_below(folder))
+        return bool(run_index.logs_below(folder))
 
 
 def explain_runs(
@@ -81,11 +78,11 @@ def explain_runs(
 
     Raises PicktreeError when the folder holds no log.
     """
-    logs = logs_below(folder)
+    logs = run_index.logs_below(folder)
     if not logs:
         raise PicktreeError(f"{folder}: no log in it; give a log, a run's folder, or a folder of runs")
     statuses: Counter[str] = Counter()
-    cures: list[CureCount] = []
+    cures: list[episode_counts.CureCount] = []
     items = (0, 0)
     found: dict[str, list[tuple[RootCause, bool, str]]] = {}
     unreadable: list[str] = []
@@ -104,7 +101,7 @@ def explain_runs(
         for place, root in enumerate(told.root_causes):
             found.setdefault(root.cause, []).append((root, place == 0, where))
     causes = sorted((_cause(*each) for each in found.items()), key=lambda c: (-c.items, -c.runs, -c.seconds))
-    counts = by_cause(added_cures(cures))
+    counts = episode_counts.by_cause(episode_counts.added_cures(cures))
     return ExplainedRuns(
         str(folder),
         tuple(statuses.most_common()),

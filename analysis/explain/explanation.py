@@ -8,11 +8,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, cast
 
-from ...files.value_wording import listed
-from ...logs.episode import Fate
-from ...logs.records import Values
-from ...logs.run_account import CureAttempt, Episodes, FailureLink
-from ...world.causes import matches
+from picktree.files import listed
+from picktree.logs import CureAttempt, Episodes, FailureLink, item_episodes, log_records
+from picktree.world import matches
 
 WIDTH = 96
 """Columns of the text."""
@@ -139,11 +137,11 @@ class FailureStory:
     remedy: str
     message: str
     """Message of the node."""
-    evidence: Values
+    evidence: log_records.Values
     chain: tuple[FailureLink, ...]
     """Nodes that ended with the failure, from the parent upwards to the one that stopped it, or the root."""
     handled_by: tuple[CureAttempt, ...]
-    fate: Fate
+    fate: item_episodes.Fate
     fate_by: str
     """Path of the node that decided it; empty when open."""
     fate_at: float | None

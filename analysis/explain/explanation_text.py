@@ -9,16 +9,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, cast
 
-from ...files.fault_rendering import Paint, plain
-from ...files.node_patterns import short_names
-from ...files.value_wording import listed
-from ...logs.episode import Episode, Planted
-from ...logs.episode_counts import ENDS, CauseCount
-from ...logs.records import encode
-from ...logs.run_account import CureAttempt, Episodes
-from ...robot.manipulation.pick_candidates import RANKED_STAGE
-from ...world.events import BlackboardSetEvent
-from ...world.journal import Plain
+from picktree.files import Paint, listed, plain, short_names
+from picktree.logs import CureAttempt, Episodes, episode_counts, item_episodes, log_records
+from picktree.robot.manipulation import pick_candidates
+from picktree.world import Plain, event_types
+
 from .explanation import (
     RATES,
     CandidateChoice,
@@ -32,7 +27,7 @@ from .explanation import (
 )
 
 if TYPE_CHECKING:
-    from ..run import Run
+    from picktree.analysis import Run
 
 PLANTED = 12
 """Planted faults that are told."""
@@ -61,13 +56,13 @@ def recovery_lines(found: Episodes, paint: Paint) -> Iterator[str]:
 
 
 def _title(found: Episodes) -> str:
-    ends = [(said, sum(e.end == end for e in found.episodes)) for end, said in ENDS.items()]
+    ends = [(said, sum(e.end == end for e in found.episodes)) for end, said in episode_counts.ENDS.items()]
     told = ", ".join(f"{number} {said}" for said, number in ends if number)
     lost = sum(e.seconds for e in found.episodes)
     return f"Recovery ({counted(len(found.episodes), 'episode')}: {told}; {lost:.1f} s lost)"
 
 
-def _by(found: CauseCount) -> str:
+def _by(found: episode_counts.CauseCount) -> str:
     """Return the nodes that cured it, else those that were tried in vain; then those that ran instead."""
     instead = [f"{each.cure} instead ({each.done_instead})" for each in found.by_cure if each.done_instead]
     if instead and not found.total.to_cure:
@@ -83,10 +78,10 @@ def _by(found: CauseCount) -> str:
     return ", ".join([*by, *instead])
 
 
-def _then(fault: Planted) -> str:
+def _then(fault: item_episodes.Planted) -> str:
     if fault.end is None or fault.after is None:
         return "nothing failed"
-    return f"{fault.cause} {fault.after:.1f} s later, {ENDS[fault.end]}"
+    return f"{fault.cause} {fault.after:.1f} s later, {episode_counts.ENDS[fault.end]}"
 
 
 EACH = 8
@@ -112,7 +107,7 @@ class FailureText:
         failures: Sequence[FailureStory],
         names: Mapping[str, str],
         paint: Paint,
-        episodes: Sequence[Episode] = (),
+        episodes: Sequence[item_episodes.Episode] = (),
     ) -> None:
         self._failures, self._names, self._paint = failures, names, paint
         self._episodes = episodes
@@ -229,7 +224,7 @@ def _tells(choice: CandidateChoice, story: FailureStory) -> bool:
 
 def _choice(choice: CandidateChoice) -> str:
     if any(r.stage for r in choice.rejections):
-        asked = counted(dict(choice.stages).get(RANKED_STAGE, 0), "candidate")
+        asked = counted(dict(choice.stages).get(pick_candidates.RANKED_STAGE, 0), "candidate")
         return f"Grasps at {seconds(choice.time)}: {asked}: {'; '.join(_few(_counts(choice)))}."
     stages = ", ".join(f"{count} {name}" for name, count in choice.stages)
     what = "Plans" if choice.purpose == "plan" else f"Grasps at {seconds(choice.time)}"
@@ -434,7 +429,7 @@ def to_json_text(run: Run, found: Explanation) -> str:
         "items": [_plain(item) for item in found.items],
         "look_at": [_plain(look) for look in found.look_at],
     }
-    return json.dumps(json.loads(encode(whole)), ensure_ascii=False, indent=2) + "\n"
+    return json.dumps(json.loads(log_records.encode(whole)), ensure_ascii=False, indent=2) + "\n"
 
 
 def notes_on(run: Run) -> tuple[str, ...]:
@@ -456,7 +451,7 @@ def notes_on(run: Run) -> tuple[str, ...]:
         told = ", ".join(f"{time:.2f} s" for time in edits)
         notes.append(f"the mission was edited while it ran, at {told}; nodes are those of their time")
     for at in run.events:
-        if isinstance(at.record, BlackboardSetEvent):
+        if isinstance(at.record, event_types.BlackboardSetEvent):
             notes.append(f"{at.time:.2f} s: {at.record.message}")
     return tuple(notes)
 
@@ -467,7 +462,7 @@ def _head(run: Run) -> str:
     return f"{info.mission}, scene {info.scene}, {info.seed_text}, {info.backend}: {length}"
 
 
-def _cause(found: CauseCount) -> dict[str, Plain]:
+def _cause(found: episode_counts.CauseCount) -> dict[str, Plain]:
     """All episodes of one cause, with what was tried in `by`."""
     parts: list[Plain] = [_plain(each) for each in found.by_cure]
     return {**_plain(found.total), "by": parts}

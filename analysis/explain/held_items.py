@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...logs.records import BodyRecord
-from ...world.shapes import extents
-from ...world.values import GRAVITY, Array
+from picktree.logs import log_records
+from picktree.world import GRAVITY, Array, extents
+
 from .case import Investigation
 from .device_causes import seen_displaced
 from .explanation import (
@@ -177,7 +177,7 @@ def _period(case: Investigation, item: str, true: str, start: float, end: float)
     return HeldPeriod(item, true, start, end, None)
 
 
-def reach_of(body: BodyRecord) -> float:
+def reach_of(body: log_records.BodyRecord) -> float:
     """Return the greatest distance from the fingers to the centre of an item that they hold, m."""
     low, high = extents(body.shape, np.eye(3))
     return float(np.linalg.norm(high - low)) / 2 + 0.05

@@ -12,8 +12,9 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from ...logs.records import BodyRecord
-from ...world.shapes import extents
+from picktree.logs import log_records
+from picktree.world import extents
+
 from .body_tracks import BodyTracks, horizontal_distance, offset
 
 NEAR = 0.08
@@ -39,10 +40,10 @@ class Sighting:
 
     time: float
     item: str
-    seen: BodyRecord
+    seen: log_records.BodyRecord
     true: str = ""
     """True item that it is; empty where nothing like it was there, or another name has it."""
-    body: BodyRecord | None = None
+    body: log_records.BodyRecord | None = None
     near: str = ""
     """Nearest true item that reaches to it, whatever its name."""
 
@@ -63,7 +64,7 @@ class Identities:
     @cached_property
     def sightings(self) -> Sequence[Sighting]:
         """All sightings in order of time, each look assigned one to one."""
-        looks: dict[float, list[tuple[str, BodyRecord]]] = {}
+        looks: dict[float, list[tuple[str, log_records.BodyRecord]]] = {}
         for track in self._belief.tracks.values():
             last = -math.inf
             for time, body in zip(track.times, track.bodies, strict=True):
@@ -74,7 +75,7 @@ class Identities:
                     looks.setdefault(round(body.last_seen, 3), []).append((track.id, body))
         return [each for time in sorted(looks) for each in self._assigned(time, looks[time])]
 
-    def _assigned(self, time: float, seen: list[tuple[str, BodyRecord]]) -> Iterator[Sighting]:
+    def _assigned(self, time: float, seen: list[tuple[str, log_records.BodyRecord]]) -> Iterator[Sighting]:
         true = self._truth.about(time)
         common = common_offset(seen, true)
         pairs = _matched(seen, true, common)
@@ -158,7 +159,7 @@ class Identities:
 
 
 def common_offset(
-    seen: Sequence[tuple[str, BodyRecord]], true: Sequence[tuple[str, BodyRecord]]
+    seen: Sequence[tuple[str, log_records.BodyRecord]], true: Sequence[tuple[str, log_records.BodyRecord]]
 ) -> tuple[float, float]:
     """Return the offset that all seen items have to the true ones alike, m; 0 without a common one."""
     ways: list[tuple[float, float]] = []
@@ -176,8 +177,8 @@ def common_offset(
 
 
 def _matched(
-    seen: Sequence[tuple[str, BodyRecord]],
-    true: Sequence[tuple[str, BodyRecord]],
+    seen: Sequence[tuple[str, log_records.BodyRecord]],
+    true: Sequence[tuple[str, log_records.BodyRecord]],
     common: tuple[float, float],
     near: float = NEAR,
 ) -> dict[int, int]:
@@ -189,7 +190,9 @@ def _matched(
     return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < UNLIKELY}
 
 
-def _unlike(seen: BodyRecord, true: BodyRecord, common: tuple[float, float], near: float) -> float:
+def _unlike(
+    seen: log_records.BodyRecord, true: log_records.BodyRecord, common: tuple[float, float], near: float
+) -> float:
     x, y, z = offset(seen, true)
     distance = math.hypot(x - common[0], y - common[1], z)
     if distance > (near if seen.colour == true.colour else OTHER_COLOUR_NEAR):
@@ -197,9 +200,13 @@ def _unlike(seen: BodyRecord, true: BodyRecord, common: tuple[float, float], nea
     return distance + OTHER_COLOUR * (seen.colour != true.colour) + OTHER_KIND * (seen.kind != true.kind)
 
 
-def _touching(seen: BodyRecord, true: Sequence[tuple[str, BodyRecord]], common: tuple[float, float]) -> str:
+def _touching(
+    seen: log_records.BodyRecord,
+    true: Sequence[tuple[str, log_records.BodyRecord]],
+    common: tuple[float, float],
+) -> str:
     """Return the nearest true item whose horizontal circle holds the believed centre; empty for none."""
-    away: list[tuple[float, str, BodyRecord]] = []
+    away: list[tuple[float, str, log_records.BodyRecord]] = []
     for name, body in true:
         x, y, _ = offset(seen, body)
         away.append((math.hypot(x - common[0], y - common[1]), name, body))

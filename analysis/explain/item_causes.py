@@ -7,12 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...logs.event_records import ImageEvent
-from ...logs.records import BodyRecord
-from ...world.events import DeliveryEvent
-from ...world.scene.description import CameraDescription
-from ...world.shapes import Shape, convex_hull, corners, extents
-from ...world.values import Pose
+from picktree.logs import ImageEvent, log_records
+from picktree.world import Pose, Shape, convex_hull, corners, event_types, extents
+from picktree.world.scene import CameraDescription
+
 from .body_tracks import horizontal_distance
 from .case import Investigation
 from .device_causes import seen_displaced
@@ -236,7 +234,7 @@ def never_seen(case: Investigation, true: str) -> Finding:
     return Finding("item.never_seen", true, title, reasons, true, None)
 
 
-def in_picture(camera: CameraDescription, body: BodyRecord) -> bool:
+def in_picture(camera: CameraDescription, body: log_records.BodyRecord) -> bool:
     """Whether the body's centre is within the picture, as far as the camera hangs where it is believed to."""
     x, y, z = (camera.pose.inverse() @ body.pose).position
     width, height = camera.size
@@ -362,7 +360,7 @@ def appeared(case: Investigation, true: str) -> Finding | None:
     first = case.truth.tracks[true].times[0]
     if first <= case.truth.times[0] + 1e-6 or case.believed.get(true):
         return None
-    fed = any(abs(at.time - first) < 2.0 for at in case.events(DeliveryEvent))
+    fed = any(abs(at.time - first) < 2.0 for at in case.events(event_types.DeliveryEvent))
     looks = [at.time for at in case.events(ImageEvent)]
     before = case.truth.times[max(case.truth.times.index(first) - 1, 0)]
     later = sum(time > first for time in looks)

@@ -9,16 +9,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...files.value_wording import listed
-from ...logs.event_records import ImageEvent
-from ...logs.records import BodyRecord
-from ...robot.manipulation.pick_candidates import PLACE_STAGE, ROOM_STAGE, TRANSFER_STAGE
-from ...robot.manipulation.release_poses import free_cells, heap_heights
-from ...world.events import SafetyStopEvent
-from ...world.planning_scene import BeliefObject
-from ...world.scene.description import Bin, Fixture
-from ...world.shapes import extents
-from ...world.values import ObjectId, Pose
+from picktree.files import listed
+from picktree.logs import ImageEvent, log_records
+from picktree.robot.manipulation import pick_candidates, release_poses
+from picktree.world import BeliefObject, ObjectId, Pose, event_types, extents
+from picktree.world.scene import Bin, Fixture
+
 from .body_tracks import horizontal_distance
 from .case import Investigation, reachable
 from .explanation import (
@@ -55,7 +51,7 @@ def touched(case: Investigation, failure: FailureStory) -> Finding | None:
     stopped = failure.cause in STOPPED or pressed_from_below(failure)
     if not stopped and not (failure.cause.startswith("safety.") and case.obstacles_near(failure.time)):
         return None
-    stops = case.events(SafetyStopEvent, start=case.visit(failure).start, end=failure.time)
+    stops = case.events(event_types.SafetyStopEvent, start=case.visit(failure).start, end=failure.time)
     time = stops[-1].time if stops else failure.time
     hand = case.hand(time)
     felt = _felt(failure)
@@ -100,7 +96,7 @@ def touched(case: Investigation, failure: FailureStory) -> Finding | None:
     )
 
 
-def _reach(body: BodyRecord) -> float:
+def _reach(body: log_records.BodyRecord) -> float:
     """Return the radius of the horizontal circle around a body, with a margin, m."""
     low, high = extents(body.shape, body.pose.rotation())
     return math.hypot(high[0] - low[0], high[1] - low[1]) / 2 + TOUCHING
@@ -131,7 +127,7 @@ def fixture_above(case: Investigation, target: Bin) -> str:
     return next((name for name, fixture in case.fixtures.items() if _overlap(fixture, low, high)), "")
 
 
-def fixtures_around(case: Investigation, lies: BodyRecord) -> list[str]:
+def fixtures_around(case: Investigation, lies: log_records.BodyRecord) -> list[str]:
     """Fixtures in the column over an item, the hand's width around it."""
     x, y, z = lies.pose.position
     low, high = (x - OVER / 2, y - OVER / 2, z), (x + OVER / 2, y + OVER / 2, z + 2 * OVER)
@@ -197,8 +193,8 @@ def full_bin(
     inside = [b for b in case.believed_at(failure.time) if b.place == bin_id]
     item = case.belief.at(failure.item, failure.time)
     if failure.cause != "place.full":
-        heights = heap_heights(target, [_object(b) for b in inside], None)
-        if item is None or free_cells(target, heights, item.shape, item.pose.rotation()):
+        heights = release_poses.heap_heights(target, [_object(b) for b in inside], None)
+        if item is None or release_poses.free_cells(target, heights, item.shape, item.pose.rotation()):
             return None
     size = " × ".join(f"{s * 100:.0f}" for s in target.size)
     title = (
@@ -209,7 +205,7 @@ def full_bin(
     return Finding("bin.full", bin_id, title, told, failure.item, failure.time)
 
 
-def _object(body: BodyRecord) -> BeliefObject:
+def _object(body: log_records.BodyRecord) -> BeliefObject:
     return BeliefObject(
         ObjectId(body.id), "item", body.kind, body.form, body.shape, body.colour, body.pose,
         body.sigma_position, body.sigma_angle, body.confidence, body.last_seen, place=body.place,
@@ -279,7 +275,11 @@ def _no_grasp(case: Investigation, failure: FailureStory) -> Finding | None:
     for rejection in choice.rejections:
         reason, count = rejection.reason, rejection.count
         match = TOUCHES.match(reason)
-        if rejection.stage in (ROOM_STAGE, PLACE_STAGE, TRANSFER_STAGE) or NOWHERE in reason:
+        if (
+            rejection.stage
+            in (pick_candidates.ROOM_STAGE, pick_candidates.PLACE_STAGE, pick_candidates.TRANSFER_STAGE)
+            or NOWHERE in reason
+        ):
             nowhere += count
         elif match:
             touched[(rejection.by or match.group(1)).split("/")[0]] += count

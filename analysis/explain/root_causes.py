@@ -13,8 +13,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
-from ...logs.run_log import Stamped
-from ...world.events import FaultEvent
+from picktree.logs import Stamped
+from picktree.world import event_types
+
 from .case import Investigation
 from .device_causes import device_findings
 from .explanation import ExplainedOutcome, FailureStory, Finding, RootCause, seconds
@@ -89,7 +90,7 @@ class _Group:
 
 
 def root_causes_of(
-    case: Investigation, outcome: ExplainedOutcome, planted: Sequence[Stamped[FaultEvent]]
+    case: Investigation, outcome: ExplainedOutcome, planted: Sequence[Stamped[event_types.FaultEvent]]
 ) -> tuple[RootCause, ...]:
     """Return the root causes, those that cost most first.
 
@@ -276,7 +277,7 @@ def _root(
     case: Investigation,
     group: _Group,
     outcome: ExplainedOutcome,
-    planted: Sequence[Stamped[FaultEvent]],
+    planted: Sequence[Stamped[event_types.FaultEvent]],
     costs: Mapping[tuple[str, str], float],
 ) -> RootCause:
     first = group.findings[0]
@@ -325,7 +326,9 @@ FAULTS: Final[Mapping[str, tuple[str, ...]]] = {
 """Root causes beside which a fault of a kind is quoted; one of an item also beside those of the item."""
 
 
-def _planted(case: Investigation, group: _Group, planted: Sequence[Stamped[FaultEvent]]) -> list[str]:
+def _planted(
+    case: Investigation, group: _Group, planted: Sequence[Stamped[event_types.FaultEvent]]
+) -> list[str]:
     """Faults of the fault file that concern the same item or device, not later than the failures."""
     items = {case.pairs.get(f.item, f.item) for f in group.findings if f.item} | set(group.items)
     items |= {case.pairs[f.item] for f in group.failures if f.item in case.pairs}

@@ -6,11 +6,11 @@ from statistics import median
 
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...files.value_wording import listed
-from ...files.yaml.reader import read
-from ...logs.visits import HALTED, Visit
-from ...world.events import ItemDoneEvent, SafetyStopEvent
+from picktree.files import PicktreeError, listed
+from picktree.files.yaml import read
+from picktree.logs import node_visits
+from picktree.world import event_types
+
 from .case import Investigation
 from .explanation import ExplainedOutcome, FailureStory, Finding, counted, number, seconds, word
 from .held_items import held_periods
@@ -171,7 +171,7 @@ FOLLOWED = 1e-3
 """Motion of a joint within a tick that is a sign of life, rad or m."""
 
 
-def hang(case: Investigation, visit: Visit) -> Finding | None:
+def hang(case: Investigation, visit: node_visits.Visit) -> Finding | None:
     """Whether a skill had stopped doing anything long before it was stopped."""
     if visit.id in WAITING or case.family.children(visit) or visit.duration < HUNG:
         return None
@@ -212,7 +212,7 @@ def _timeout(case: Investigation, failure: FailureStory) -> Finding:
     halted = [
         v
         for v in case.family.visits
-        if v.outcome == HALTED and v.last == visit.last and case.family.within(v, visit)
+        if v.outcome == node_visits.HALTED and v.last == visit.last and case.family.within(v, visit)
     ]
     leaves = _leaves(case, halted) or [visit]
     hung = next((found for leaf in leaves if (found := hang(case, leaf)) is not None), None)
@@ -231,7 +231,7 @@ def _timeout(case: Investigation, failure: FailureStory) -> Finding:
     name, limit = path.rsplit("/", 1)[-1], f"{allowed:g} s" if allowed is not None else "its time"
     at_work = [
         at
-        for at in case.events(ItemDoneEvent, visit.start, visit.end)
+        for at in case.events(event_types.ItemDoneEvent, visit.start, visit.end)
         if at.record.node.startswith(visit.path)
     ]
     if at_work and not within:
@@ -249,7 +249,7 @@ def _timeout(case: Investigation, failure: FailureStory) -> Finding:
 
 def unacknowledged(case: Investigation, failure: FailureStory) -> Finding | None:
     """A motion that was refused because of a stop that nobody acknowledged."""
-    stops = case.events(SafetyStopEvent, end=failure.time)
+    stops = case.events(event_types.SafetyStopEvent, end=failure.time)
     if failure.cause != "safety.stop" or not stops:
         return None
     stop = stops[-1]
@@ -266,5 +266,5 @@ def unacknowledged(case: Investigation, failure: FailureStory) -> Finding | None
     return Finding(stop.record.cause, about, title, reasons, failure.item, stop.time)
 
 
-def _leaves(case: Investigation, visits: list[Visit]) -> list[Visit]:
+def _leaves(case: Investigation, visits: list[node_visits.Visit]) -> list[node_visits.Visit]:
     return [v for v in visits if not case.family.children(v)] or visits[-1:]

@@ -9,21 +9,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ...files.value_wording import listed
-from ...logs.event_records import BeliefEvent
-from ...logs.log_files import NEXT_METADATA
-from ...logs.records import BodyRecord, Candidates, Plan
-from ...logs.run_account import Failure, RunAccount
-from ...logs.run_log import Stamped
-from ...logs.visits import HALTED, Visit, VisitTree
-from ...robot.manipulation.pick_candidates import count_rejections
-from ...simulation.scorer import ItemScore
-from ...world.causes import Cause, all_causes, remedy_of
-from ...world.events import FaultEvent, HandledEvent, ItemDoneEvent, PickEvent, SafetyStopEvent, SetAsideEvent
-from ...world.heaps import heap_id
-from ...world.journal import JournalEvent
-from ...world.scene.destinations import is_at
-from ...world.world_facts import RODE_ON, TAKEN_AWAY
+from picktree.files import listed
+from picktree.logs import BeliefEvent, Failure, RunAccount, Stamped, log_files, log_records, node_visits
+from picktree.robot.manipulation import pick_candidates
+from picktree.simulation import ItemScore
+from picktree.world import Cause, JournalEvent, all_causes, event_types, heap_geometry, remedy_of, world_facts
+from picktree.world.scene import destinations
+
 from .body_tracks import horizontal_distance
 from .case import Investigation
 from .explanation import (
@@ -47,15 +39,15 @@ from .item_causes import MISPLACED
 from .root_causes import root_causes_of
 
 if TYPE_CHECKING:
-    from ...logs.run_record import RunRecord
+    from picktree.logs import RunRecord
 
 PLANS = 3
 """Failing plans in a row that are told."""
 
 
-def choices_before(run: RunRecord, source: Visit) -> tuple[CandidateChoice, ...]:
+def choices_before(run: RunRecord, source: node_visits.Visit) -> tuple[CandidateChoice, ...]:
     """Those within the visit that failed and of its item, or of the heap in it, in the order of time."""
-    names = (source.item, heap_id(source.item))
+    names = (source.item, heap_geometry.heap_id(source.item))
     found = [
         _of_candidates(at)
         for at in run.candidates
@@ -68,10 +60,10 @@ def choices_before(run: RunRecord, source: Visit) -> tuple[CandidateChoice, ...]
     return tuple(sorted(found, key=lambda choice: choice.time))
 
 
-def _of_candidates(at: Stamped[Candidates]) -> CandidateChoice:
+def _of_candidates(at: Stamped[log_records.Candidates]) -> CandidateChoice:
     record = at.record
     stages = tuple((stage.name, stage.count) for stage in record.stages)
-    found = count_rejections(record.tried, record.into)
+    found = pick_candidates.count_rejections(record.tried, record.into)
     if found:
         rejections = tuple(RejectedCandidate(f.name, f.words, f.count, f.stage, f.by) for f in found)
         return CandidateChoice(at.time, record.purpose, record.object, stages, rejections)
@@ -88,9 +80,9 @@ def _of_candidates(at: Stamped[Candidates]) -> CandidateChoice:
     )
 
 
-def _of_plans(refused: list[Stamped[Plan]], plans: int, item: str) -> CandidateChoice:
+def _of_plans(refused: list[Stamped[log_records.Plan]], plans: int, item: str) -> CandidateChoice:
     """Plans that failed with the same words, numbers aside, are told as one."""
-    alike: dict[str, list[Stamped[Plan]]] = {}
+    alike: dict[str, list[Stamped[log_records.Plan]]] = {}
     for at in refused:
         words = re.sub(r"[\d.]+", "#", f"{at.record.outcome} {at.record.message}")
         alike.setdefault(words, []).append(at)
@@ -114,7 +106,7 @@ LATELY = 5.0
 
 
 def failure_context(
-    case: Investigation, failure: FailureStory, planted: Sequence[Stamped[FaultEvent]]
+    case: Investigation, failure: FailureStory, planted: Sequence[Stamped[event_types.FaultEvent]]
 ) -> tuple[str, ...]:
     return (
         *_belief(case, failure),
@@ -147,7 +139,7 @@ def _belief(case: Investigation, failure: FailureStory) -> list[str]:
     return told
 
 
-def _really(case: Investigation, failure: FailureStory, true: str) -> BodyRecord | None:
+def _really(case: Investigation, failure: FailureStory, true: str) -> log_records.BodyRecord | None:
     """The item as it truly was just after the failure, unless the hand moved it about."""
     later = next((t for t in case.truth.times if t >= failure.time - 1e-6), case.end)
     then = case.belief.at(failure.item, later)
@@ -174,7 +166,7 @@ def _stops(case: Investigation, failure: FailureStory) -> list[str]:
     visit = case.visit(failure)
     return [
         f"safety: the arm was stopped at {seconds(at.time)}: {at.record.message}"
-        for at in case.events(SafetyStopEvent, start=visit.start, end=failure.time)
+        for at in case.events(event_types.SafetyStopEvent, start=visit.start, end=failure.time)
     ]
 
 
@@ -183,12 +175,14 @@ def _halted(case: Investigation, failure: FailureStory) -> list[str]:
     stopped = [
         v.name
         for v in case.family.visits
-        if v.outcome == HALTED and v.last == visit.last and case.family.within(v, visit)
+        if v.outcome == node_visits.HALTED and v.last == visit.last and case.family.within(v, visit)
     ]
     return [f"stopped with it: {listed(stopped[::-1], 4)}"] if stopped else []
 
 
-def _faults(case: Investigation, failure: FailureStory, planted: Sequence[Stamped[FaultEvent]]) -> list[str]:
+def _faults(
+    case: Investigation, failure: FailureStory, planted: Sequence[Stamped[event_types.FaultEvent]]
+) -> list[str]:
     true = case.pairs.get(failure.item)
     return [
         f"planted: {at.record.message} ({failure.time - at.time:.1f} s before)"
@@ -202,7 +196,7 @@ def failures_of(run: RunRecord, account: RunAccount) -> tuple[FailureStory, ...]
     causes = {cause.name: cause for cause in all_causes()}
     charged: set[int | None] = {None}
     found: list[FailureStory] = []
-    before: list[Visit] = []
+    before: list[node_visits.Visit] = []
     for failure in account.failures:
         story = _story(run, len(found), failure, causes.get(failure.source.cause))
         episode = account.recovery.of_failure(story.cause, story.time, story.node)
@@ -243,7 +237,9 @@ def _story(run: RunRecord, number: int, failure: Failure, cause: Cause | None) -
     )
 
 
-def _follows(source: Visit, before: Sequence[Visit], family: VisitTree) -> int | None:
+def _follows(
+    source: node_visits.Visit, before: Sequence[node_visits.Visit], family: node_visits.VisitTree
+) -> int | None:
     """Return the number of the earlier failure that this one follows from."""
     for earlier_number in reversed(range(len(before))):
         earlier = before[earlier_number]
@@ -252,7 +248,9 @@ def _follows(source: Visit, before: Sequence[Visit], family: VisitTree) -> int |
     return None
 
 
-def _within_the_answer(source: Visit, earlier: Visit, family: VisitTree) -> bool:
+def _within_the_answer(
+    source: node_visits.Visit, earlier: node_visits.Visit, family: node_visits.VisitTree
+) -> bool:
     """Whether it failed while the earlier failure was being dealt with: in a handler, or in giving up."""
     lineage = {v.parent: v for v in (source, *family.above(source))}
     ours = earlier
@@ -269,7 +267,9 @@ def _within_the_answer(source: Visit, earlier: Visit, family: VisitTree) -> bool
 _ANSWERING = frozenset({"Recover", "RecoveryNode"})
 
 
-def _consequence(source: Visit, earlier: Visit, family: VisitTree) -> bool:
+def _consequence(
+    source: node_visits.Visit, earlier: node_visits.Visit, family: node_visits.VisitTree
+) -> bool:
     """Whether the earlier failure lost the item, left it in the hand, or would only be met again."""
     if source.evidence.get("unchanged") is True:
         return (earlier.item, earlier.cause) == (source.item, source.cause)
@@ -370,18 +370,18 @@ def _state(case: Investigation, item: str) -> ItemState:
         last = case.belief.tracks[item].last
         if case.departed.get(case.pairs.get(item, "")) != last.place:
             return "gone"
-        return "done" if is_at(last.place, case.destination(last)) else "left"
+        return "done" if destinations.is_at(last.place, case.destination(last)) else "left"
     if body.attached:
         return "held"
-    aside = [at.time for at in case.events(SetAsideEvent) if at.record.object == item]
-    placed = [at.time for at in case.events(ItemDoneEvent) if at.record.object == item]
+    aside = [at.time for at in case.events(event_types.SetAsideEvent) if at.record.object == item]
+    placed = [at.time for at in case.events(event_types.ItemDoneEvent) if at.record.object == item]
     if aside and aside[-1] >= max(placed, default=-1.0):
         return "aside"
     score = case.scores.get(case.pairs.get(item, ""))
     if score is not None:
         return "done" if score.verdict == "sorted" else "left"
     destination = case.destination(body)
-    return "done" if destination and is_at(body.place, destination) else "left"
+    return "done" if destination and destinations.is_at(body.place, destination) else "left"
 
 
 def _truth(case: Investigation, true: str) -> str:
@@ -410,9 +410,11 @@ def _events_by_item(case: Investigation) -> dict[str, list[Stamped[JournalEvent]
     found: dict[str, list[Stamped[JournalEvent]]] = {}
     for at in case.run.events:
         event = at.record
-        if isinstance(event, HandledEvent) and isinstance(event.element, str):
+        if isinstance(event, event_types.HandledEvent) and isinstance(event.element, str):
             found.setdefault(event.element, []).append(at)
-        elif isinstance(event, PickEvent | ItemDoneEvent | SetAsideEvent | BeliefEvent):
+        elif isinstance(
+            event, event_types.PickEvent | event_types.ItemDoneEvent | event_types.SetAsideEvent | BeliefEvent
+        ):
             found.setdefault(event.object, []).append(at)
     return found
 
@@ -421,14 +423,14 @@ def _happened(at: Stamped[JournalEvent], known_as: str) -> list[ItemEvent]:
     """`known_as`: other name under which something happened to the item."""
     event = at.record
     match event:
-        case HandledEvent():
+        case event_types.HandledEvent():
             return [ItemEvent(at.time, "passed over", event.node)]
-        case PickEvent() if event.held:
+        case event_types.PickEvent() if event.held:
             return [ItemEvent(at.time, f"held{known_as}{_felt(event)}", event.node)]
-        case ItemDoneEvent():
+        case event_types.ItemDoneEvent():
             told = f"placed into {event.into}" if event.into else "put down"
             return [ItemEvent(at.time, f"{told}{known_as}", event.node)]
-        case SetAsideEvent():
+        case event_types.SetAsideEvent():
             return [ItemEvent(at.time, "set aside: left where it lies", event.node)]
         case BeliefEvent():
             told = _change(event)
@@ -437,7 +439,7 @@ def _happened(at: Stamped[JournalEvent], known_as: str) -> list[ItemEvent]:
             return []
 
 
-def _felt(pick: PickEvent) -> str:
+def _felt(pick: event_types.PickEvent) -> str:
     if pick.width is None or pick.load is None:
         return ""
     return f" ({pick.width * 1000:.0f} mm between the fingers, {pick.load:.2f} N on the wrist)"
@@ -447,7 +449,7 @@ def _change(event: BeliefEvent) -> str:
     """A change of the belief in words; empty for one that is not worth a line, or told by another event."""
     before, after, reason = event.before, event.after, event.reason
     if after is None:
-        return reason if reason in (RODE_ON, TAKEN_AWAY) else f"given up: {reason}"
+        return reason if reason in (world_facts.RODE_ON, world_facts.TAKEN_AWAY) else f"given up: {reason}"
     if before is None:
         return f"seen for the first time, at {place(after.pose.position)}"
     if reason == "seen":
@@ -458,7 +460,7 @@ def _change(event: BeliefEvent) -> str:
     return ""
 
 
-def outcome_of(case: Investigation, visits: Sequence[Visit]) -> ExplainedOutcome:
+def outcome_of(case: Investigation, visits: Sequence[node_visits.Visit]) -> ExplainedOutcome:
     run, end = case.run, case.end
     result = run.result
     if result is None:
@@ -472,8 +474,8 @@ def outcome_of(case: Investigation, visits: Sequence[Visit]) -> ExplainedOutcome
         counts += f", {items.misplaced} in a wrong bin"
     if items.left:
         counts += f", {items.left} left"
-    aside = {at.record.object for at in case.events(SetAsideEvent)}
-    elsewhere = {at.record.object for at in case.events(ItemDoneEvent) if not at.record.into}
+    aside = {at.record.object for at in case.events(event_types.SetAsideEvent)}
+    elsewhere = {at.record.object for at in case.events(event_types.ItemDoneEvent) if not at.record.into}
     told = [f"{len(aside)} set aside"] * bool(aside) + [f"{len(elsewhere)} put down elsewhere"] * bool(
         elsewhere
     )
@@ -506,10 +508,10 @@ def _next_file(run: RunRecord) -> str:
     It is empty for a whole log, and for the last file.
     """
     log = run.log
-    return log.metadata.get(NEXT_METADATA, {}).get("part", "") if log.part > 1 else ""
+    return log.metadata.get(log_files.NEXT_METADATA, {}).get("part", "") if log.part > 1 else ""
 
 
-def _cut_off(run: RunRecord, visits: Sequence[Visit], end: float) -> str:
+def _cut_off(run: RunRecord, visits: Sequence[node_visits.Visit], end: float) -> str:
     ended = run.log.result.get("ended", "")
     if ended and ended != "orderly":
         return f"the run was ended at {end:.2f} s by an error of the program ({ended}){_doing(visits)}"
@@ -522,7 +524,7 @@ def _cut_off(run: RunRecord, visits: Sequence[Visit], end: float) -> str:
     return f"the log ends at {end:.2f} s without a result: the process was killed{_doing(visits)}"
 
 
-def _doing(visits: Sequence[Visit]) -> str:
+def _doing(visits: Sequence[node_visits.Visit]) -> str:
     """Return the nodes that ran when the log ended, as a phrase."""
     running = [v for v in visits if v.outcome == "RUNNING"]
     if not running:
@@ -607,7 +609,7 @@ def explain(run: RunRecord, *, faults: bool = True, items: bool = True) -> Expla
     failures = failures_of(run, account)
     case = Investigation(run, account.tree, failures)
     outcome = outcome_of(case, account.visits)
-    planted = case.events(FaultEvent) if faults else []
+    planted = case.events(event_types.FaultEvent) if faults else []
     causes = root_causes_of(case, outcome, planted)
     recovery = account.recovery
     return Explanation(
@@ -624,11 +626,15 @@ def _told(
     case: Investigation,
     failure: FailureStory,
     causes: Sequence[RootCause],
-    planted: Sequence[Stamped[FaultEvent]],
+    planted: Sequence[Stamped[event_types.FaultEvent]],
 ) -> FailureStory:
     """The failure with what only the whole run tells."""
     names = case.believed.get(case.pairs.get(failure.item, ""), ())
-    done = [at.time for at in case.events(ItemDoneEvent, start=failure.time) if at.record.object in names]
+    done = [
+        at.time
+        for at in case.events(event_types.ItemDoneEvent, start=failure.time)
+        if at.record.object in names
+    ]
     return replace(
         failure,
         observed=failure_context(case, failure, planted),

@@ -7,16 +7,12 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ...files.value_wording import listed
-from ...logs.records import BodyRecord, ThingRecord
-from ...simulation.scorer import MAX_REST_SPEED
-from ...world.causes import grasp
-from ...world.events import BinExchangedEvent, CrushedEvent, ItemDoneEvent, PickEvent, SetAsideEvent
-from ...world.heaps import heap_id
-from ...world.scene.description import Bin
-from ...world.scene.destinations import asks_for, is_at
-from ...world.shapes import extents
-from ...world.values import Pose
+from picktree.files import listed
+from picktree.logs import log_records
+from picktree.simulation import MAX_REST_SPEED
+from picktree.world import Pose, event_types, extents, grasp, heap_geometry
+from picktree.world.scene import Bin, destinations
+
 from .case import Investigation
 from .device_causes import hidden_by_arm
 from .explanation import FailureStory, Finding, between, counted, distance, place, seconds, times
@@ -71,7 +67,7 @@ def why_left(case: Investigation, true: str) -> Finding | None:
 def _delivery(case: Investigation, failure: FailureStory) -> tuple[str, int]:
     """Return the tote of a search for grasps, and how often it had been exchanged by then."""
     tote = str(failure.evidence.get("object"))
-    exchanges = (at.time for at in case.events(BinExchangedEvent) if at.record.bin == tote)
+    exchanges = (at.time for at in case.events(event_types.BinExchangedEvent) if at.record.bin == tote)
     return tote, sum(time <= failure.time for time in exchanges)
 
 
@@ -108,7 +104,11 @@ def remains(case: Investigation, tote: str, time: float) -> list[Remainder]:
     if bin_ is None or not bin_.is_tote:
         return []
     scene = case.run.at(time).belief
-    heap = next((body for body in scene.bodies if body.id == heap_id(tote)), None) if scene else None
+    heap = (
+        next((body for body in scene.bodies if body.id == heap_geometry.heap_id(tote)), None)
+        if scene
+        else None
+    )
     refused, vain = _refused(case, tote, time), _vain(case, time)
     bodies = ((true, case.truth.at(true, time)) for true in case.truth.tracks)
     return [
@@ -124,7 +124,7 @@ def remains(case: Investigation, tote: str, time: float) -> list[Remainder]:
     ]
 
 
-def lying(tote: Bin, heap: BodyRecord | None, body: BodyRecord) -> str:
+def lying(tote: Bin, heap: log_records.BodyRecord | None, body: log_records.BodyRecord) -> str:
     """Return how a thing lies in a tote, in words. `heap`: the columns that were seen."""
     inverse = tote.pose.inverse()
     low, high = extents(body.shape, (inverse @ body.pose).rotation())
@@ -142,7 +142,7 @@ def lying(tote: Bin, heap: BodyRecord | None, body: BodyRecord) -> str:
     return f"at a wall, {distance(gap)} from it" if gap < FINGER_ROOM else "seen and away from the walls"
 
 
-def _column(heap: BodyRecord, point: Sequence[float]) -> float:
+def _column(heap: log_records.BodyRecord, point: Sequence[float]) -> float:
     """Return the height of the heap's columns at a point of the world, m; of none -inf."""
     x, y, _ = (heap.pose.inverse() @ Pose((point[0], point[1], point[2]))).position
     tops = (
@@ -158,7 +158,7 @@ def _refused(case: Investigation, tote: str, time: float) -> list[tuple[Sequence
     found = [
         at
         for at in case.run.candidates
-        if at.record.object == heap_id(tote) and time - SEARCH_TIME <= at.time <= time
+        if at.record.object == heap_geometry.heap_id(tote) and time - SEARCH_TIME <= at.time <= time
     ]
     tried = (one for at in found for one in at.record.tried)
     return [(one.position, f"would touch {one.by}" if one.by else one.verdict) for one in tried]
@@ -167,7 +167,7 @@ def _refused(case: Investigation, tote: str, time: float) -> list[tuple[Sequence
 def _vain(case: Investigation, time: float) -> list[Sequence[float]]:
     """Return the places of the closings before that time that held nothing."""
     found: list[Sequence[float]] = []
-    for at in case.events(PickEvent, end=time):
+    for at in case.events(event_types.PickEvent, end=time):
         if not at.record.held:
             searches = (one for one in case.run.candidates if one.time <= at.time)
             tried = [c for one in searches for c in one.record.tried if c.name == at.record.candidate]
@@ -176,7 +176,9 @@ def _vain(case: Investigation, time: float) -> list[Sequence[float]]:
 
 
 def _tried(
-    refused: Sequence[tuple[Sequence[float], str]], vain: Sequence[Sequence[float]], body: BodyRecord
+    refused: Sequence[tuple[Sequence[float], str]],
+    vain: Sequence[Sequence[float]],
+    body: log_records.BodyRecord,
 ) -> str:
     def near(position: Sequence[float]) -> bool:
         return math.dist(position[:2], body.pose.position[:2]) < NEAR_THING
@@ -227,7 +229,7 @@ def why_not_sorted(case: Investigation, true: str) -> Finding | None:
 
 def crushed(case: Investigation, true: str) -> Finding | None:
     """Whether a finger pressed an item harder than it bears: it is lost wherever it lies."""
-    found = [at.record for at in case.events(CrushedEvent) if at.record.object == true]
+    found = [at.record for at in case.events(event_types.CrushedEvent) if at.record.object == true]
     if not found:
         return None
     first, item = found[0], case.name_of(true)
@@ -257,7 +259,7 @@ def placed_at(case: Investigation, true: str) -> float | None:
 def _placed(case: Investigation, true: str, until: float = math.inf) -> tuple[float, str, str, str] | None:
     """Return the last placement of an item: time, believed item, bin, node."""
     names = set(case.believed.get(true, ()))
-    found = [at for at in case.events(ItemDoneEvent, end=until) if at.record.object in names]
+    found = [at for at in case.events(event_types.ItemDoneEvent, end=until) if at.record.object in names]
     if not found:
         return None
     done = found[-1].record
@@ -304,7 +306,7 @@ def _put_elsewhere(case: Investigation, true: str, item: str, node: str, time: f
 
 def _set_aside(case: Investigation, true: str) -> Finding | None:
     names = case.believed.get(true, ())
-    found = [at for at in case.events(SetAsideEvent) if at.record.object in names]
+    found = [at for at in case.events(event_types.SetAsideEvent) if at.record.object in names]
     if not found:
         return None
     time, event = found[-1].time, found[-1].record
@@ -317,7 +319,7 @@ def _wrong_bin(case: Investigation, true: str, item: str, into: str, node: str) 
     told = case.ports(node).get("into", "")
     believed = _believed_for(case, item, into if "{" in told else "")
     belongs = case.destination(real)
-    if not into or not belongs or is_at(into, belongs):
+    if not into or not belongs or destinations.is_at(into, belongs):
         return None
     if (believed.colour, believed.kind) != (real.colour, real.kind) and case.destination(believed) == into:
         title = (
@@ -345,7 +347,7 @@ def _wrong_bin(case: Investigation, true: str, item: str, into: str, node: str) 
     return Finding("mission.wrong_bin", node, title, reasons, item, None)
 
 
-def _believed_for(case: Investigation, item: str, into: str) -> BodyRecord:
+def _believed_for(case: Investigation, item: str, into: str) -> log_records.BodyRecord:
     """Return what was last believed of an item while it belonged into `into`; without such, at the end.
 
     A second weighing may change the destination of an item that is on its way.
@@ -354,22 +356,30 @@ def _believed_for(case: Investigation, item: str, into: str) -> BodyRecord:
     return next((body for body in reversed(bodies) if into and case.destination(body) == into), bodies[-1])
 
 
-def _mass(body: BodyRecord) -> str:
-    return f"{body.mass * 1000:.0f} g" if isinstance(body, ThingRecord) and body.mass is not None else ""
+def _mass(body: log_records.BodyRecord) -> str:
+    return (
+        f"{body.mass * 1000:.0f} g"
+        if isinstance(body, log_records.ThingRecord) and body.mass is not None
+        else ""
+    )
 
 
-def _mistaken_traits(case: Investigation, believed: BodyRecord, real: BodyRecord) -> tuple[str, ...]:
+def _mistaken_traits(
+    case: Investigation, believed: log_records.BodyRecord, real: log_records.BodyRecord
+) -> tuple[str, ...]:
     """Return in words what the robot took a thing's tag, mass and size for, as far as rules ask for them."""
-    if case.scene is None or not (isinstance(believed, ThingRecord) and isinstance(real, ThingRecord)):
+    if case.scene is None or not (
+        isinstance(believed, log_records.ThingRecord) and isinstance(real, log_records.ThingRecord)
+    ):
         return ()
     rules, found = case.scene.destinations, list[str]()
-    if asks_for(rules, "tag") and believed.tag != real.tag:
+    if destinations.asks_for(rules, "tag") and believed.tag != real.tag:
         read = "its tag was not read" if believed.tag is None else f"tag {believed.tag} was read"
         found.append(f"{read}, and it has {'none' if real.tag is None else f'tag {real.tag}'}")
-    if asks_for(rules, "mass") and real.mass is not None:
+    if destinations.asks_for(rules, "mass") and real.mass is not None:
         weighed = "it was not weighed" if believed.mass is None else f"{believed.mass * 1000:.0f} g were felt"
         found.append(f"{weighed}, and it weighs {real.mass * 1000:.0f} g")
-    if asks_for(rules, "size") and believed.size is not None and real.size is not None:
+    if destinations.asks_for(rules, "size") and believed.size is not None and real.size is not None:
         found.append(f"{distance(believed.size)} of it were seen, and it is {distance(real.size)} long")
     return tuple(found)
 
@@ -422,7 +432,7 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
     reasons.append(
         f"it lay there, and {distance(math.dist(lies.pose.position, lay.pose.position))} away later"
     )
-    placing = case.events(ItemDoneEvent, start=inside[-1] - BESIDE_IT, end=out + BESIDE_IT)
+    placing = case.events(event_types.ItemDoneEvent, start=inside[-1] - BESIDE_IT, end=out + BESIDE_IT)
     if math.dist(outside.pose.position, lay.pose.position) > PUSHED:
         placing = []
     came = [at.record.object for at in placing if at.record.into == into]

@@ -11,16 +11,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from ...logs import topics
-from ...logs.binary_gltf import with_y_up
-from ...logs.recording import foxglove_messages
-from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
-from ...logs.records import BlockRecord, BodyRecord, PartRecord, Scene, Transform
-from ...logs.triangle_meshes import part_mesh, shape_mesh
-from ...world.colours import COLOURS, TRUTH_COLOUR, Rgb
-from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
-from ...world.values import Pose
-from ..run import Run
+from picktree.analysis import Run
+from picktree.logs import binary_gltf, log_records, topics, triangle_meshes
+from picktree.logs.recording import UNKNOWN_COLOUR, foxglove_messages
+from picktree.world import COLOURS, TRUTH_COLOUR, Box, ConvexMesh, Cylinder, Pose, Rgb, Shape, Sphere
+
 from .row_types import run_rows
 from .viewer_layout import lanes
 
@@ -91,7 +86,7 @@ _PLAN_COLOUR, _FAILED_PLAN_COLOUR = (40, 200, 120), (230, 60, 60)
 def write_stage(sheet: RerunWriter, run: Run) -> None:
     sheet.always("/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     _robot(sheet, run)
-    fixed: Scene | None = next((at.record for at in run.log.beliefs()), None)
+    fixed: log_records.Scene | None = next((at.record for at in run.log.beliefs()), None)
     if fixed is not None:
         _fixtures(sheet, fixed.fixed)
     _bodies(
@@ -116,12 +111,14 @@ def _robot(sheet: RerunWriter, run: Run) -> None:
     """Write the meshes once; they follow their links' frames."""
     for mesh in run.log.robot_model():
         model = f"/world/robot/{rr.escape_entity_path_part(mesh.link)}/model"
-        sheet.always(model, rr.Asset3D(contents=with_y_up(mesh.glb), media_type="model/gltf-binary"))
+        sheet.always(
+            model, rr.Asset3D(contents=binary_gltf.with_y_up(mesh.glb), media_type="model/gltf-binary")
+        )
         sheet.always(model, rr.Transform3D(quaternion=_Z_UP_FROM_Y_UP))
 
 
-def _fixtures(sheet: RerunWriter, parts: Sequence[PartRecord]) -> None:
-    by_owner: dict[str, list[PartRecord]] = {}
+def _fixtures(sheet: RerunWriter, parts: Sequence[log_records.PartRecord]) -> None:
+    by_owner: dict[str, list[log_records.PartRecord]] = {}
     for part in parts:
         by_owner.setdefault(part.id.split("/")[0], []).append(part)
     for owner, pieces in by_owner.items():
@@ -134,11 +131,11 @@ def _fixtures(sheet: RerunWriter, parts: Sequence[PartRecord]) -> None:
 def _bodies(
     sheet: RerunWriter,
     source: str,
-    scenes: Sequence[tuple[float, tuple[BodyRecord, ...]]],
+    scenes: Sequence[tuple[float, tuple[log_records.BodyRecord, ...]]],
     fill: rr.components.FillMode,
 ) -> None:
     """Write shapes when they appear or change, poses at each message, and the removal of bodies."""
-    there: Mapping[str, tuple[Shape, str, tuple[BlockRecord, ...]]] = {}
+    there: Mapping[str, tuple[Shape, str, tuple[log_records.BlockRecord, ...]]] = {}
     for time, bodies in scenes:
         present = {body.id: (body.shape, body.colour, body.blocks) for body in bodies}
         for gone in there.keys() - present.keys():
@@ -182,7 +179,7 @@ def _believed(run: Run) -> frozenset[str]:
     return frozenset(body.id for at in run.log.beliefs() for body in at.record.bodies)
 
 
-def _frame_entity(t: Transform, links: set[str], believed: frozenset[str]) -> str | None:
+def _frame_entity(t: log_records.Transform, links: set[str], believed: frozenset[str]) -> str | None:
     """Return the entity of a frame; None for frames without anything to draw."""
     if t.child in links:
         return f"/world/robot/{rr.escape_entity_path_part(t.child)}"
@@ -236,7 +233,7 @@ def _placed(pose: Pose) -> rr.Transform3D:
 
 
 def _body_form(
-    body: BodyRecord, colour: tuple[int, int, int], fill: rr.components.FillMode
+    body: log_records.BodyRecord, colour: tuple[int, int, int], fill: rr.components.FillMode
 ) -> rr.AsComponents:
     if not body.blocks:
         return _form(body.shape, colour, fill, body.id)
@@ -250,8 +247,8 @@ def _body_form(
     )
 
 
-def _mesh_form(part: PartRecord) -> rr.AsComponents:
-    mesh = part_mesh(part.shape, part.holes)
+def _mesh_form(part: log_records.PartRecord) -> rr.AsComponents:
+    mesh = triangle_meshes.part_mesh(part.shape, part.holes)
     return rr.Mesh3D(
         vertex_positions=mesh.vertices,
         vertex_normals=mesh.normals.reshape(-1, 3),
@@ -280,7 +277,7 @@ def _form(
                 radii=[radius], colors=[colour], fill_mode=fill, labels=labels, show_labels=False
             )
         case ConvexMesh():
-            mesh = shape_mesh(shape)
+            mesh = triangle_meshes.shape_mesh(shape)
             if fill is not rr.components.FillMode.Solid:
                 edges = [mesh.vertices[[*face, face[0]]] for face in mesh.faces]
                 return rr.LineStrips3D(edges, colors=[colour] * len(edges))

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Annotated, TypeAlias
 
-from ...world.events import PickEvent
-from ..run import Run
+from picktree.analysis import Run
+from picktree.world import event_types
+
 from .table_files import ColumnDoc, event_row
 
 Time: TypeAlias = Annotated[float, ColumnDoc("simulated time", "s")]
@@ -102,7 +103,7 @@ class CandidateRow:
     qw: Qw
 
 
-PickRow = event_row(PickEvent, "object", "held", "node", others=True)
+PickRow = event_row(event_types.PickEvent, "object", "held", "node", others=True)
 
 
 @dataclass(frozen=True, slots=True)

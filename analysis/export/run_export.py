@@ -10,13 +10,12 @@ from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
 import orjson
 
-from ...files.file_system import whole
-from ...logs.optional_libraries import optional_import
-from ...logs.records import BodyRecord
-from ...world.events import ItemDoneEvent, PickEvent
-from ...world.journal import Plain
-from ..explain.explanation import ItemStory
-from ..run import Run
+from picktree.analysis import Run
+from picktree.analysis.explain import ItemStory
+from picktree.files import file_system
+from picktree.logs import log_records, optional_import
+from picktree.world import Plain, event_types
+
 from . import row_types
 from .table_files import Column, cells, columns, counts_text, row_of, write_tables
 
@@ -91,7 +90,7 @@ def candidates(run: Run) -> Iterator[row_types.CandidateRow]:
 
 def picks(run: Run) -> Iterator[Any]:
     for at in run.events:
-        if isinstance(at.record, PickEvent):
+        if isinstance(at.record, event_types.PickEvent):
             yield row_of(row_types.PickRow, at.record, time=at.time)
 
 
@@ -102,7 +101,9 @@ def failures(run: Run) -> Iterator[row_types.FailureRow]:
 
 
 def items(run: Run) -> Iterator[row_types.ItemRow]:
-    done = {at.record.object: at.time for at in run.events if isinstance(at.record, ItemDoneEvent)}
+    done = {
+        at.record.object: at.time for at in run.events if isinstance(at.record, event_types.ItemDoneEvent)
+    }
     for story in run.explanation.items:
         picked = [pick for pick in run.picks if pick.object == story.id]
         yield row_of(
@@ -160,7 +161,7 @@ def timings(run: Run) -> Iterator[row_types.TimingRow]:
         yield row_of(row_types.TimingRow, at.record, time=at.time)
 
 
-def _object(time: float, source: str, body: BodyRecord) -> row_types.ObjectRow:
+def _object(time: float, source: str, body: log_records.BodyRecord) -> row_types.ObjectRow:
     return row_types.ObjectRow(
         time, source, body.id, body.kind, body.colour, body.place, body.attached, body.confidence,
         *body.pose.position, *body.pose.orientation,
@@ -246,7 +247,7 @@ def export(run: Run, form: Form, output: Path) -> Exported:
     if form == "rerun":
         with optional_import("rerun", "rerun", "An export to Rerun"):
             from .rerun_recording import write_rerun
-        with whole([output], output) as (beside,):
+        with file_system.whole([output], output) as (beside,):
             write_rerun(run, beside)
         return Exported(form, output, {}, notes)
     counts = write_tables(form, output, TABLES, lambda table: map(cells, table.rows(run)))

@@ -21,10 +21,9 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Protocol, TypeAlias, TypeVar, Union, get_args, get_origin
 from typing import get_type_hints as hints
 
-from ...files.errors import PicktreeError
-from ...files.file_system import whole
-from ...logs.optional_libraries import optional_import
-from ...world.journal import JournalEvent, event_fields
+from picktree.files import PicktreeError, file_system
+from picktree.logs import optional_import
+from picktree.world import JournalEvent, event_fields
 
 R = TypeVar("R")
 Cell: TypeAlias = int | float | bool | str | None
@@ -138,7 +137,7 @@ def write_tables(
     for path in paths:
         if path.is_dir():
             raise PicktreeError(f"{path} cannot be written: it is a folder")
-    with whole(paths, output) as beside:
+    with file_system.whole(paths, output) as beside:
         output.mkdir(parents=True, exist_ok=True)
         counts = [write(path, table, rows(table)) for path, table in zip(beside, tables, strict=True)]
     return dict(zip(paths, counts, strict=True))

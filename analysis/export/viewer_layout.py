@@ -14,14 +14,10 @@ from typing import Any, Literal, NotRequired, TypeAlias, TypedDict, cast
 
 import numpy as np
 
-from ...logs import topics
-from ...logs.recording.foxglove_messages import WORLD
-from ...logs.records import Scene, Transform, Tree, TreeNode
-from ...logs.run_log import RunLog
-from ...world.colours import TRUTH_COLOUR
-from ...world.shapes import corners
-from ...world.values import Array
-from ..run import Run
+from picktree.analysis import Run
+from picktree.logs import RunLog, log_records, topics
+from picktree.logs.recording import WORLD
+from picktree.world import TRUTH_COLOUR, Array, corners
 
 
 class CameraState(TypedDict):
@@ -232,7 +228,7 @@ def lanes(run: Run) -> tuple[Lane, ...]:
     leaves = [node for node in busy if not node.children]
     inner = [node for node in busy if node.children and not _wraps_or_wrapped(node, activity)]
 
-    def rank(node: TreeNode) -> tuple[bool, int]:
+    def rank(node: log_records.TreeNode) -> tuple[bool, int]:
         return (node.path not in activity.failed, -activity.ticks[node.path])
 
     chosen = {root}
@@ -260,16 +256,16 @@ def _ends(path: str) -> tuple[str, ...]:
     return tuple("/".join(parts[k:]) for k in range(len(parts) - 1, -1, -1))
 
 
-def _nodes(trees: Iterable[Tree]) -> tuple[TreeNode, ...]:
+def _nodes(trees: Iterable[log_records.Tree]) -> tuple[log_records.TreeNode, ...]:
     """Return the nodes of all trees of the run, each once, in its first form."""
-    found: dict[str, TreeNode] = {}
+    found: dict[str, log_records.TreeNode] = {}
     for tree in trees:
         for node in tree.nodes:
             found.setdefault(node.path, node)
     return tuple(found.values())
 
 
-def _wraps_or_wrapped(node: TreeNode, activity: _Activity) -> bool:
+def _wraps_or_wrapped(node: log_records.TreeNode, activity: _Activity) -> bool:
     """Whether the node's parent, or a leaf below it, was busy at exactly the same times."""
     return any(
         activity.ticks[node.path] == activity.ticks.get(other)
@@ -642,7 +638,7 @@ def _extent(points: Array) -> tuple[float, Array]:
     return float(np.linalg.norm(high - low)), (low + high) / 2
 
 
-def _points(scene: Scene | None, transforms: Sequence[Transform]) -> Array:
+def _points(scene: log_records.Scene | None, transforms: Sequence[log_records.Transform]) -> Array:
     """Return the corners of the believed bodies and the origins of all links, in the world (n, 3), m.
 
     Of the fixed parts only those of bins and tiles count, since the table reaches far beyond the scene.

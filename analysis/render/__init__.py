@@ -1,1 +1,5 @@
 """Images of a run, drawn without a display or a GPU."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -18,11 +18,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...files.file_system import fitted
-from ...logs.optional_libraries import optional_import
-from ...logs.records import LinkMesh
-from ...logs.run_log import RunLog
+from picktree.files import PicktreeError, file_system
+from picktree.logs import RunLog, log_records, optional_import
+
 from .captions import write
 from .frames import FrameContent, moments
 from .rasterizer import Picture
@@ -159,7 +157,7 @@ _MAX_WAITING_FRAMES = 2
 class FrameSetup:
     """Settings of all frames of a film."""
 
-    robot: tuple[LinkMesh, ...]
+    robot: tuple[log_records.LinkMesh, ...]
     view: PictureView
     size: tuple[int, int]
     tints: dict[str, str]
@@ -347,7 +345,7 @@ def film(
         return painters.pictures(frames)
 
     setup = FrameSetup(log.robot_model(), request.view, size, bin_tints(log))
-    partial = output.with_name(fitted(f".{output.name}.partial"))
+    partial = output.with_name(file_system.fitted(f".{output.name}.partial"))
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
         partial.touch()

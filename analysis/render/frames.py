@@ -7,11 +7,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from ...files.errors import PicktreeError
-from ...logs.records import Plan, Scene, Tick
-from ...logs.run_log import RunLog, Stamped
-from ...logs.visits import Visit, VisitBuilder, with_transitions
-from ...world.events import ItemDoneEvent
+from picktree.files import PicktreeError
+from picktree.logs import RunLog, Stamped, log_records, node_visits
+from picktree.world import event_types
+
 from .captions import Caption, CaptionFailure
 from .scene_view import SceneContent, Show
 
@@ -27,7 +26,7 @@ class _Span:
 
     start: float
     end: float
-    plan: Plan
+    plan: log_records.Plan
 
 
 class FollowedPlans:
@@ -37,7 +36,7 @@ class FollowedPlans:
     one before follows it; any other replaces it.
     """
 
-    def __init__(self, plans: Iterable[Stamped[Plan]]) -> None:
+    def __init__(self, plans: Iterable[Stamped[log_records.Plan]]) -> None:
         self._all: list[_Span] = []
         for at in plans:
             plan = at.record
@@ -49,7 +48,7 @@ class FollowedPlans:
             self._all.append(_Span(start, start + plan.duration, plan))
         self._starts = [following.start for following in self._all]
 
-    def at(self, time: float) -> Plan | None:
+    def at(self, time: float) -> log_records.Plan | None:
         """Return the plan that is followed at that time, simulated s; None for none."""
         number = bisect.bisect_right(self._starts, time) - 1
         if number < 0 or time > self._all[number].end + ARRIVAL_TOLERANCE:
@@ -57,7 +56,7 @@ class FollowedPlans:
         return self._all[number].plan
 
 
-def _continues_plan(before: Plan, plan: Plan) -> bool:
+def _continues_plan(before: log_records.Plan, plan: log_records.Plan) -> bool:
     return bool(before.path and plan.path) and all(
         abs(a - b) < MAX_JOINT_DIFFERENCE for a, b in zip(before.path[-1], plan.path[0], strict=True)
     )
@@ -97,21 +96,21 @@ class NodeActivity:
 
     def __init__(self, log: RunLog, start: float, end: float) -> None:
         trees = list(log.trees())
-        following = VisitBuilder()
+        following = node_visits.VisitBuilder()
         if trees:
             following.follow(trees[0].record)
         coming = trees[1:]
         self._times: list[float] = []
         self._tips: list[tuple[str, str, str]] = []
         ticks = log.ticks(max(0.0, start - _LEAD_TIME), end)
-        for at in ticks if log.format >= 2 else with_transitions(ticks):
+        for at in ticks if log.format >= 2 else node_visits.with_transitions(ticks):
             while coming and coming[0].time <= at.time:
                 following.follow(coming.pop(0).record)
             following.take(at.time, at.record)
             self._times.append(at.time)
             self._tips.append(_tip(at.record))
         visits = following.finish()
-        self._visits: dict[str, list[Visit]] = {}
+        self._visits: dict[str, list[node_visits.Visit]] = {}
         for visit in visits:
             self._visits.setdefault(visit.path, []).append(visit)
         self.failures = tuple(sorted((v for v in visits if v.failed_itself), key=lambda visit: visit.end))
@@ -197,9 +196,9 @@ def moments(
         )
 
 
-def _truths(log: RunLog, span: tuple[float, float]) -> Iterator[Stamped[Scene]]:
+def _truths(log: RunLog, span: tuple[float, float]) -> Iterator[Stamped[log_records.Scene]]:
     """Yield the truth within a span as often as the log has it: a held item stays in the hand."""
-    from ..explain.body_tracks import true_scenes, true_states  # slow to import
+    from picktree.analysis.explain import true_scenes, true_states  # slow to import
 
     start, end = span
     for at in true_scenes(list(log.truths(end=end)), true_states(log)):
@@ -217,7 +216,7 @@ class ItemCounter:
     def __init__(self, log: RunLog, end: float) -> None:
         done: dict[str, float] = {}
         for at in log.events(end=end):
-            if isinstance(at.record, ItemDoneEvent):
+            if isinstance(at.record, event_types.ItemDoneEvent):
                 done.setdefault(at.record.object, at.time)
         self._times = sorted(done.values())
         self._before = self._all = 0
@@ -248,12 +247,12 @@ def _notes(show: Show, speed: float) -> Iterator[str]:
         yield f"{speed:g}×"
 
 
-def _with_fixtures(scene: Scene, belief: Stamped[Scene] | None) -> Scene:
+def _with_fixtures(scene: log_records.Scene, belief: Stamped[log_records.Scene] | None) -> log_records.Scene:
     """Return the scene with the belief's fixtures, should it have none of its own."""
-    return scene if scene.fixed or belief is None else Scene(scene.bodies, belief.record.fixed)
+    return scene if scene.fixed or belief is None else log_records.Scene(scene.bodies, belief.record.fixed)
 
 
-def _tip(tick: Tick) -> tuple[str, str, str]:
+def _tip(tick: log_records.Tick) -> tuple[str, str, str]:
     """Return path, type and message of the deepest running node; the outcome when none runs."""
     node = next((n for n in tick.nodes if n.path == tick.tip), None)
     if node is not None:

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...logs.triangle_meshes import Mesh
-from ...world.values import Array
+from picktree.logs import triangle_meshes
+from picktree.world import Array
 
 Picture: TypeAlias = NDArray[np.uint8]
 Floats: TypeAlias = NDArray[np.float32]
@@ -57,7 +57,7 @@ class RasterModel:
     numbers: Floats
 
     @classmethod
-    def of(cls, mesh: Mesh, palette: Palette) -> RasterModel:
+    def of(cls, mesh: triangle_meshes.Mesh, palette: Palette) -> RasterModel:
         numbers = palette.numbers(mesh.colours) if len(mesh.faces) else np.zeros(0)
         return cls(
             mesh.vertices[mesh.faces].reshape(-1, 3).astype(np.float32),

@@ -11,8 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...logs.triangle_meshes import Mesh, join_meshes, unit
-from ...world.values import Array, Pose, Vector3
+from picktree.logs import triangle_meshes
+from picktree.world import Array, Pose, Vector3
+
 from .rasterizer import (
     Floats,
     Palette,
@@ -104,7 +105,7 @@ class Shadows:
         ends = np.stack([low, high])
         corners = np.array([[ends[i, 0], ends[j, 1], ends[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])
         middle = (low + high) / 2
-        right = unit(np.cross([0.0, 1.0, 0.0], sun))
+        right = triangle_meshes.unit(np.cross([0.0, 1.0, 0.0], sun))
         world_axes = np.stack([right, np.cross(-sun, right), -sun])
         place = middle + sun * _SUN_DISTANCE
         seen = (corners - place) @ world_axes.T
@@ -263,8 +264,8 @@ def shade_samples(
 
     `axes` are the camera's in the world, `table` the colours by number, `behind` (n, 3) the background.
     """
-    sun = axes @ unit(np.array(look.sun))
-    halfway = unit(sun + axes @ -axes[2])
+    sun = axes @ triangle_meshes.unit(np.array(look.sun))
+    halfway = triangle_meshes.unit(sun + axes @ -axes[2])
     up = component_along((axes @ np.array([0.0, 0.0, 1.0])).astype(np.float32), samples.normal)
     ambient = look.ground + (look.sky - look.ground) * (0.5 + 0.5 * up)
     light = (
@@ -327,7 +328,7 @@ class MeshRenderer:
 
     def __init__(
         self,
-        fixed: Mesh,
+        fixed: triangle_meshes.Mesh,
         view: PictureView,
         size: tuple[int, int],
         look: LightingSetup | None = None,
@@ -348,7 +349,7 @@ class MeshRenderer:
         self._sky = AmbientOcclusion(width // 2, height // 2, focal / 2)
         self._still: _Still | None = None
 
-    def model(self, mesh: Mesh) -> RasterModel:
+    def model(self, mesh: triangle_meshes.Mesh) -> RasterModel:
         """Prepare a mesh once for many images."""
         return RasterModel.of(mesh, self._palette)
 
@@ -380,7 +381,9 @@ class MeshRenderer:
     def _drawn_still(self, moving: Sequence[tuple[RasterModel, Pose]]) -> _Still:
         """Draw the fixed part, with the ground and a shadow map large enough for the first moving part."""
         low, high = self._bounds(moving)
-        shadows = Shadows(unit(np.array(self._look.sun)), low, high, self._eye, self._axes, _SHADOW_MAP_SIDE)
+        shadows = Shadows(
+            triangle_meshes.unit(np.array(self._look.sun)), low, high, self._eye, self._axes, _SHADOW_MAP_SIDE
+        )
         shadows.keep(self._fixed_corners)
         surfaces = Surfaces.none(self.size[0] * self._fine, self.size[1] * self._fine)
         if self._eye[2] > self._look.floor:
@@ -483,10 +486,14 @@ class _Frame:
 
 
 def render(
-    mesh: Mesh, view: PictureView, size: tuple[int, int], look: LightingSetup | None = None, fine: int = 2
+    mesh: triangle_meshes.Mesh,
+    view: PictureView,
+    size: tuple[int, int],
+    look: LightingSetup | None = None,
+    fine: int = 2,
 ) -> Picture:
     """Render one mesh in the world as RGB (h, w, 3)."""
-    studio = MeshRenderer(join_meshes([]), view, size, look, fine)
+    studio = MeshRenderer(triangle_meshes.join_meshes([]), view, size, look, fine)
     return studio.picture([(studio.model(mesh), Pose())])
 
 

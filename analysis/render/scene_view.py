@@ -11,15 +11,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...logs.binary_gltf import parts_of, read_glb
-from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
-from ...logs.records import BlockRecord, BodyRecord, LinkMesh, PartRecord, Scene
-from ...logs.run_log import RunLog
-from ...logs.triangle_meshes import Mesh, join_meshes, part_mesh, shape_mesh
-from ...world.colours import COLOURS, TRUTH_COLOUR
-from ...world.scene.destinations import colours_of_destinations
-from ...world.shapes import Box, Shape, top
-from ...world.values import Array, Pose
+from picktree.logs import RunLog, binary_gltf, log_records, triangle_meshes
+from picktree.logs.recording import UNKNOWN_COLOUR
+from picktree.world import COLOURS, TRUTH_COLOUR, Array, Box, Pose, Shape, top
+from picktree.world.scene import destinations
+
 from .rasterizer import Picture, RasterModel
 from .renderer import MeshRenderer
 from .viewpoint import PictureView
@@ -36,9 +32,9 @@ class SceneContent:
 
     links: Mapping[str, Pose]
     """Poses of the robot's links and of bodies that move with them, by name."""
-    solid: Scene
+    solid: log_records.Scene
     """Bodies that are drawn solid."""
-    outlined: Scene | None = None
+    outlined: log_records.Scene | None = None
     """Bodies whose outline is drawn, also where they are hidden."""
     path: tuple[tuple[float, float, float], ...] = ()
     """Planned TCP path, m."""
@@ -49,7 +45,7 @@ class SceneRenderer:
 
     def __init__(
         self,
-        robot: tuple[LinkMesh, ...],
+        robot: tuple[log_records.LinkMesh, ...],
         view: PictureView,
         size: tuple[int, int],
         tints: Mapping[str, str],
@@ -57,12 +53,12 @@ class SceneRenderer:
         fine: int = 2,
     ) -> None:
         """`tints`: colour of a bin's items, by bin; see `bin_tints`."""
-        self._robot_meshes = {mesh.link: read_glb(mesh.glb) for mesh in robot}
+        self._robot_meshes = {mesh.link: binary_gltf.read_glb(mesh.glb) for mesh in robot}
         self._view, self._size, self._tints, self._fine = view, size, tints, fine
-        self._fixed: tuple[PartRecord, ...] | None = None
-        self._studio = MeshRenderer(join_meshes([]), view, size)
+        self._fixed: tuple[log_records.PartRecord, ...] | None = None
+        self._studio = MeshRenderer(triangle_meshes.join_meshes([]), view, size)
         self._robot: dict[str, RasterModel] = {}
-        self._bodies: dict[tuple[Shape, str, tuple[BlockRecord, ...]], RasterModel] = {}
+        self._bodies: dict[tuple[Shape, str, tuple[log_records.BlockRecord, ...]], RasterModel] = {}
 
     def picture(self, shown: SceneContent) -> Picture:
         """Return the image as RGB (h, w, 3)."""
@@ -80,7 +76,7 @@ class SceneRenderer:
         parts += [self._part(part) for part in shown.solid.fixed]
         fixed = shown.solid.fixed
         parts += [body_mesh(b, fixed).placed(_pose(b, links)) for b in shown.solid.bodies]
-        studio = MeshRenderer(join_meshes(parts), self._view, self._size, fine=self._fine)
+        studio = MeshRenderer(triangle_meshes.join_meshes(parts), self._view, self._size, fine=self._fine)
         return self._drawn_over(studio.picture([]), shown)
 
     def _drawn_over(self, picture: Picture, shown: SceneContent) -> Picture:
@@ -88,21 +84,25 @@ class SceneRenderer:
         if len(shown.path) > 1:
             self._line(picture, np.array(shown.path))
         for body in shown.outlined.bodies if shown.outlined else ():
-            for shape, pose in parts_of(body):
+            for shape, pose in binary_gltf.parts_of(body):
                 self._outline(picture, _mesh(shape, body.colour).placed(body.pose @ pose).vertices)
         return picture
 
-    def _build(self, fixed: tuple[PartRecord, ...]) -> None:
+    def _build(self, fixed: tuple[log_records.PartRecord, ...]) -> None:
         self._fixed = fixed
         parts = [self._part(part) for part in fixed]
-        self._studio = MeshRenderer(join_meshes(parts), self._view, self._size, fine=self._fine)
+        self._studio = MeshRenderer(
+            triangle_meshes.join_meshes(parts), self._view, self._size, fine=self._fine
+        )
         self._robot = {link: self._studio.model(mesh) for link, mesh in self._robot_meshes.items()}
         self._bodies = {}
 
-    def _part(self, part: PartRecord) -> Mesh:
-        return part_mesh(part.shape, part.holes, part_colour(part, self._tints)).placed(part.pose)
+    def _part(self, part: log_records.PartRecord) -> triangle_meshes.Mesh:
+        return triangle_meshes.part_mesh(part.shape, part.holes, part_colour(part, self._tints)).placed(
+            part.pose
+        )
 
-    def _body(self, body: BodyRecord) -> RasterModel:
+    def _body(self, body: log_records.BodyRecord) -> RasterModel:
         key = (body.shape, body.colour, body.blocks)
         if key not in self._bodies:
             self._bodies[key] = self._studio.model(body_mesh(body, self._fixed or ()))
@@ -140,7 +140,7 @@ def bin_tints(log: RunLog) -> dict[str, str]:
     """Return the colour of the items that belong into a bin, by bin, where all its items have the same one.
 
     Empty when the log holds no scene that can be read."""
-    from ..explain.case import scene_of  # slow to import
+    from picktree.analysis.explain import scene_of  # slow to import
 
     scene = scene_of(log)
     if scene is None:
@@ -148,18 +148,18 @@ def bin_tints(log: RunLog) -> dict[str, str]:
     kinds = [(each.kind, each.form) for each in scene.catalogue]
     if scene.assortment is not None:
         kinds.append(("unknown", "mesh"))
-    return colours_of_destinations(scene.destinations, kinds)
+    return destinations.colours_of_destinations(scene.destinations, kinds)
 
 
-def part_colour(part: PartRecord, tints: Mapping[str, str]) -> tuple[float, float, float]:
+def part_colour(part: log_records.PartRecord, tints: Mapping[str, str]) -> tuple[float, float, float]:
     """Return a fixture's colour as RGB, 0 … 1; that of a bin is half the colour of its items."""
     own = COLOURS.get(part.colour, UNKNOWN_COLOUR)
     tint = COLOURS.get(tints.get(part.id.split("/")[0], ""), own)
     return (0.5 * (own[0] + tint[0]), 0.5 * (own[1] + tint[1]), 0.5 * (own[2] + tint[2]))
 
 
-def _mesh(shape: Shape, colour: str) -> Mesh:
-    return shape_mesh(shape, COLOURS.get(colour, UNKNOWN_COLOUR))
+def _mesh(shape: Shape, colour: str) -> triangle_meshes.Mesh:
+    return triangle_meshes.shape_mesh(shape, COLOURS.get(colour, UNKNOWN_COLOUR))
 
 
 HEAP_SCALE = 0.1
@@ -171,27 +171,29 @@ UNSEEN = (0.45, 0.45, 0.48)
 _HEIGHT_COLOURS = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMAP_VIRIDIS)[:, 0, ::-1]
 
 
-def body_mesh(body: BodyRecord, fixed: Sequence[PartRecord]) -> Mesh:
+def body_mesh(body: log_records.BodyRecord, fixed: Sequence[log_records.PartRecord]) -> triangle_meshes.Mesh:
     """Return the mesh of a body in its frame. The columns of a heap are coloured by their heights."""
     if body.role != "heap":
-        return join_meshes(_mesh(shape, body.colour).placed(pose) for shape, pose in parts_of(body))
+        return triangle_meshes.join_meshes(
+            _mesh(shape, body.colour).placed(pose) for shape, pose in binary_gltf.parts_of(body)
+        )
     unseen = unseen_height(body, fixed)
     columns = (_inside(block, body.shape) for block in body.blocks)
-    return join_meshes(
-        shape_mesh(Box(one.size), _height_colour(one.size[2], unseen)).placed(Pose(one.at))
+    return triangle_meshes.join_meshes(
+        triangle_meshes.shape_mesh(Box(one.size), _height_colour(one.size[2], unseen)).placed(Pose(one.at))
         for one in columns
         if min(one.size) > 0.0
     )
 
 
-def _inside(block: BlockRecord, shape: Shape) -> BlockRecord:
+def _inside(block: log_records.BlockRecord, shape: Shape) -> log_records.BlockRecord:
     """Return a column cut off at the inner sides of the walls: those beside a wall reach into it."""
     far = np.array(shape.size if isinstance(shape, Box) else (math.inf,) * 3) / 2
     far[2] = math.inf
     at, size = np.array(block.at), np.array(block.size)
     low, high = np.maximum(at - size / 2, -far), np.minimum(at + size / 2, far)
     (x, y, z), (a, b, c) = (low + high) / 2, high - low
-    return BlockRecord((float(a), float(b), float(c)), (float(x), float(y), float(z)))
+    return log_records.BlockRecord((float(a), float(b), float(c)), (float(x), float(y), float(z)))
 
 
 def extent_z(shape: Shape) -> float:
@@ -199,7 +201,7 @@ def extent_z(shape: Shape) -> float:
     return shape.size[2] if isinstance(shape, Box) else 0.0
 
 
-def unseen_height(heap: BodyRecord, fixed: Sequence[PartRecord]) -> float:
+def unseen_height(heap: log_records.BodyRecord, fixed: Sequence[log_records.PartRecord]) -> float:
     """Return the height of columns that were never seen, m: that of the tote's rim above its floor. inf: the
     heap lies in no tote.
 
@@ -211,7 +213,7 @@ def unseen_height(heap: BodyRecord, fixed: Sequence[PartRecord]) -> float:
     return steps * COLUMN_STEP
 
 
-def heap_remark(body: BodyRecord, fixed: Sequence[PartRecord]) -> str:
+def heap_remark(body: log_records.BodyRecord, fixed: Sequence[log_records.PartRecord]) -> str:
     """Return what the colours of a heap mean, with its greatest height above the floor. Empty: no heap."""
     if body.role != "heap":
         return ""
@@ -233,6 +235,6 @@ def _height_colour(height: float, unseen: float) -> tuple[float, float, float]:
     return (float(red), float(green), float(blue))
 
 
-def _pose(body: BodyRecord, links: Mapping[str, Pose]) -> Pose:
+def _pose(body: log_records.BodyRecord, links: Mapping[str, Pose]) -> Pose:
     """Return the pose. A held body moves with the hand between two messages of the belief."""
     return links.get(body.id, body.pose)

@@ -9,15 +9,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...files.file_system import whole
-from ...logs.recording.foxglove_messages import require_picture_name, write_picture
-from ...logs.run_log import RunLog
-from ...logs.triangle_meshes import Mesh, join_meshes, shape_mesh
-from ...world.robot_model.description import RobotDescription
-from ...world.robot_model.link_shapes import link_shapes
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, Pose
+from picktree.files import PicktreeError, file_system
+from picktree.logs import RunLog, triangle_meshes
+from picktree.logs.recording import require_picture_name, write_picture
+from picktree.world import Array, Pose
+from picktree.world.robot_model import RobotDescription, RobotModel, link_shapes
+
 from .captions import write
 from .frames import moments
 from .rasterizer import Picture
@@ -59,14 +56,14 @@ def draw_robot(robot: RobotDescription, path: Path) -> None:
         raise PicktreeError(f"{path} cannot be written")
 
 
-def home_mesh(robot: RobotDescription) -> Mesh:
+def home_mesh(robot: RobotDescription) -> triangle_meshes.Mesh:
     """Return the bodies with which the robot collides, at `home` with the gripper open, in the world.
 
     Raises PicktreeError for a mesh that cannot be read.
     """
     model = RobotModel(robot)
     poses = model.link_poses(model.named("home"), robot.gripper.max_width)
-    return join_meshes(
+    return triangle_meshes.join_meshes(
         [part.placed(pose) for link, part in _parts(robot) if (pose := poses.get(link)) is not None]
     )
 
@@ -81,8 +78,11 @@ def _filling_distance(view: PictureView, offsets: Array) -> float:
     return float((np.maximum(np.abs(right) / width, np.abs(down) / height) - forward).max())
 
 
-def _parts(robot: RobotDescription) -> list[tuple[str, Mesh]]:
-    return [(part.link, shape_mesh(part.shape).placed(part.pose_in_link)) for part in link_shapes(robot.urdf)]
+def _parts(robot: RobotDescription) -> list[tuple[str, triangle_meshes.Mesh]]:
+    return [
+        (part.link, triangle_meshes.shape_mesh(part.shape).placed(part.pose_in_link))
+        for part in link_shapes(robot.urdf)
+    ]
 
 
 def _frame(picture: np.ndarray, view: PictureView, name: str, pose: Pose) -> None:
@@ -123,7 +123,7 @@ def snapshot(
     else:
         with RunLog(log) as opened:
             picture = draw(opened, at, size, view, show=show, caption=caption)
-    with whole([output], output) as (beside,):
+    with file_system.whole([output], output) as (beside,):
         output.parent.mkdir(parents=True, exist_ok=True)
         write_picture(str(beside), picture)
 

@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...logs.triangle_meshes import unit
-from ...world.values import Array, Vector3
+from picktree.files import PicktreeError
+from picktree.logs import triangle_meshes
+from picktree.world import Array, Vector3
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +36,8 @@ class PictureView:
 
     def axes(self) -> Array:
         """Return the image's right, down and forward in the world, as rows (3, 3)."""
-        forward = unit(np.array(self.target) - self.eye())
-        right = unit(np.cross(forward, [0.0, 0.0, 1.0]))
+        forward = triangle_meshes.unit(np.array(self.target) - self.eye())
+        right = triangle_meshes.unit(np.cross(forward, [0.0, 0.0, 1.0]))
         return np.stack([right, np.cross(forward, right), forward])
 
     def focal(self, height: int) -> float:

@@ -11,9 +11,10 @@ from typing import Final
 import numpy as np
 import orjson
 
-from ...logs.records import BodyRecord
-from ...world.values import Pose
-from ..run import Run
+from picktree.analysis import Run
+from picktree.logs import log_records
+from picktree.world import Pose
+
 from .body_motion import BeliefDeviation, SceneMotion, deviations, motion_of
 from .node_panels import TickTable, tick_table
 from .packing import Packable, Section, StringTable, quantise
@@ -28,7 +29,7 @@ class BeliefSighting:
 
     time: float
     id: str
-    body: BodyRecord | None
+    body: log_records.BodyRecord | None
 
 
 def pack_board(run: Run) -> Section:
@@ -44,7 +45,7 @@ def pack_board(run: Run) -> Section:
 def sightings(run: Run) -> tuple[BeliefSighting, ...]:
     """Return every change of a believed item, in order of time."""
     found: list[BeliefSighting] = []
-    present: dict[str, BodyRecord] = {}
+    present: dict[str, log_records.BodyRecord] = {}
     for at in run.log.beliefs():
         now = {body.id: body for body in at.record.bodies}
         for name in [name for name in present if name not in now]:
@@ -58,7 +59,7 @@ def sightings(run: Run) -> tuple[BeliefSighting, ...]:
     return tuple(found)
 
 
-def _differs(before: BodyRecord, after: BodyRecord) -> bool:
+def _differs(before: log_records.BodyRecord, after: log_records.BodyRecord) -> bool:
     moved = math.dist(before.pose.position, after.pose.position) > _MIN_POSITION_CHANGE
     turned = before.pose.orientation != after.pose.orientation and _angle(before.pose, after.pose) > 0.005
     return moved or turned or any(
@@ -120,7 +121,7 @@ def _belief(seen: Sequence[BeliefSighting]) -> Packable:
     }
 
 
-def _numbers(body: BodyRecord) -> tuple[float, ...]:
+def _numbers(body: log_records.BodyRecord) -> tuple[float, ...]:
     return (*body.pose.position, *yaw_and_tilt(body.pose), body.confidence, body.last_seen)
 
 

@@ -15,11 +15,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from ...files.library_parts import library_part
-from ...logs.records import BodyRecord
-from ...world.events import FaultEvent
-from ...world.values import Array, Pose
-from ..run import Run
+from picktree.analysis import Run
+from picktree.files import library_parts
+from picktree.logs import log_records
+from picktree.world import Array, Pose, event_types
 
 
 def row(pose: Pose) -> tuple[float, ...]:
@@ -85,7 +84,9 @@ def filled(a: Array) -> Array:
 if TYPE_CHECKING:
     from scipy.optimize import linear_sum_assignment
 else:
-    linear_sum_assignment = library_part("scipy.optimize._lsap", "scipy.optimize.linear_sum_assignment")
+    linear_sum_assignment = library_parts.library_part(
+        "scipy.optimize._lsap", "scipy.optimize.linear_sum_assignment"
+    )
 
 Flags = NDArray[np.bool_]
 Span = tuple[int, int]
@@ -109,7 +110,7 @@ class BodyAppearance:
     """Believed shape, colour and role of a body from one tick on."""
 
     tick: int
-    body: BodyRecord
+    body: log_records.BodyRecord
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,7 +132,7 @@ class BelievedBody:
 class TrueBodySamples:
     """True body at the times of the logged ground truth."""
 
-    body: BodyRecord
+    body: log_records.BodyRecord
     ticks: NDArray[np.int64]
     poses: Array
     """Poses in the world, (samples, 7)."""
@@ -171,7 +172,7 @@ def believed_of(run: Run, frames: Frames) -> list[BelievedBody]:
 
 def truths_of(run: Run) -> list[TrueBodySamples]:
     """Return the true bodies, each up to the tick at which a fault removed it."""
-    bodies: dict[str, BodyRecord] = {}
+    bodies: dict[str, log_records.BodyRecord] = {}
     found: dict[str, list[tuple[int, tuple[float, ...]]]] = {}
     taken = _removal_ticks(run)
     for at in run.log.truths():
@@ -200,7 +201,7 @@ def _removal_ticks(run: Run) -> dict[str, int]:
     taken: dict[str, int] = {}
     for at in run.events:
         fault = at.record
-        if isinstance(fault, FaultEvent) and (fault.fault == "remove" or fault.gone):
+        if isinstance(fault, event_types.FaultEvent) and (fault.fault == "remove" or fault.gone):
             taken[fault.item or fault.obstacle or ""] = run.ticks.number_at(at.time)
     return taken
 
@@ -211,11 +212,11 @@ def spans(flags: Flags) -> list[Span]:
     return [(int(first), int(after) - 1) for first, after in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _differs(a: BodyRecord, b: BodyRecord) -> bool:
+def _differs(a: log_records.BodyRecord, b: log_records.BodyRecord) -> bool:
     return _appearance_key(a) != _appearance_key(b)
 
 
-def _appearance_key(body: BodyRecord) -> tuple[object, ...]:
+def _appearance_key(body: log_records.BodyRecord) -> tuple[object, ...]:
     return body.shape, body.colour, body.kind, body.role, body.place, body.blocks
 
 
@@ -243,7 +244,7 @@ class BeliefDeviation:
     tick: int
     object: str
     """Id of the believed object; empty where the robot believed in none at that time."""
-    body: BodyRecord
+    body: log_records.BodyRecord
     """True body."""
     distance: float
     """Distance between both positions, m; NaN where one of them is missing."""

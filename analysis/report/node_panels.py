@@ -14,16 +14,13 @@ import numpy as np
 import orjson
 from numpy.typing import NDArray
 
-from ...authoring.drawing import chart_json
-from ...authoring.mission_chart import Branch, Chart, ChartNode, ChartPort, ChartTree, chart, symbol_of
-from ...files.errors import PicktreeError
-from ...logs.event_records import BeliefEvent
-from ...logs.records import NodeStatusRecord, Tree, TreeNode, WriteRecord
-from ...logs.visits import HALTED, Visit
-from ...trees.loading.loader import parse_mission
-from ...trees.loading.registry import NodeRegistry
-from ...trees.mission import RecordedFiles
-from ..run import Run
+from picktree.analysis import Run
+from picktree.authoring import chart, drawing, mission_chart
+from picktree.files import PicktreeError
+from picktree.logs import BeliefEvent, log_records, node_visits
+from picktree.trees import RecordedFiles
+from picktree.trees.loading import NodeRegistry, parse_mission
+
 from .packing import Packable, Section, StringTable
 
 
@@ -39,12 +36,12 @@ class RunNode:
     leaf: bool
 
 
-def nodes_of(trees: Iterable[Tree]) -> tuple[RunNode, ...]:
+def nodes_of(trees: Iterable[log_records.Tree]) -> tuple[RunNode, ...]:
     """Return all nodes, parents before their children, siblings in the order of their trees.
 
     A node's number is its place in the result. Nodes that an edit has added come after their older siblings.
     """
-    known: dict[str, TreeNode] = {}
+    known: dict[str, log_records.TreeNode] = {}
     children: dict[str, dict[str, None]] = {}
     for tree in trees:
         for node in tree.nodes:
@@ -82,7 +79,7 @@ class TickWrite:
     """Write to the blackboard, with the number of its tick."""
 
     tick: int
-    write: WriteRecord
+    write: log_records.WriteRecord
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,10 +115,10 @@ def _read(run: Run) -> TickTable:
     writes: list[TickWrite] = []
     columns: list[NDArray[np.uint8]] = []
     column = np.full(len(nodes), ABSENT, dtype=np.uint8)
-    before: tuple[NodeStatusRecord, ...] = ()
+    before: tuple[log_records.NodeStatusRecord, ...] = ()
     for number, at in enumerate(run.log.ticks()):
         now = at.record.nodes
-        changed: Iterable[NodeStatusRecord] = now
+        changed: Iterable[log_records.NodeStatusRecord] = now
         if len(now) == len(before):  # the decoder keeps the records of nodes that report the same
             changed, column = compress(now, map(is_not, now, before)), column.copy()
         else:
@@ -138,7 +135,7 @@ def _read(run: Run) -> TickTable:
     return TickTable(nodes, np.array(times), np.ascontiguousarray(codes), tuple(writes))
 
 
-OUTCOMES: Final = ("RUNNING", "SUCCESS", "FAILURE", "SKIPPED", HALTED)
+OUTCOMES: Final = ("RUNNING", "SUCCESS", "FAILURE", "SKIPPED", node_visits.HALTED)
 """Outcomes by code."""
 _MARKED_KINDS: Final = frozenset(
     {"recovery", "fault", "item_done", "safety_stop", "mission_edited", "blackboard_set"}
@@ -201,7 +198,7 @@ def pack_lanes(run: Run) -> Section:
     )
 
 
-def item_spans(visits: Sequence[Visit]) -> tuple[ItemSpan, ...]:
+def item_spans(visits: Sequence[node_visits.Visit]) -> tuple[ItemSpan, ...]:
     """Return the spans in order of time.
 
     Work on an item by several nodes in a row is one span; the next visit of a node begins another.
@@ -232,7 +229,7 @@ def _nodes(table: TickTable) -> list[Packable]:
     ]
 
 
-def _visits(visits: Sequence[Visit], table: TickTable) -> Packable:
+def _visits(visits: Sequence[node_visits.Visit], table: TickTable) -> Packable:
     """Pack the visits by column, in order of their starts.
 
     Texts are numbers of `words`; inputs and evidence are JSON.
@@ -277,12 +274,12 @@ _MISSING_MISSION_PATH: Final = Path("/nonexistent/picktree/mission.yaml")
 """Path that replaces the mission's own, so that a report runs no code from beside it."""
 
 
-def charts_of(run: Run) -> tuple[Chart, ...]:
+def charts_of(run: Run) -> tuple[mission_chart.Chart, ...]:
     """Return one chart for each of `run.trees`, in their order."""
     return tuple(_chart(run, place, at.record) for place, at in enumerate(run.trees))
 
 
-def _chart(run: Run, place: int, tree: Tree) -> Chart:
+def _chart(run: Run, place: int, tree: log_records.Tree) -> mission_chart.Chart:
     try:
         drawn = _of_mission(run, f"edit-{place:04d}/" if place else "")
     except PicktreeError:  # a plug-in that is not installed here, a mission of another version
@@ -290,7 +287,7 @@ def _chart(run: Run, place: int, tree: Tree) -> Chart:
     return drawn if _paths(drawn) == {node.path for node in tree.nodes} else _of_tree(run, tree)
 
 
-def _of_mission(run: Run, folder: str) -> Chart:
+def _of_mission(run: Run, folder: str) -> mission_chart.Chart:
     log = run.log
     texts = {
         name.removeprefix(f"{folder}include/"): log.attachment(name).decode("utf-8", "replace")
@@ -303,7 +300,7 @@ def _of_mission(run: Run, folder: str) -> Chart:
     )
 
 
-def _paths(drawn: Chart) -> set[str]:
+def _paths(drawn: mission_chart.Chart) -> set[str]:
     """Return the paths of all nodes of the running tree, sub-trees expanded."""
     trees = {tree.name: tree for tree in drawn.trees}
     top = drawn.trees[0]
@@ -319,31 +316,35 @@ def _paths(drawn: Chart) -> set[str]:
     return found
 
 
-def _of_tree(run: Run, tree: Tree) -> Chart:
+def _of_tree(run: Run, tree: log_records.Tree) -> mission_chart.Chart:
     """Return a chart from the log's record of the tree: nodes and ports, no labels of branches."""
     nodes = {node.path: node for node in tree.nodes}
     registry = NodeRegistry()
 
-    def drawn(node: TreeNode) -> ChartNode:
+    def drawn(node: log_records.TreeNode) -> mission_chart.ChartNode:
         known = registry.find(node.id)
-        return ChartNode(
+        return mission_chart.ChartNode(
             id=node.id,
             name=node.name,
             kind=known.declaration.kind if known else "control" if node.children else "action",
-            symbol=symbol_of(known.declaration) if known else "control" if node.children else "action",
+            symbol=mission_chart.symbol_of(known.declaration)
+            if known
+            else "control"
+            if node.children
+            else "action",
             doc=known.declaration.doc if known else "",
             ports=tuple(
-                ChartPort(key, text, "reference" if text.startswith("{") else "literal")
+                mission_chart.ChartPort(key, text, "reference" if text.startswith("{") else "literal")
                 for key, text in node.ports.items()
             ),
-            branches=tuple(Branch("", "child", drawn(nodes[path])) for path in node.children),
+            branches=tuple(mission_chart.Branch("", "child", drawn(nodes[path])) for path in node.children),
         )
 
     root = tree.nodes[0]
     inner = [drawn(nodes[path]) for path in root.children]
     # The root is the frame of the whole. Unless it has exactly one child, it also appears inside the frame.
     top = inner[0] if len(inner) == 1 else drawn(root)
-    return Chart(run.info.mission, "", trees=(ChartTree(root.name, "", (), top),))
+    return mission_chart.Chart(run.info.mission, "", trees=(mission_chart.ChartTree(root.name, "", (), top),))
 
 
 def pack_tree(run: Run) -> Section:
@@ -355,7 +356,7 @@ def pack_tree(run: Run) -> Section:
         "tree",
         {
             "charts": [
-                {"since": at.time, "chart": cast(Packable, chart_json(chart))}
+                {"since": at.time, "chart": cast(Packable, drawing.chart_json(chart))}
                 for at, chart in zip(run.trees, charts, strict=True)
             ],
             "paths": [node.path for node in table.nodes],

@@ -15,14 +15,13 @@ from typing import Final
 import numpy as np
 import orjson
 
-from ... import __version__
-from ...authoring import svg_drawing
-from ...files.errors import PicktreeError
-from ...files.file_system import whole
-from ...logs.episode_counts import CauseCount
-from ...logs.records import Plan
-from ..explain.explanation import ExplainedOutcome
-from ..run import Run
+from picktree import __version__
+from picktree.analysis import Run
+from picktree.analysis.explain import ExplainedOutcome
+from picktree.authoring import svg_drawing
+from picktree.files import PicktreeError, file_system
+from picktree.logs import episode_counts, log_records
+
 from .board_panel import pack_board
 from .node_panels import pack_lanes, pack_tree
 from .packing import Packable, Section, StringTable, pack
@@ -38,7 +37,7 @@ def pack_failures(run: Run) -> Section:
     return Section("failures", {**named, "causes": [_packed_cause(each) for each in causes]})
 
 
-def _packed_cause(found: CauseCount) -> dict[str, Packable]:
+def _packed_cause(found: episode_counts.CauseCount) -> dict[str, Packable]:
     """Return counts, time lost and cures of a cause."""
     total = found.total
     return {
@@ -108,7 +107,7 @@ def _plans(run: Run) -> Iterator[ReportEvent]:
         yield ReportEvent(at.time, kind, plan_line(at.record), "")
 
 
-def plan_line(plan: Plan) -> str:
+def plan_line(plan: log_records.Plan) -> str:
     """Return a plan in one line."""
     cost = f"{plan.checks} checks by {plan.planner}" if plan.planner else f"{plan.checks} checks"
     if plan.outcome == "found":
@@ -325,7 +324,7 @@ def write_report(run: Run, file: Path) -> WrittenReport:
     began = time.perf_counter()
     text = report(run)
     data = text.encode("utf-8")
-    with whole([file], file) as (beside,):
+    with file_system.whole([file], file) as (beside,):
         beside.write_bytes(data)
     return WrittenReport(file, len(data), time.perf_counter() - began, run.duration)
 

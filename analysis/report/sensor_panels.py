@@ -10,10 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...logs.event_records import ImageEvent
-from ...logs.run_log import CameraImage, Stamped
-from ...logs.series import ControlSeries, JointSeries, WrenchSeries
-from ..run import Run
+from picktree.analysis import Run
+from picktree.logs import CameraImage, ImageEvent, Stamped, series
+
 from .packing import Packable, Section, quantise
 
 IMAGE_BYTE_LIMIT: Final = 1_000_000
@@ -219,7 +218,7 @@ def _extremes(values: Floats, size: int) -> Floats:
     ).ravel()
 
 
-def _joint_plots(joints: JointSeries, names: Sequence[str]) -> tuple[CurvePlot, ...]:
+def _joint_plots(joints: series.JointSeries, names: Sequence[str]) -> tuple[CurvePlot, ...]:
     arm = [joints.column(name) for name in names]
     labels = _without_common_prefix(names)
 
@@ -233,7 +232,7 @@ def _joint_plots(joints: JointSeries, names: Sequence[str]) -> tuple[CurvePlot, 
     )
 
 
-def _tracking(joints: JointSeries, told: ControlSeries) -> CurvePlot:
+def _tracking(joints: series.JointSeries, told: series.ControlSeries) -> CurvePlot:
     """Return the plot of the joints' deviations from the servo's set points."""
     labels = _without_common_prefix(joints.names[: told.errors.shape[1]])
     curves = tuple(PlotCurve(label, 1000.0 * told.errors[:, k]) for k, label in enumerate(labels))
@@ -243,7 +242,7 @@ def _tracking(joints: JointSeries, told: ControlSeries) -> CurvePlot:
     )  # fmt: skip
 
 
-def _wrench_plots(wrenches: WrenchSeries) -> tuple[CurvePlot, ...]:
+def _wrench_plots(wrenches: series.WrenchSeries) -> tuple[CurvePlot, ...]:
     force, torque = wrenches.forces, wrenches.torques
     size = np.linalg.norm(force, axis=1)
     return (
@@ -260,7 +259,7 @@ def _wrench_plots(wrenches: WrenchSeries) -> tuple[CurvePlot, ...]:
     )  # fmt: skip
 
 
-def _gripper_plots(joints: JointSeries, fingers: Sequence[str]) -> tuple[CurvePlot, ...]:
+def _gripper_plots(joints: series.JointSeries, fingers: Sequence[str]) -> tuple[CurvePlot, ...]:
     held = [k for k, name in enumerate(joints.names) if name in fingers]
     if not held:
         return ()

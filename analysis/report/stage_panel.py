@@ -7,19 +7,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...logs.binary_gltf import read_glb
-from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
-from ...logs.records import BodyRecord, Candidates, LinkMesh, PartRecord
-from ...logs.run_log import RunLog
-from ...logs.triangle_meshes import Mesh, decimate, part_mesh, shape_mesh, smooth_mesh
-from ...robot.manipulation.pick_candidates import ACCEPTED_VERDICT, count_rejections, describe_rejections
-from ...world.colours import COLOURS
-from ...world.robot_model.robot_file import read_tcp
-from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
-from ...world.values import Array, Pose
-from ..render.scene_view import bin_tints, body_mesh, heap_remark, part_colour
-from ..run import Run
+from picktree.analysis import Run
+from picktree.analysis.render import bin_tints, body_mesh, heap_remark, part_colour
+from picktree.files import PicktreeError
+from picktree.logs import RunLog, binary_gltf, log_records, triangle_meshes
+from picktree.logs.recording import UNKNOWN_COLOUR
+from picktree.robot.manipulation import pick_candidates
+from picktree.world import COLOURS, Array, Box, ConvexMesh, Cylinder, Pose, Shape, Sphere
+from picktree.world.robot_model import robot_file
+
 from .body_motion import (
     BelievedBody,
     Frames,
@@ -40,22 +36,24 @@ VERTEX_RESOLUTION = 1e-4
 """Rounding of vertices, m."""
 
 
-def packed_link(model: LinkMesh) -> Packable:
+def packed_link(model: log_records.LinkMesh) -> Packable:
     """Return the mesh of a link; None for a format that picktree does not write."""
     try:
-        mesh = read_glb(model.glb)
+        mesh = binary_gltf.read_glb(model.glb)
     except (ValueError, KeyError, IndexError, struct.error):
         return None
     if len(mesh.faces) > MAX_LINK_FACES:
         # The file has a vertex for each of its normals; corners at one place become one vertex again.
         places, same = np.unique(np.round(mesh.vertices / VERTEX_RESOLUTION), axis=0, return_inverse=True)
-        mesh = smooth_mesh(
-            *decimate(places * VERTEX_RESOLUTION, same.ravel()[mesh.faces], mesh.colours, MAX_LINK_FACES)
+        mesh = triangle_meshes.smooth_mesh(
+            *triangle_meshes.decimate(
+                places * VERTEX_RESOLUTION, same.ravel()[mesh.faces], mesh.colours, MAX_LINK_FACES
+            )
         )
     return {"link": model.link, **packed_mesh(mesh)}
 
 
-def packed_mesh(mesh: Mesh) -> dict[str, Packable]:
+def packed_mesh(mesh: triangle_meshes.Mesh) -> dict[str, Packable]:
     """Pack a mesh with one vertex for all equal corners."""
     corners = np.concatenate(
         [
@@ -83,17 +81,17 @@ def packed_shape(shape: Shape) -> Packable:
         case Sphere(radius):
             return {"sphere": radius}
         case ConvexMesh():
-            return {"mesh": packed_mesh(shape_mesh(shape))}
+            return {"mesh": packed_mesh(triangle_meshes.shape_mesh(shape))}
 
 
-def packed_part(part: PartRecord) -> Packable:
+def packed_part(part: log_records.PartRecord) -> Packable:
     """Return the shape of a part that never moves; one with holes is a mesh."""
     if not part.holes:
         return packed_shape(part.shape)
-    return {"mesh": packed_mesh(part_mesh(part.shape, part.holes))}
+    return {"mesh": packed_mesh(triangle_meshes.part_mesh(part.shape, part.holes))}
 
 
-def packed_body(body: BodyRecord, fixed: Sequence[PartRecord] = ()) -> Packable:
+def packed_body(body: log_records.BodyRecord, fixed: Sequence[log_records.PartRecord] = ()) -> Packable:
     """Return the shape of a body; blocks of an obstacle or a heap are one mesh."""
     return {"mesh": packed_mesh(body_mesh(body, fixed))} if body.blocks else packed_shape(body.shape)
 
@@ -160,7 +158,7 @@ def packed_tool(log: RunLog, links: Sequence[str]) -> Packable:
         return None
     try:
         text = log.attachment("robot.yaml").decode("utf-8", "replace")
-        tcp = read_tcp(text, log.path)
+        tcp = robot_file.read_tcp(text, log.path)
     except PicktreeError:
         tcp = None
     if tcp is None or tcp.link not in links:
@@ -168,7 +166,7 @@ def packed_tool(log: RunLog, links: Sequence[str]) -> Packable:
     return {"link": links.index(tcp.link), "at": list(row(tcp.pose()))}
 
 
-def _object(one: BelievedBody, fixed: Sequence[PartRecord]) -> Packable:
+def _object(one: BelievedBody, fixed: Sequence[log_records.PartRecord]) -> Packable:
     return {
         "id": one.id,
         "looks": [
@@ -201,7 +199,7 @@ def _truth(truth: TrueBodySamples, poses: Array, partner: int | None) -> Packabl
     }
 
 
-def packed_fixed(log: RunLog, parts: Sequence[PartRecord]) -> Packable:
+def packed_fixed(log: RunLog, parts: Sequence[log_records.PartRecord]) -> Packable:
     """Pack the parts that never move, bins in the tint of their items."""
     tints = bin_tints(log)
     return [
@@ -246,27 +244,29 @@ def _choices(run: Run) -> Packable:
                 "poses": quantise(
                     np.array([(*c.position, *c.orientation) for c in tried]).reshape(-1, 7), 1e-3
                 ),
-                "accepted": np.array([c.verdict == ACCEPTED_VERDICT for c in tried], dtype=np.uint8),
+                "accepted": np.array(
+                    [c.verdict == pick_candidates.ACCEPTED_VERDICT for c in tried], dtype=np.uint8
+                ),
                 "verdicts": [f"{c.name}: {c.verdict}" for c in tried],
             }
         )
     return found
 
 
-def search_summary(search: Candidates) -> str:
+def search_summary(search: log_records.Candidates) -> str:
     """Return `tote_heap: 14 candidates, 3 checked, 1 taken; refused: 2 …` for a search."""
-    taken = sum(c.verdict == ACCEPTED_VERDICT for c in search.tried)
+    taken = sum(c.verdict == pick_candidates.ACCEPTED_VERDICT for c in search.tried)
     ranked = search.stages[0].count if search.stages else len(search.tried)
     checked = len({c.name for c in search.tried})
     counts = f"{max(ranked, checked)} candidates, {checked} checked, {taken or 'none'} taken"
-    refused = describe_rejections(count_rejections(search.tried, search.into))
+    refused = pick_candidates.describe_rejections(pick_candidates.count_rejections(search.tried, search.into))
     return f"{search.object}: {counts}" + (f"; refused: {refused}" if refused else "")
 
 
 def _cameras(run: Run, frames: Frames) -> Packable:
     """Pack the optical frames: z points out of the camera, y down the image."""
-    from ...logs import topics
-    from ...logs.recording import foxglove_messages
+    from picktree.logs import topics
+    from picktree.logs.recording import foxglove_messages
 
     found: list[Packable] = []
     for camera in run.log.cameras:

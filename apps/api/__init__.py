@@ -1,1 +1,5 @@
 """Python library: missions, cells, runs and batches as one uses them from a script or a notebook."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

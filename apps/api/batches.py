@@ -8,25 +8,31 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...files.errors import PicktreeError
-from ...files.file_system import example_file
-from ...simulation.checkpoints import Backend
-from ...trees.node import Node
-from ...world.journal import Plain
-from ..batch.batch import Batch
-from ..batch.comparison import RecipeComparison, compare_recipes, read_recipe, text_of
-from ..batch.local_executor import LocalExecutor
-from ..batch.plan import plan_of
-from ..batch.store import RESULTS_FILE, QueryResult, Store
-from ..batch.summary import BatchSummary, summarise
+from picktree.apps.batch import (
+    RESULTS_FILE,
+    Batch,
+    BatchSummary,
+    LocalExecutor,
+    QueryResult,
+    RecipeComparison,
+    Store,
+    compare_recipes,
+    plan_of,
+    read_recipe,
+    summarise,
+    text_of,
+)
+from picktree.files import PicktreeError, file_system
+from picktree.simulation import Backend
+from picktree.trees import Node
+from picktree.world import Plain
+
 from .display import html_table, preformatted
 from .mission import Mission
 from .runs import setting_text
 
 if TYPE_CHECKING:
-    from ..batch.batch import RecordedJob
-    from ..batch.plan import Job, Keep
-    from ..batch.tables import JobRow
+    from picktree.apps.batch import Job, JobRow, Keep, RecordedJob
 
 
 class BatchResult:
@@ -163,7 +169,7 @@ def batch(
 def _file(mission: Mission | str | PathLike[str], folder: Path) -> Path:
     """Return the mission's file; one that was made in Python is written into the batch's folder."""
     if not isinstance(mission, Mission):
-        return example_file(mission)
+        return file_system.example_file(mission)
     if mission.file is not None:
         return mission.file
     folder.mkdir(parents=True, exist_ok=True)
@@ -173,7 +179,7 @@ def _file(mission: Mission | str | PathLike[str], folder: Path) -> Path:
 def _faults_file(faults: str | PathLike[str]) -> str:
     if faults == "none":
         return "none"
-    return str(example_file(faults, "faults", "faults file").absolute())
+    return str(file_system.example_file(faults, "faults", "faults file").absolute())
 
 
 def _values(value: Plain | Sequence[Plain]) -> list[str]:

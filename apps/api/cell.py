@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ...analysis.render.viewpoint import parse_view
-from ...files.errors import PicktreeError
-from ...files.value_wording import suggest_name
-from ...logs.optional_libraries import PandasTable
-from ...robot.manipulation.grasps import grasp_candidates
-from ...robot.planning.requests import MotionPlan, Request, Scaling, Target
-from ...robot.world import World
-from ...session.cell import CellSession
-from ...world.causes import Failure
-from ...world.planning_scene import BeliefObject
-from ...world.values import Array, Pose
-from ..commissioning.plan_trial import PlanAnswer, PlanRefusal, plan_figures, plan_picture
+from picktree.analysis.render import parse_view
+from picktree.apps.commissioning import PlanAnswer, PlanRefusal, plan_figures, plan_picture
+from picktree.files import PicktreeError, suggest_name
+from picktree.logs import PandasTable
+from picktree.robot import World
+from picktree.robot.manipulation import grasp_candidates
+from picktree.robot.planning import MotionPlan, Request, Scaling, Target
+from picktree.session import CellSession
+from picktree.world import Array, BeliefObject, Failure, Pose
+
 from .display import SceneImage, html_table, preformatted
 
 PICTURE_SIZE = (960, 600)

@@ -8,13 +8,13 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...files.errors import PicktreeError
+from picktree.files import PicktreeError
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from ...authoring.mission_chart import Chart
+    from picktree.authoring import mission_chart
 
 
 class SceneImage:
@@ -43,7 +43,7 @@ class SceneImage:
 class TreeDrawing:
     """Drawing of a mission's trees: SVG in a notebook, text in a terminal."""
 
-    def __init__(self, chart: Chart, *, expand: bool) -> None:
+    def __init__(self, chart: mission_chart.Chart, *, expand: bool) -> None:
         self._chart, self._expand = chart, expand
 
     def save(self, file: str | PathLike[str]) -> Path:
@@ -51,19 +51,19 @@ class TreeDrawing:
 
         Raises PicktreeError for another suffix, and when the file cannot be written.
         """
-        from ...authoring.drawing import drawing_text, suffix_of
+        from picktree.authoring import drawing
 
         path = Path(file)
-        text = drawing_text(self._chart, suffix_of(path.name), expand=self._expand)
+        text = drawing.drawing_text(self._chart, drawing.suffix_of(path.name), expand=self._expand)
         return _write(path, text.encode())
 
     def __repr__(self) -> str:
-        from ...authoring.drawing import text
+        from picktree.authoring import text
 
         return text(self._chart, expand=self._expand)
 
     def _repr_svg_(self) -> str:
-        from ...authoring.svg_drawing import svg
+        from picktree.authoring import svg
 
         return svg(self._chart, expand=self._expand)
 

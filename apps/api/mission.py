@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
-from ...authoring.check import MissionCheck, check_mission
-from ...authoring.mission_chart import chart
-from ...files.errors import Diagnostic, FileError, PicktreeError
-from ...files.file_system import example_file
-from ...files.yaml.document import Document, read_document
-from ...trees import mission as loaded
-from ...trees.description import MAIN, MissionSource, TreeDefinition, python_faults
-from ...trees.loading.registry import NodeRegistry
-from ...trees.node import Node
+from picktree.authoring import MissionCheck, check_mission, mission_chart
+from picktree.files import Diagnostic, FileError, PicktreeError, file_system
+from picktree.files.yaml import Document, read_document
+from picktree.trees import MAIN, MissionSource, Node, TreeDefinition, python_faults
+from picktree.trees import mission as loaded
+from picktree.trees.loading import NodeRegistry
+
 from .display import TreeDrawing, preformatted
 
 
@@ -118,7 +116,7 @@ class Mission:
 
         `expand` writes each sub-tree out wherever it is called. Raises FileError for a faulty mission.
         """
-        drawing = TreeDrawing(chart(self._mission()), expand=expand)
+        drawing = TreeDrawing(mission_chart.chart(self._mission()), expand=expand)
         if file is not None:
             drawing.save(file)
         return drawing
@@ -173,4 +171,4 @@ def load(file: str | PathLike[str]) -> Mission:
 
     Raises FileError when it is no mission file; `check` shows its other faults.
     """
-    return Mission(read_document(example_file(file), "mission"))
+    return Mission(read_document(file_system.example_file(file), "mission"))

@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ...trees.loading.registry import NodeRegistry
+    from picktree.trees.loading import NodeRegistry
 
 
 def plugin(file: str | PathLike[str]) -> ModuleType:
@@ -21,9 +21,8 @@ def plugin(file: str | PathLike[str]) -> ModuleType:
 
     Raises PicktreeError for a file that is no plug-in, with the reason.
     """
-    from ...files.errors import PicktreeError
-    from ...trees.loading.plugin import load_plugin
-    from ...trees.loading.plugin_import import PluginError
+    from picktree.files import PicktreeError
+    from picktree.trees.loading import PluginError, load_plugin
 
     path = Path(file).absolute()
     try:
@@ -34,7 +33,7 @@ def plugin(file: str | PathLike[str]) -> ModuleType:
 
 
 def _registry() -> NodeRegistry:
-    from ...trees.loading.registry import NodeRegistry
+    from picktree.trees.loading import NodeRegistry
 
     return NodeRegistry()
 
@@ -47,12 +46,12 @@ def __getattr__(name: str) -> type:
     if name.startswith("_"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if name == "SubTree":
-        from ...trees.runner import SubTree
+        from picktree.trees import runner
 
-        return SubTree
+        return runner.SubTree
     found = _registry().find(name)
     if found is None:
-        from ...files.value_wording import suggest_name
+        from picktree.files import suggest_name
 
         raise AttributeError(f"there is no node {name!r} ({suggest_name(name, _registry().ids())})")
     globals()[name] = found

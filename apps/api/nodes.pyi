@@ -4,8 +4,8 @@ from os import PathLike
 from types import ModuleType
 from typing import Any, Literal, TypeAlias, TypedDict, Unpack
 
-from picktree.trees.node import Node
-from picktree.trees.description import TreeDefinition as Tree
+from picktree.trees import Node
+from picktree.trees import TreeDefinition as Tree
 
 Child: TypeAlias = Node | Iterable[Node]
 

@@ -13,22 +13,17 @@ from os import PathLike
 from pathlib import Path
 from typing import Literal, ParamSpec, TypeVar, cast
 
-from ...analysis.run import Run
-from ...files.arithmetic import departures
-from ...files.errors import PicktreeError
-from ...files.file_system import example_file
-from ...files.yaml.document import read_document
-from ...logs.log_files import NO_ROTATION, Rotation
-from ...logs.run_result import RunResult
-from ...robot.planning.lookahead_planning import has_second_core
-from ...session.execution import Execution
-from ...session.recipe import DEFAULT_TIME_LIMIT, Recording, RunRequest, read_recipe
-from ...session.session import Session
-from ...simulation.checkpoints import Backend
-from ...trees.node import Node
-from ...world.journal import Plain
-from ..batch.job_process import die_with_parent, exit_code_words
-from ..batch.local_executor import without_main
+from picktree.analysis import Run
+from picktree.apps.batch import die_with_parent, exit_code_words, without_main
+from picktree.files import PicktreeError, departures, file_system
+from picktree.files.yaml import read_document
+from picktree.logs import RunResult, log_files
+from picktree.robot.planning import has_second_core
+from picktree.session import Execution, RunRequest, Session, run_recipe
+from picktree.simulation import Backend
+from picktree.trees import Node
+from picktree.world import Plain
+
 from .display import ReadableText, SceneImage, html_table
 from .mission import Mission
 
@@ -104,7 +99,7 @@ class MissionRun(RunResult):
 
         `everything` tells each failure and each item by itself.
         """
-        from ...analysis.explain.explanation_text import to_text
+        from picktree.analysis.explain import to_text
 
         text = to_text(self.record, self.record.explanation, str(self.folder), everything=everything)
         return ReadableText(text)
@@ -127,7 +122,7 @@ class MissionRun(RunResult):
 
     def report(self, file: str | PathLike[str]) -> Path:
         """Write the run as a page with a 3-D replay, and return its path."""
-        from ...analysis.report.report import write_report
+        from picktree.analysis.report import write_report
 
         write_report(self.record, Path(file))
         return Path(file)
@@ -159,9 +154,9 @@ def run(
     faults: str | PathLike[str] | None = None,
     backend: Backend = "physics",
     verify: bool = False,
-    limit: float = DEFAULT_TIME_LIMIT,
+    limit: float = run_recipe.DEFAULT_TIME_LIMIT,
     watch: bool = False,
-    rotation: Rotation = NO_ROTATION,
+    rotation: log_files.Rotation = log_files.NO_ROTATION,
     out: str | PathLike[str] | None = None,
 ) -> MissionRun:
     """Run a mission to its end, record it, and return its result.
@@ -182,7 +177,7 @@ def run(
         robot=str(robot) if robot is not None else None,
         seed=seed,
         parameters={key: setting_text(value) for key, value in (parameters or {}).items()},
-        faults=example_file(faults, "faults", "faults file") if faults is not None else None,
+        faults=file_system.example_file(faults, "faults", "faults file") if faults is not None else None,
         out=Path(out) if out is not None else None,
         backend=backend,
         verify=verify,
@@ -208,14 +203,14 @@ def _computed_text(request: RunRequest, text: str | None) -> RunResult:
 def _computed(request: RunRequest, made: Mission | None) -> RunResult:
     if made is None:
         return Session(request, planning_worker=has_second_core()).run()
-    execution = Execution(read_recipe(request, made.checked()), planning_worker=has_second_core())
-    return Session(execution, record=Recording(request.out, request.rotation)).run()
+    execution = Execution(run_recipe.read_recipe(request, made.checked()), planning_worker=has_second_core())
+    return Session(execution, record=run_recipe.Recording(request.out, request.rotation)).run()
 
 
 def _file(mission: Mission | str | PathLike[str]) -> Path:
     path = mission.file if isinstance(mission, Mission) else mission
     assert path is not None
-    return example_file(path)
+    return file_system.example_file(path)
 
 
 def setting_text(value: Plain) -> str:

@@ -1,1 +1,5 @@
 """Batches: plans of many runs, the workers that carry them out, results, statistics and reports."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, Protocol, TypeAlias
 
-from ...analysis.run import Run
-from ...files.errors import PicktreeError
+from picktree.analysis import Run
+from picktree.files import PicktreeError
+
 from . import job_output
 from .executor import Event, Executor, JobFailed, JobFinished, JobOrder, JobStopped
 from .plan import BatchPlan, Job, jobs_of, read_plan, write_plan

@@ -20,7 +20,8 @@ import ray
 from ray.exceptions import OutOfMemoryError, RayError
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
-from ...files.errors import PicktreeError
+from picktree.files import PicktreeError
+
 from .executor import Event, JobFailed, JobOrder, JobStopped
 from .local_executor import LocalExecutor
 from .ray_executor import TOKEN, Installation, Task, installed

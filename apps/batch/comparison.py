@@ -19,13 +19,11 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ...analysis.compare.alignment import Alignment, Divergence, align
-from ...analysis.compare.message_difference import value_text
-from ...analysis.compare.run_diff import DIVERGENCE_TEXTS, end_text, value_changes
-from ...analysis.run import Run
-from ...files.errors import PicktreeError
-from ...logs.records import Arithmetic, arithmetic_difference
-from ...logs.visits import Visit
+from picktree.analysis import Run
+from picktree.analysis.compare import Alignment, Divergence, align, message_differences, run_diff
+from picktree.files import PicktreeError
+from picktree.logs import log_records, node_visits
+
 from .executor import Executor
 from .local_executor import LocalExecutor
 from .rates import (
@@ -91,7 +89,7 @@ class RecipeOutcomes:
     """Label with the batch's folder, as on the command line."""
     folder: Path
     outcomes: Mapping[int, JobOutcome]
-    arithmetics: tuple[Arithmetic, ...] = ()
+    arithmetics: tuple[log_records.Arithmetic, ...] = ()
     """Arithmetics of the processes that computed its jobs, without repetition."""
 
 
@@ -129,14 +127,16 @@ def read_recipe(where: str) -> RecipeOutcomes:
     )
 
 
-def _arithmetics(versions: Iterable[tuple[str, str, str]], jobs: Container[str]) -> tuple[Arithmetic, ...]:
+def _arithmetics(
+    versions: Iterable[tuple[str, str, str]], jobs: Container[str]
+) -> tuple[log_records.Arithmetic, ...]:
     words: dict[str, dict[str, str]] = {}
     for job, library, version in versions:
         if job in jobs:
             words.setdefault(job, {})[library] = version
-    found: list[Arithmetic] = []
+    found: list[log_records.Arithmetic] = []
     for table in words.values():
-        arithmetic = Arithmetic.from_words(table)
+        arithmetic = log_records.Arithmetic.from_words(table)
         if arithmetic not in found:
             found.append(arithmetic)
     return tuple(found)
@@ -372,7 +372,7 @@ def _arithmetic_difference(a: RecipeOutcomes, b: RecipeOutcomes) -> str:
     """Return the difference in arithmetic between jobs of A and B, or within one of them; empty when none."""
     sides = ((a, b, "in B"), (a, a, "in other jobs of A"), (b, b, "in other jobs of B"))
     said = (
-        arithmetic_difference(one, other, where)
+        log_records.arithmetic_difference(one, other, where)
         for first, second, where in sides
         for one in first.arithmetics
         for other in second.arithmetics
@@ -492,7 +492,8 @@ def divergence_line(found: Alignment, a: Run) -> str:
         time, one, other = end
         said += (
             f"; first other end at tick {a.ticks.number_at(time)}, {time:.2f} s: "
-            f"{one.name}{one.about}: A {end_text(one, short=True)}, B {end_text(other, short=True)}"
+            f"{one.name}{one.about}: A {run_diff.end_text(one, short=True)}, "
+            f"B {run_diff.end_text(other, short=True)}"
         )
     return said
 
@@ -501,18 +502,23 @@ def _what(parting: Divergence) -> str:
     a, b = parting.a, parting.b
     match parting.how:
         case "inputs" if a is not None and b is not None:
-            changes = value_changes(a.inputs, b.inputs)
-            ports = ", ".join(f"{c.name} {value_text(c.a)} and {value_text(c.b)}" for c in changes)
-            return f"{a.name}{a.about} {DIVERGENCE_TEXTS['inputs']}: {ports}"
+            changes = run_diff.value_changes(a.inputs, b.inputs)
+            ports = ", ".join(
+                f"{c.name} {message_differences.value_text(c.a)} and {message_differences.value_text(c.b)}"
+                for c in changes
+            )
+            return f"{a.name}{a.about} {run_diff.DIVERGENCE_TEXTS['inputs']}: {ports}"
         case "type" | "outcome" | "cause" | "length" if a is not None and b is not None:
-            return f"{a.name}{a.about} {DIVERGENCE_TEXTS[parting.how]}: A {_course(a)}, B {_course(b)}"
+            return (
+                f"{a.name}{a.about} {run_diff.DIVERGENCE_TEXTS[parting.how]}: A {_course(a)}, B {_course(b)}"
+            )
         case "order":
-            return f"{DIVERGENCE_TEXTS['order']}: A {_begins(a)}, B {_begins(b)}"
+            return f"{run_diff.DIVERGENCE_TEXTS['order']}: A {_begins(a)}, B {_begins(b)}"
         case _:
             return "the log of one ends there"
 
 
-def _first_other_end(found: Alignment) -> tuple[float, Visit, Visit] | None:
+def _first_other_end(found: Alignment) -> tuple[float, node_visits.Visit, node_visits.Visit] | None:
     ends = [
         (min(pair.a.end, pair.b.end), -pair.a.path.count("/"), pair.a.number, pair)
         for pair in found.pairs
@@ -524,12 +530,12 @@ def _first_other_end(found: Alignment) -> tuple[float, Visit, Visit] | None:
     return time, pair.a, pair.b
 
 
-def _begins(visit: Visit | None) -> str:
+def _begins(visit: node_visits.Visit | None) -> str:
     return "nothing more" if visit is None else f"{visit.name}{visit.about}"
 
 
-def _course(visit: Visit) -> str:
-    return f"{end_text(visit, short=True)} after {visit.duration:.2f} s"
+def _course(visit: node_visits.Visit) -> str:
+    return f"{run_diff.end_text(visit, short=True)} after {visit.duration:.2f} s"
 
 
 _TITLES = {

@@ -8,7 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ...files.errors import PicktreeError
+from picktree.files import PicktreeError
+
 from .plan import PLAN_FILE, BatchPlan, read_plan
 from .store import RESULTS_FILE, run_query
 

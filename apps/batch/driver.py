@@ -18,7 +18,8 @@ from pathlib import Path
 
 import ray
 
-from ...files.errors import PicktreeError
+from picktree.files import PicktreeError
+
 from .cluster import ClusterNode, RayError, ResultFile, WorkerHandle, connect, nodes, reason, shared
 from .executor import Event, JobFailed, JobOrder, JobStopped
 from .ray_executor import (

@@ -39,9 +39,9 @@ class JobOrder:
     @property
     def log(self) -> Path | None:
         """Log of the run; None when there is none."""
-        from ...logs.log_files import LOG_NAME  # slow to import, and an order has to be light
+        from picktree.logs import log_files  # slow to import, and an order has to be light
 
-        return next(iter(sorted(self.folder.glob(f"*/{LOG_NAME}"))), None)
+        return next(iter(sorted(self.folder.glob(f"*/{log_files.LOG_NAME}"))), None)
 
 
 @dataclass(frozen=True, slots=True)

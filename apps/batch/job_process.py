@@ -27,8 +27,8 @@ from pathlib import Path
 from pickle import UnpicklingError
 from typing import NoReturn
 
-from ...files.errors import PicktreeError
-from ...files.file_system import ROOT
+from picktree.files import PicktreeError, file_system
+
 from . import job_output
 from .executor import Event, JobFailed, JobFinished, JobOrder, JobStopped
 
@@ -123,12 +123,12 @@ def run_attempt(order: JobOrder) -> Event:
 
 def _mission_result(order: JobOrder) -> bytes | None:
     """Run the recipe as a mission and return the rows of the result; None when it was interrupted."""
-    from ...session.recipe import RecipeFile, Recording
-    from ...session.session import Session
+    from picktree.session import Session, run_recipe
+
     from .run_rows import collect_run_rows
 
-    with RecipeFile(order.recipe) as kept:
-        session = Session(kept.recipe(order.seed), record=Recording(order.folder))
+    with run_recipe.RecipeFile(order.recipe) as kept:
+        session = Session(kept.recipe(order.seed), record=run_recipe.Recording(order.folder))
         result = session.run()
         if result.status == "interrupted":
             return None
@@ -137,7 +137,7 @@ def _mission_result(order: JobOrder) -> bytes | None:
 
 def _program_result(order: JobOrder) -> bytes:
     """Return what the program's function `attempt` makes of the order."""
-    program = ROOT / order.program
+    program = file_system.ROOT / order.program
     sys.path.insert(0, str(program.parent))
     return import_module(program.stem).attempt(order)
 

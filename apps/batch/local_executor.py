@@ -34,7 +34,7 @@ _MODULES = (
     "picktree.simulation.physics.backend",
     "picktree.apps.batch.job_process",
     "picktree.apps.batch.run_rows",
-    "picktree.session.recipe",
+    "picktree.session.run_recipe",
 )
 
 
@@ -85,39 +85,39 @@ def load() -> None:
     """Load everything that jobs need and share."""
     for module in _MODULES:
         import_module(module)
-    from ...logs import records
-    from ...logs.binary_gltf import link_meshes
-    from ...logs.records import record_adapter
-    from ...logs.topics import FIXED
-    from ...recovery import NODES as RECOVERY
-    from ...robot.perception.resting_poses import catalogue_poses
-    from ...robot.perception.robot_mask import RobotMask
-    from ...robot.planning.collision_checker import robot_geometry
-    from ...session.arithmetic_probe import arithmetic
-    from ...session.environment import revision, sources
-    from ...session.recipe import installed_meshes
-    from ...session.session import frozen_before_runs
-    from ...skills import NODES as SKILLS  # a node is imported when it is asked for: here, all of them are
-    from ...trees.loading.registry import installed_entries
-    from ...world.robot_model.model import RobotModel
-    from ...world.robot_model.robot_file import load_robot
-    from ...world.scene.scene_loading import load_scene
+    from picktree.logs import FIXED, binary_gltf, log_records
+    from picktree.recovery import NODES as RECOVERY
+    from picktree.robot.perception import RobotMask, catalogue_poses
+    from picktree.robot.planning import robot_geometry
+    from picktree.session import arithmetic, environment, frozen_before_runs, run_recipe, sources
+    from picktree.skills import (
+        NODES as SKILLS,  # a node is imported when it is asked for: here, all of them are
+    )
+    from picktree.trees.loading import installed_entries
+    from picktree.world.robot_model import RobotModel, load_robot
+    from picktree.world.scene import load_scene
 
     assert RECOVERY and SKILLS
     # The robot of the shipped scenes; with another one, each job loads that itself.
     robot = load_robot("panda")
     catalogue_poses(load_scene("three_bins").catalogue)
-    link_meshes(robot.urdf)
-    installed_meshes(robot)
+    binary_gltf.link_meshes(robot.urdf)
+    run_recipe.installed_meshes(robot)
     model = RobotModel(robot)
     robot_geometry(model)
     RobotMask(model)
     arithmetic()
-    revision()
+    environment.revision()
     sources()
     installed_entries()
-    for kind in (records.BodyRecord, records.Event, records.PartRecord, records.Tick, records.Tree):
-        record_adapter(kind)
+    for kind in (
+        log_records.BodyRecord,
+        log_records.Event,
+        log_records.PartRecord,
+        log_records.Tick,
+        log_records.Tree,
+    ):
+        log_records.record_adapter(kind)
     for topic in FIXED:
         topic.schema_data()
     gc.collect()

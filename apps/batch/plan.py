@@ -15,23 +15,18 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, cast
 
 from pydantic import BeforeValidator, Field, Strict, TypeAdapter, ValidationError, WithJsonSchema
 
-from ...authoring.check import MissionCheck, check_mission
-from ...files.errors import CheckedFile, Diagnostic, FileError, PicktreeError
-from ...files.file_system import whole
-from ...files.value_wording import describe
-from ...files.yaml.document import Document, read_document
-from ...files.yaml.document_checker import DocumentChecker
-from ...files.yaml.file_models import FileModel, Flag, InvalidValue, quantity
-from ...session.recipe import Recipe, RunRequest, installed_meshes, read_recipe, recipe_files, write_recipe
-from ...simulation.checkpoints import Backend
-from ...simulation.fault_loading import load_faults
-from ...trees.loading.loader import SceneNames, load_surroundings
-from ...trees.run_settings import read_settings
-from ...world.robot_model.robot_file import robot_names
-from ...world.scene.scene_loading import scene_names
+from picktree.authoring import MissionCheck, check_mission
+from picktree.files import CheckedFile, Diagnostic, FileError, PicktreeError, describe, file_system
+from picktree.files.yaml import Document, DocumentChecker, file_models, read_document
+from picktree.session import RunRequest, run_recipe
+from picktree.simulation import Backend, load_faults
+from picktree.trees import read_settings
+from picktree.trees.loading import SceneNames, load_surroundings
+from picktree.world.robot_model import robot_file
+from picktree.world.scene import scene_loading
 
 if TYPE_CHECKING:
-    from ...authoring.schema.schema_parts import Schema
+    from picktree.authoring.schema import Schema
 
 Keep: TypeAlias = Literal["all", "failures", "none"]
 """Logs that are kept."""
@@ -139,11 +134,11 @@ def jobs_of(plan: BatchPlan, folder: Path) -> tuple[Job, ...]:
     """
     jobs: list[Job] = []
     for variant in plan.variants():
-        recipe = read_recipe(_request(plan, variant))
+        recipe = run_recipe.read_recipe(_request(plan, variant))
         content = _content(variant, recipe)
         for seed in plan.seeds:
             jobs.append(Job(_id(content, seed), len(jobs), variant, seed, content[:16]))
-        write_recipe(recipe, jobs[-1].recipe_in(folder))
+        run_recipe.write_recipe(recipe, jobs[-1].recipe_in(folder))
     return tuple(jobs)
 
 
@@ -151,15 +146,19 @@ def _id(content: str, seed: int) -> str:
     return hashlib.sha256(f"{content} seed {seed}".encode()).hexdigest()[:16]
 
 
-def _content(variant: Variant, recipe: Recipe) -> str:
+def _content(variant: Variant, recipe: run_recipe.Recipe) -> str:
     """Return a fingerprint of everything but the seed on which the outcome depends."""
     said = {
         "settings": dict(variant.settings),
         "backend": recipe.backend,
         "verify": recipe.verify,
         "limit": recipe.limit,
-        "files": {file.name: hashlib.sha256(file.data).hexdigest() for file in recipe_files(recipe)},
-        "robot": {name: word.partition(" ")[0] for name, word in installed_meshes(recipe.robot).items()},
+        "files": {
+            file.name: hashlib.sha256(file.data).hexdigest() for file in run_recipe.recipe_files(recipe)
+        },
+        "robot": {
+            name: word.partition(" ")[0] for name, word in run_recipe.installed_meshes(recipe.robot).items()
+        },
     }
     return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
@@ -183,7 +182,7 @@ _ADAPTER = TypeAdapter(BatchPlan)
 
 def write_plan(plan: BatchPlan, folder: Path) -> None:
     """Write the plan. Raises PicktreeError when it cannot be written."""
-    with whole([folder / PLAN_FILE], folder / PLAN_FILE) as (beside,):
+    with file_system.whole([folder / PLAN_FILE], folder / PLAN_FILE) as (beside,):
         beside.write_bytes(_ADAPTER.dump_json(plan, indent=1))
 
 
@@ -234,7 +233,7 @@ NO_FAULTS = "none"
 def _seeds(value: object) -> tuple[int, ...]:
     parts: list[object] = cast("list[object]", value) if isinstance(value, list) else [value]
     if not parts or any(isinstance(part, bool) or not isinstance(part, int | str) for part in parts):
-        raise InvalidValue(
+        raise file_models.InvalidValue(
             f"{describe(cast('object', value))} is no list of seeds",
             "as 0:100 (half open) or [3, 7]",
             code="P801",
@@ -242,7 +241,7 @@ def _seeds(value: object) -> tuple[int, ...]:
     try:
         return parse_seeds(",".join(map(str, parts)))
     except PicktreeError as error:
-        raise InvalidValue(str(error), code="P801") from None
+        raise file_models.InvalidValue(str(error), code="P801") from None
 
 
 def _memory(value: object) -> int:
@@ -256,13 +255,13 @@ def _disk(value: object) -> int:
 def _bytes(value: object, of: str) -> int:
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]+)\s*", value) if isinstance(value, str) else None
     if match is None or match[2] not in _BYTES:
-        raise InvalidValue(f"{describe(value)} is no amount of {of}", "as 2 GB", code="P801")
+        raise file_models.InvalidValue(f"{describe(value)} is no amount of {of}", "as 2 GB", code="P801")
     return round(float(match[1]) * _BYTES[match[2]])
 
 
 def _setting(value: object) -> str:
     if not isinstance(value, str | int | float):
-        raise InvalidValue(
+        raise file_models.InvalidValue(
             f"{describe(value)} is no value of a port", "a text, a number, true or false", code="P801"
         )
     return str(value).lower() if isinstance(value, bool) else str(value)
@@ -285,10 +284,10 @@ Seeds = Annotated[
 ]
 Memory = Annotated[int, BeforeValidator(_memory), WithJsonSchema({"type": "string", "examples": ["2 GB"]})]
 Disk = Annotated[int, BeforeValidator(_disk), WithJsonSchema({"type": "string", "examples": ["2 GB"]})]
-Seconds = Annotated[float, quantity("s", above=0)]
+Seconds = Annotated[float, file_models.quantity("s", above=0)]
 
 
-class PlanFile(FileModel):
+class PlanFile(file_models.FileModel):
     """Batch of runs: every combination of missions, scenes, faults and settings, with each seed."""
 
     name: Text | None = None
@@ -310,7 +309,7 @@ class PlanFile(FileModel):
     )
     backend: Literal["physics", "kinematic"] = "physics"
     """kinematic: objects follow the gripper, sensors have no noise."""
-    verify: Flag = False
+    verify: file_models.Flag = False
     """Judge every trajectory by the second collision checker."""
     limit: Seconds = 3600.0
     """Simulated time of a job."""
@@ -326,7 +325,7 @@ class PlanFile(FileModel):
 
 def plan_schema() -> Schema:
     """JSON Schema of plan files, for editors."""
-    from ...authoring.schema.pydantic_schema import model_schema
+    from picktree.authoring.schema import model_schema
 
     return model_schema("plan", PlanFile)
 
@@ -433,8 +432,10 @@ def _plan(file: PlanFile, source: Path, scenes_from: Path | None = None) -> Batc
         name=file.name or source.stem,
         missions=tuple(folder / mission for mission in file.missions),
         seeds=file.seeds,
-        scenes=tuple(_found(name, scenes_from or folder, scene_names()) for name in file.scenes) or (None,),
-        robots=tuple(_found(name, scenes_from or folder, robot_names()) for name in file.robots) or (None,),
+        scenes=tuple(_found(name, scenes_from or folder, scene_loading.scene_names()) for name in file.scenes)
+        or (None,),
+        robots=tuple(_found(name, scenes_from or folder, robot_file.robot_names()) for name in file.robots)
+        or (None,),
         faults=tuple(None if name == NO_FAULTS else folder / name for name in file.faults) or (None,),
         settings=settings,
         backend=file.backend,

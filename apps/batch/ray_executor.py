@@ -22,11 +22,11 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
-from ...files.errors import PicktreeError
-from ...files.file_system import ROOT
-from ...logs.optional_libraries import optional_import
-from ...session.environment import hashes, sources, versions
-from ...trees.loading.plugin_import import GROUP
+from picktree.files import PicktreeError, file_system
+from picktree.logs import optional_import
+from picktree.session import environment, sources, versions
+from picktree.trees.loading import GROUP
+
 from .executor import Event, JobFailed, JobOrder
 
 _WORKER_CODE: Final = ("apps/batch/*.py", "analysis/*.py", "analysis/explain/*.py")
@@ -52,14 +52,14 @@ def installed() -> Installation:
     of_workers = (
         file
         for pattern in _WORKER_CODE
-        for file in sorted(ROOT.glob(pattern))
-        if file != ROOT / _NON_WORKER_FILE
+        for file in sorted(file_system.ROOT.glob(pattern))
+        if file != file_system.ROOT / _NON_WORKER_FILE
     )
     python = "{}.{}".format(*sys.version_info)
     glibc = os.confstr("CS_GNU_LIBC_VERSION") or ""
     return Installation(
         {"python": python, "glibc": glibc.removeprefix("glibc "), **versions(), **plugins},
-        {**sources(), **hashes(of_workers)},
+        {**sources(), **environment.hashes(of_workers)},
     )
 
 

@@ -11,11 +11,10 @@ from string import Template
 from typing import Any
 from urllib.parse import quote
 
-from ...analysis.report.report import write_report as write_run_report
-from ...analysis.run import Run
-from ...files.errors import PicktreeError
-from ...files.file_system import whole
-from ...files.junit import JunitCase, Outcome, junit_text
+from picktree.analysis import Run
+from picktree.analysis.report import write_report as write_run_report
+from picktree.files import JunitCase, Outcome, PicktreeError, file_system, junit_text
+
 from .plan import Job, read_plan
 from .rates import rate
 from .store import RESULTS_FILE, Store
@@ -49,7 +48,7 @@ def write_report(folder: Path, output: Path, runs: int = 5) -> None:
         libraries=(_PAGE / "libraries.js").read_text(encoding="utf-8"),
         script=(_PAGE / "page.js").read_text(encoding="utf-8"),
     )
-    with whole([output], output) as (beside,):
+    with file_system.whole([output], output) as (beside,):
         beside.write_text(text, encoding="utf-8")
 
 

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...files.errors import PicktreeError
-from ...logs.records import PREFIXES, Arithmetic, arithmetic_difference
-from ...session.session_recording import LOG_FILE_NAME
+from picktree.files import PicktreeError
+from picktree.logs import log_records
+from picktree.session import LOG_FILE_NAME
+
 from .executor import Event, Executor, JobFailed, JobFinished, JobOrder
 from .local_executor import LocalExecutor
 from .plan import Job, read_plan
@@ -180,8 +181,10 @@ def _move_run(run: Path, target: Path) -> Path:
 
 
 def _otherwise(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
-    departed = arithmetic_difference(Arithmetic.from_words(then), Arithmetic.from_words(now))
-    libraries = sorted(name for name in {*then, *now} if not name.startswith(PREFIXES))
+    departed = log_records.arithmetic_difference(
+        log_records.Arithmetic.from_words(then), log_records.Arithmetic.from_words(now)
+    )
+    libraries = sorted(name for name in {*then, *now} if not name.startswith(log_records.PREFIXES))
     changed = [name for name in libraries if then.get(name, "") != now.get(name, "")]
     said = [f"{name}: recorded {then.get(name) or 'none'}, now {now.get(name) or 'none'}" for name in changed]
     return [departed, *said] if departed else said

@@ -6,14 +6,14 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from ...analysis.explain.explanation import Explanation, FailureStory, RootCause
-from ...analysis.explain.run_explanation import explain
-from ...analysis.export.table_files import row_of
-from ...analysis.run import Run
-from ...logs.visits import Visit
-from ...session.execution import Execution
-from ...simulation.scorer import score
-from ...world.values import ObjectId, Vector3
+from picktree.analysis import Run
+from picktree.analysis.explain import Explanation, FailureStory, RootCause, explain
+from picktree.analysis.export import table_files
+from picktree.logs import node_visits
+from picktree.session import Execution
+from picktree.simulation import score
+from picktree.world import ObjectId, Vector3
+
 from .tables import (
     EpisodeRow,
     JobFailureRow,
@@ -45,7 +45,7 @@ def collect_run_rows(execution: Execution, folder: Path, attempts: int) -> JobRo
         explanation = explain(run, items=False)
         root = root_of(explanation)
         return JobRows(
-            job=row_of(
+            job=table_files.row_of(
                 JobRow,
                 result,
                 attempts=attempts,
@@ -62,17 +62,21 @@ def collect_run_rows(execution: Execution, folder: Path, attempts: int) -> JobRo
                 folder="",
             ),
             items=tuple(_items(execution, run)),
-            picks=tuple(row_of(JobPickRow, pick) for pick in run.picks),
+            picks=tuple(table_files.row_of(JobPickRow, pick) for pick in run.picks),
             failures=tuple(
-                row_of(JobFailureRow, f, handled_by=", ".join(each.handler for each in f.handled_by))
+                table_files.row_of(
+                    JobFailureRow, f, handled_by=", ".join(each.handler for each in f.handled_by)
+                )
                 for f in explanation.failures
             ),
             episodes=tuple(
-                row_of(EpisodeRow, e, ended=e.end, handler=e.cure, tried=", ".join(e.tried))
+                table_files.row_of(EpisodeRow, e, ended=e.end, handler=e.cure, tried=", ".join(e.tried))
                 for e in explanation.recovery.episodes
             ),
-            planted=tuple(row_of(PlantedRow, p, ended=p.end or "") for p in explanation.recovery.planted),
-            plans=tuple(row_of(JobPlanRow, at.record, time=at.time) for at in run.plans),
+            planted=tuple(
+                table_files.row_of(PlantedRow, p, ended=p.end or "") for p in explanation.recovery.planted
+            ),
+            plans=tuple(table_files.row_of(JobPlanRow, at.record, time=at.time) for at in run.plans),
             timings=_timings(run, explanation.failures),
             versions={
                 **run.info.versions,
@@ -145,5 +149,5 @@ def _timings(run: Run, failures: Sequence[FailureStory]) -> tuple[JobTimingRow, 
     return tuple(JobTimingRow(phase, round(seconds, 6)) for phase, seconds in spent.items() if seconds > 0)
 
 
-def _within(visit: Visit, time: float) -> bool:
+def _within(visit: node_visits.Visit, time: float) -> bool:
     return visit.start <= time <= visit.end

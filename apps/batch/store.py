@@ -15,14 +15,14 @@ from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import TypeAlias
 
-from ...analysis.export.table_files import Cell, TableForm, counts_text, write_tables
-from ...files.errors import PicktreeError
-from ...files.value_wording import suggest_name
-from ...logs.optional_libraries import PandasTable
+from picktree.analysis.export import table_files
+from picktree.files import PicktreeError, suggest_name
+from picktree.logs import PandasTable
+
 from .plan import Job, Variant
 from .tables import CHILDREN, TABLES, VERSION, VIEWS, CrashRow, JobRow, JobRows, TableOf, schema
 
-Read: TypeAlias = Callable[[TableOf], Iterator[tuple[Cell, ...]]]
+Read: TypeAlias = Callable[[TableOf], Iterator[tuple[table_files.Cell, ...]]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ def read_tables(path: Path) -> Generator[Read]:
     with closing(_connection(path)) as connection:
         connection.execute("BEGIN")
 
-        def rows(table: TableOf) -> Iterator[tuple[Cell, ...]]:
+        def rows(table: TableOf) -> Iterator[tuple[table_files.Cell, ...]]:
             names = ", ".join(f"t.{column.name}" for column in table.columns)
             found = connection.execute(
                 f"SELECT {names} FROM {table.name} AS t JOIN jobs USING (job) ORDER BY jobs.number, t.rowid"
@@ -342,13 +342,13 @@ def _connect(path: Path) -> sqlite3.Connection:
 class ExportedTables:
     """Written files with their number of rows."""
 
-    form: TableForm
+    form: table_files.TableForm
     output: Path
     rows: Mapping[Path, int]
 
     def to_text(self) -> str:
         """Return a text for a terminal, without a trailing newline."""
-        return counts_text(self.rows, 8)
+        return table_files.counts_text(self.rows, 8)
 
     def to_json_text(self) -> str:
         tables = {path.stem: count for path, count in self.rows.items()}
@@ -356,13 +356,13 @@ class ExportedTables:
         return json.dumps(said, ensure_ascii=False, indent=2) + "\n"
 
 
-def export(store: Store, form: TableForm, output: Path) -> ExportedTables:
+def export(store: Store, form: table_files.TableForm, output: Path) -> ExportedTables:
     """Write every table to the folder `output`, either all or none.
 
     Raises PicktreeError when it cannot be written or a library is missing.
     """
     with store.reading() as rows:
-        return ExportedTables(form, output, write_tables(form, output, TABLES, rows))
+        return ExportedTables(form, output, table_files.write_tables(form, output, TABLES, rows))
 
 
 def dropped_logs(folder: Path, program: str = "picktree") -> str:

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ...logs import episode_counts
-from ...logs.episode_counts import ENDS, CureCount, PlantedCount, added_cures, added_planted, by_cause
+from picktree.logs import episode_counts
+
 from .rates import Rate, rate
 from .store import Store
 from .tables import CELL_SIZE, Phase, cell_of
@@ -127,7 +127,7 @@ class Breakdown:
     places: tuple[TableCellShare, ...]
     cures: tuple[episode_counts.CauseCount, ...] = ()
     """Observed causes with attempts and recoveries, by lost time, the longest first."""
-    planted: tuple[PlantedCount, ...] = ()
+    planted: tuple[episode_counts.PlantedCount, ...] = ()
     """Injected faults with the first failures after them."""
     roots: tuple[RootTotal, ...] = ()
     """First root causes of the jobs, those that cost the goal most often first."""
@@ -249,7 +249,10 @@ def _cures(together: Breakdown) -> Iterator[str]:
         if not n:
             yield ""
         same = sorted((p for p in together.planted if p.fault == fault), key=lambda p: -p.count)
-        parts = [f"{p.count} {p.cause} ({ENDS[p.end]})" if p.cause else f"{p.count} nothing" for p in same]
+        parts = [
+            f"{p.count} {p.cause} ({episode_counts.ENDS[p.end]})" if p.cause else f"{p.count} nothing"
+            for p in same
+        ]
         title = "planted" if not n else ""
         yield f"{title:<8}{sum(p.count for p in same)} {fault}, first seen as: {', '.join(parts)}"
 
@@ -321,7 +324,7 @@ def _breakdown_json(found: Breakdown) -> dict[str, Any]:
     }
 
 
-def _counts_json(found: CureCount) -> dict[str, Any]:
+def _counts_json(found: episode_counts.CureCount) -> dict[str, Any]:
     counts = asdict(found)
     return {name: counts[name] for name in counts if name not in ("cause", "cure")}
 
@@ -404,9 +407,9 @@ def _breakdowns(store: Store, labels: list[str]) -> tuple[tuple[Breakdown, ...],
         "SELECT variant, cause, handler, seen, cured, given_up, unhandled, open, tries, tries_cured, "
         "seconds, seen - cured - given_up - unhandled - open FROM cures_by_recipe",
     )
-    cures = [(variant, CureCount(*row)) for variant, *row in seen]
+    cures = [(variant, episode_counts.CureCount(*row)) for variant, *row in seen]
     faults = _rows(store, "SELECT variant, fault, cause, ended, faults FROM planted_seen")
-    planted = [(variant, PlantedCount(*row)) for variant, *row in faults]
+    planted = [(variant, episode_counts.PlantedCount(*row)) for variant, *row in faults]
     roots = _rows(
         store,
         "SELECT root_cause, status = 'success', job, seed, variant, look_at FROM jobs "
@@ -428,8 +431,10 @@ def _breakdowns(store: Store, labels: list[str]) -> tuple[tuple[Breakdown, ...],
                 TableCellShare(round(i * CELL_SIZE, 9), round(j * CELL_SIZE, 9), r)
                 for (i, j), r in _summed_rates(places, wanted)
             ),
-            by_cause(added_cures(cure for variant, cure in cures if wanted(variant))),
-            added_planted(fault for variant, fault in planted if wanted(variant)),
+            episode_counts.by_cause(
+                episode_counts.added_cures(cure for variant, cure in cures if wanted(variant))
+            ),
+            episode_counts.added_planted(fault for variant, fault in planted if wanted(variant)),
             _roots(row for row in roots if wanted(row[4])),
         )
 

@@ -9,11 +9,10 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import TypeAdapter, ValidationError
 
-from ...analysis.export.table_files import Column, ColumnDoc, Kind, columns, event_row
-from ...files.errors import PicktreeError
-from ...logs.episode import End
-from ...logs.run_result import RunStatus
-from ...world.events import PickEvent
+from picktree.analysis.export import columns, table_files
+from picktree.files import PicktreeError
+from picktree.logs import RunStatus, item_episodes
+from picktree.world import event_types
 
 CELL_SIZE = 0.05
 """Side of a cell of the table, m."""
@@ -196,35 +195,41 @@ VERSION = 3
 Phase: TypeAlias = Literal["observe", "think", "move", "grasp", "place", "recover", "other"]
 JobStatus: TypeAlias = RunStatus | Literal["crashed"]
 """End of a job: that of its run, or `crashed` when every attempt was without a result."""
-Time: TypeAlias = Annotated[float, ColumnDoc("simulated", "s")]
-Node: TypeAlias = Annotated[str, ColumnDoc("path in the tree")]
-Cause: TypeAlias = Annotated[str, ColumnDoc("as grasp.slipped")]
-Message: TypeAlias = Annotated[str, ColumnDoc("in a sentence")]
-Item: TypeAlias = Annotated[str, ColumnDoc("that it was about, as the robot calls it")]
-Position: TypeAlias = Annotated[float, ColumnDoc("where it lay when it arrived, in the world", "m")]
-Folder: TypeAlias = Annotated[str, ColumnDoc("of the run with its log, below the batch; empty: not kept")]
-LastTick: TypeAlias = Annotated[int | None, ColumnDoc("number of the last tick in the log")]
+Time: TypeAlias = Annotated[float, table_files.ColumnDoc("simulated", "s")]
+Node: TypeAlias = Annotated[str, table_files.ColumnDoc("path in the tree")]
+Cause: TypeAlias = Annotated[str, table_files.ColumnDoc("as grasp.slipped")]
+Message: TypeAlias = Annotated[str, table_files.ColumnDoc("in a sentence")]
+Item: TypeAlias = Annotated[str, table_files.ColumnDoc("that it was about, as the robot calls it")]
+Position: TypeAlias = Annotated[
+    float, table_files.ColumnDoc("where it lay when it arrived, in the world", "m")
+]
+Folder: TypeAlias = Annotated[
+    str, table_files.ColumnDoc("of the run with its log, below the batch; empty: not kept")
+]
+LastTick: TypeAlias = Annotated[int | None, table_files.ColumnDoc("number of the last tick in the log")]
 
 
 @dataclass(frozen=True, slots=True)
 class JobItemRow:
-    item: Annotated[str, ColumnDoc("name in the simulation")]
-    kind: Annotated[str, ColumnDoc("in the scene's catalogue")]
-    form: Annotated[str, ColumnDoc("box, cylinder, …")]
-    colour: Annotated[str, ColumnDoc("name of the colour")]
+    item: Annotated[str, table_files.ColumnDoc("name in the simulation")]
+    kind: Annotated[str, table_files.ColumnDoc("in the scene's catalogue")]
+    form: Annotated[str, table_files.ColumnDoc("box, cylinder, …")]
+    colour: Annotated[str, table_files.ColumnDoc("name of the colour")]
     x: Position
     y: Position
-    arrived: Annotated[float, ColumnDoc("simulated time at which it was there first; 0: at the start", "s")]
-    destination: Annotated[str | None, ColumnDoc("bin where it belongs")]
-    bin: Annotated[str | None, ColumnDoc("where it ended")]
+    arrived: Annotated[
+        float, table_files.ColumnDoc("simulated time at which it was there first; 0: at the start", "s")
+    ]
+    destination: Annotated[str | None, table_files.ColumnDoc("bin where it belongs")]
+    bin: Annotated[str | None, table_files.ColumnDoc("where it ended")]
     verdict: Annotated[
         Literal["sorted", "misplaced", "left", "no destination"],
-        ColumnDoc("sorted, misplaced, left, no destination"),
+        table_files.ColumnDoc("sorted, misplaced, left, no destination"),
     ]
 
 
 @dataclass(frozen=True, slots=True)
-class JobPickRow(event_row(PickEvent, "object", "held", "node")):
+class JobPickRow(table_files.event_row(event_types.PickEvent, "object", "held", "node")):
     """Closing of the fingers on an object."""
 
 
@@ -235,63 +240,68 @@ class JobFailureRow:
     cause: Cause
     message: Message
     item: Item
-    fate: Annotated[str, ColumnDoc("cured, done_instead, passed_over, branched, ended, open")]
-    handled_by: Annotated[str, ColumnDoc("handlers that were tried, in order")]
+    fate: Annotated[str, table_files.ColumnDoc("cured, done_instead, passed_over, branched, ended, open")]
+    handled_by: Annotated[str, table_files.ColumnDoc("handlers that were tried, in order")]
     seconds_lost: Annotated[
         float | None,
-        ColumnDoc("simulated time lost of its episode, at the episode's first failure; 0 at others", "s"),
+        table_files.ColumnDoc(
+            "simulated time lost of its episode, at the episode's first failure; 0 at others", "s"
+        ),
     ]
 
 
 @dataclass(frozen=True, slots=True)
 class EpisodeRow:
-    time: Annotated[float, ColumnDoc("simulated, of its first failure", "s")]
+    time: Annotated[float, table_files.ColumnDoc("simulated, of its first failure", "s")]
     cause: Cause
-    node: Annotated[str, ColumnDoc("path of the node that failed first")]
+    node: Annotated[str, table_files.ColumnDoc("path of the node that failed first")]
     item: Item
-    ended: Annotated[End, ColumnDoc("cured, done_instead, given_up, unhandled, open")]
-    handler: Annotated[str, ColumnDoc("what was tried last; empty: nothing")]
-    tried: Annotated[str, ColumnDoc("all that was tried, one after the other")]
-    by: Annotated[str, ColumnDoc("path of the node that took it up last; empty: nobody")]
-    tries: Annotated[int, ColumnDoc("runs after the failure that were to succeed")]
-    seconds: Annotated[float, ColumnDoc("simulated time lost", "s")]
+    ended: Annotated[
+        item_episodes.End, table_files.ColumnDoc("cured, done_instead, given_up, unhandled, open")
+    ]
+    handler: Annotated[str, table_files.ColumnDoc("what was tried last; empty: nothing")]
+    tried: Annotated[str, table_files.ColumnDoc("all that was tried, one after the other")]
+    by: Annotated[str, table_files.ColumnDoc("path of the node that took it up last; empty: nobody")]
+    tries: Annotated[int, table_files.ColumnDoc("runs after the failure that were to succeed")]
+    seconds: Annotated[float, table_files.ColumnDoc("simulated time lost", "s")]
 
 
 @dataclass(frozen=True, slots=True)
 class PlantedRow:
     time: Time
-    fault: Annotated[str, ColumnDoc("its kind, as slip")]
+    fault: Annotated[str, table_files.ColumnDoc("its kind, as slip")]
     message: Message
-    item: Annotated[str, ColumnDoc("name in the simulation; empty: it is about none")]
-    cause: Annotated[str, ColumnDoc("of the first failure after it; empty: nothing failed")]
-    after: Annotated[float | None, ColumnDoc("from the fault to that failure", "s")]
+    item: Annotated[str, table_files.ColumnDoc("name in the simulation; empty: it is about none")]
+    cause: Annotated[str, table_files.ColumnDoc("of the first failure after it; empty: nothing failed")]
+    after: Annotated[float | None, table_files.ColumnDoc("from the fault to that failure", "s")]
     ended: Annotated[
-        End | Literal[""], ColumnDoc("what became of that failure, as in episodes; empty: nothing failed")
+        item_episodes.End | Literal[""],
+        table_files.ColumnDoc("what became of that failure, as in episodes; empty: nothing failed"),
     ]
 
 
 @dataclass(frozen=True, slots=True)
 class JobPlanRow:
     time: Time
-    request: Annotated[str, ColumnDoc("what was asked for")]
-    planner: Annotated[str, ColumnDoc("that answered")]
-    outcome: Annotated[str, ColumnDoc("found, or why not")]
-    checks: Annotated[int, ColumnDoc("of collisions")]
-    thinking: Annotated[float, ColumnDoc("simulated time that it took", "s")]
-    duration: Annotated[float, ColumnDoc("of the motion", "s")]
+    request: Annotated[str, table_files.ColumnDoc("what was asked for")]
+    planner: Annotated[str, table_files.ColumnDoc("that answered")]
+    outcome: Annotated[str, table_files.ColumnDoc("found, or why not")]
+    checks: Annotated[int, table_files.ColumnDoc("of collisions")]
+    thinking: Annotated[float, table_files.ColumnDoc("simulated time that it took", "s")]
+    duration: Annotated[float, table_files.ColumnDoc("of the motion", "s")]
 
 
 @dataclass(frozen=True, slots=True)
 class JobTimingRow:
-    phase: Annotated[Phase, ColumnDoc("observe, think, move, grasp, place, recover, other")]
-    seconds: Annotated[float, ColumnDoc("simulated time spent in it", "s")]
+    phase: Annotated[Phase, table_files.ColumnDoc("observe, think, move, grasp, place, recover, other")]
+    seconds: Annotated[float, table_files.ColumnDoc("simulated time spent in it", "s")]
 
 
 @dataclass(frozen=True, slots=True)
 class CrashRow:
-    attempt: Annotated[int, ColumnDoc("1 for the first")]
-    reason: Annotated[str, ColumnDoc("why it ended, and where it was then")]
-    last_tick: Annotated[int | None, ColumnDoc("number of the last tick in its log")]
+    attempt: Annotated[int, table_files.ColumnDoc("1 for the first")]
+    reason: Annotated[str, table_files.ColumnDoc("why it ended, and where it was then")]
+    last_tick: Annotated[int | None, table_files.ColumnDoc("number of the last tick in its log")]
     folder: Folder
 
 
@@ -300,23 +310,24 @@ class JobRow:
     """Result of a job."""
 
     status: Annotated[
-        JobStatus, ColumnDoc("success, incomplete, failure, timeout, paused, crashed; waiting: not yet run")
+        JobStatus,
+        table_files.ColumnDoc("success, incomplete, failure, timeout, paused, crashed; waiting: not yet run"),
     ]
-    message: Annotated[str, ColumnDoc("why it failed or crashed, in a sentence")]
-    digest: Annotated[str, ColumnDoc("of all that happened; two equal runs have the same")]
-    attempts: Annotated[int, ColumnDoc("times that a worker tried it")]
-    items_total: Annotated[int | None, ColumnDoc("true items")] = None
-    items_sorted: Annotated[int | None, ColumnDoc("in the bin where they belong")] = None
-    items_misplaced: Annotated[int | None, ColumnDoc("in another bin")] = None
-    items_left: Annotated[int | None, ColumnDoc("in no bin")] = None
-    picks_tried: Annotated[int | None, ColumnDoc("closings of the fingers on an object")] = None
-    picks_held: Annotated[int | None, ColumnDoc("of these, with the object between them")] = None
-    sim_seconds: Annotated[float | None, ColumnDoc("simulated time", "s")] = None
-    cpu_seconds: Annotated[float | None, ColumnDoc("CPU time", "s")] = None
-    wall_seconds: Annotated[float | None, ColumnDoc("wall time", "s")] = None
+    message: Annotated[str, table_files.ColumnDoc("why it failed or crashed, in a sentence")]
+    digest: Annotated[str, table_files.ColumnDoc("of all that happened; two equal runs have the same")]
+    attempts: Annotated[int, table_files.ColumnDoc("times that a worker tried it")]
+    items_total: Annotated[int | None, table_files.ColumnDoc("true items")] = None
+    items_sorted: Annotated[int | None, table_files.ColumnDoc("in the bin where they belong")] = None
+    items_misplaced: Annotated[int | None, table_files.ColumnDoc("in another bin")] = None
+    items_left: Annotated[int | None, table_files.ColumnDoc("in no bin")] = None
+    picks_tried: Annotated[int | None, table_files.ColumnDoc("closings of the fingers on an object")] = None
+    picks_held: Annotated[int | None, table_files.ColumnDoc("of these, with the object between them")] = None
+    sim_seconds: Annotated[float | None, table_files.ColumnDoc("simulated time", "s")] = None
+    cpu_seconds: Annotated[float | None, table_files.ColumnDoc("CPU time", "s")] = None
+    wall_seconds: Annotated[float | None, table_files.ColumnDoc("wall time", "s")] = None
     last_tick: LastTick = None
-    root_cause: Annotated[str, ColumnDoc("the one that cost the goal, else the first")] = ""
-    look_at: Annotated[str, ColumnDoc("one line on what to look at")] = ""
+    root_cause: Annotated[str, table_files.ColumnDoc("the one that cost the goal, else the first")] = ""
+    look_at: Annotated[str, table_files.ColumnDoc("one line on what to look at")] = ""
     folder: Folder = ""
 
 
@@ -347,7 +358,7 @@ class JobRows:
 
 
 _ADAPTER = TypeAdapter(JobRows)
-_SQL: dict[Kind, str] = {"int": "INTEGER", "float": "REAL", "bool": "INTEGER", "text": "TEXT"}
+_SQL: dict[table_files.Kind, str] = {"int": "INTEGER", "float": "REAL", "bool": "INTEGER", "text": "TEXT"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -357,7 +368,7 @@ class TableOf:
     name: str
     meaning: str
     """Meaning of a row."""
-    columns: tuple[Column, ...]
+    columns: tuple[table_files.Column, ...]
     key: tuple[str, ...] = ()
     index: tuple[str, ...] = ()
     """Columns with an index."""
@@ -381,8 +392,8 @@ class TableOf:
         return "\n".join(made)
 
 
-def _text(name: str, meaning: str) -> Column:
-    return Column(name, "text", False, "", meaning)
+def _text(name: str, meaning: str) -> table_files.Column:
+    return table_files.Column(name, "text", False, "", meaning)
 
 
 CHILDREN: Final[Mapping[str, type]] = {
@@ -410,13 +421,13 @@ TABLES = (
         "a job",
         (
             _text("job", "id: hash over everything that the job runs"),
-            Column("number", "int", False, "", "its place in the plan, from 0"),
+            table_files.Column("number", "int", False, "", "its place in the plan, from 0"),
             _text("variant", "recipe: what sets it apart from the others of the plan"),
             _text("mission", "path"),
             _text("scene", "name or path; empty: the mission's own"),
             _text("faults", "path; empty: none"),
             _text("settings", "JSON object"),
-            Column("seed", "int", False, "", "of all its randomness"),
+            table_files.Column("seed", "int", False, "", "of all its randomness"),
             _text("recipe", "hash of all that it runs but the seed; recipes/HASH.zip holds it"),
             *columns(JobRow),
         ),
@@ -458,7 +469,7 @@ _DEFAULTS = {"status": "DEFAULT 'waiting'", "attempts": "DEFAULT 0"} | dict.from
 """Defaults of a job that was not run yet."""
 
 
-def _declared(column: Column, *, default: bool) -> str:
+def _declared(column: table_files.Column, *, default: bool) -> str:
     words = [column.name, _SQL[column.kind], "" if column.optional else "NOT NULL"]
     words.append(_DEFAULTS.get(column.name, "") if default else "")
     return " ".join(word for word in words if word)

@@ -15,7 +15,7 @@ from .options import JsonAnswer, JsonResult, JsonWritten, Log, Show, View, run_l
 from .output import StatusLine, end_with, json_text, keep_stdout, painter, print_answer, program
 
 if TYPE_CHECKING:
-    from ...logs.run_index import RunIndex, RunRow
+    from picktree.logs import run_index
 
 
 def diff(
@@ -31,13 +31,13 @@ def diff(
     """Where two runs part, and in what they differ. Exit code 0: they are identical; 1: they differ."""
     answer = keep_stdout() if json else None
 
-    from ...analysis.compare.run_diff import diff as compare
-    from ...analysis.compare.run_diff import to_json_text, to_text
-    from ...analysis.run import Run
+    from picktree.analysis import Run
+    from picktree.analysis.compare import diff as compare
+    from picktree.analysis.compare import run_diff
 
     with Run(a) as one, Run(b) as other:
         found = compare(one, other)
-    print_answer(answer, lambda: to_text(found), lambda: to_json_text(found))
+    print_answer(answer, lambda: run_diff.to_text(found), lambda: run_diff.to_json_text(found))
     end_with(found.same)
 
 
@@ -59,15 +59,15 @@ def explain(
     """
     answer = keep_stdout() if as_json else None
 
-    from ...analysis.explain.explained_runs import holds_runs
+    from picktree.analysis.explain import holds_runs
 
     if holds_runs(log):
         _explain_runs(Path(log), answer)
         return
 
-    from ...analysis.explain.explanation_text import to_json_text, to_text
-    from ...analysis.explain.run_explanation import explain as find_out
-    from ...analysis.run import Run
+    from picktree.analysis import Run
+    from picktree.analysis.explain import explain as find_out
+    from picktree.analysis.explain import to_json_text, to_text
 
     with Run(log) as run:
         found = find_out(run, faults=not hide_faults)
@@ -81,8 +81,8 @@ def explain(
 
 
 def _explain_runs(folder: Path, answer: TextIO | None) -> None:
-    from ...analysis.explain.explained_runs import explain_runs, runs_json_text, runs_text
-    from ..batch.store import dropped_logs
+    from picktree.analysis.explain import explain_runs, runs_json_text, runs_text
+    from picktree.apps.batch import dropped_logs
 
     dropped = dropped_logs(folder, program())
     with StatusLine() as line:
@@ -116,18 +116,18 @@ def runs(
     """
     answer = keep_stdout() if json else None
 
-    from ...files.errors import PicktreeError
-    from ...logs.run_index import RunFilter, RunIndex, heading, line
+    from picktree.files import PicktreeError
+    from picktree.logs import line, run_index
 
     if prune and where is None and not keep:
         raise PicktreeError("--prune deletes what is listed: say what with --where CONDITION, or --keep N")
-    index = RunIndex(folder)
-    found: list[RunRow] = []
-    for number, row in enumerate(index.select(None if where is None else RunFilter.parse(where))):
+    index = run_index.RunIndex(folder)
+    found: list[run_index.RunRow] = []
+    for number, row in enumerate(index.select(None if where is None else run_index.RunFilter.parse(where))):
         if number < keep:
             continue
         if answer is None:
-            print(line(row) if found else f"{heading()}\n{line(row)}", flush=not found)
+            print(line(row) if found else f"{run_index.heading()}\n{line(row)}", flush=not found)
         found.append(row)
     refused = _prune(index, found, yes=yes) if prune else []
     for sentence in refused:
@@ -141,10 +141,10 @@ def runs(
     end_with(not refused)
 
 
-def _prune(index: RunIndex, found: Sequence[RunRow], *, yes: bool) -> list[str]:
+def _prune(index: run_index.RunIndex, found: Sequence[run_index.RunRow], *, yes: bool) -> list[str]:
     """Delete runs after a confirmation; return why some were not deleted. Raises PicktreeError where nobody
     can confirm."""
-    from ...files.errors import PicktreeError
+    from picktree.files import PicktreeError
 
     size = f"{len(found)} runs, {sum(row.size for row in found) / 1e6:.1f} MB"
     if found and not yes:
@@ -169,9 +169,9 @@ def layout(
     ] = None,
 ) -> None:
     """Write a layout for Foxglove and Lichtblick, made for this log's tree, joints and cameras."""
-    from ...analysis.export.viewer_layout import layout as make
-    from ...analysis.run import Run
-    from ...files.file_system import whole
+    from picktree.analysis import Run
+    from picktree.analysis.export import layout as make
+    from picktree.files import file_system
 
     with Run(log) as run:
         if run.recovered:
@@ -180,7 +180,7 @@ def layout(
     if output is None:
         print(made.to_json_text(), end="")
         return
-    with whole([output], output) as (beside,):
+    with file_system.whole([output], output) as (beside,):
         beside.write_text(made.to_json_text(), encoding="utf-8")
     print(f"{output}: {len(made.panels)} panels, {made.lanes} lanes")
 
@@ -200,8 +200,8 @@ def export(
     """Export a log: tables of ticks, visits, failures, picks, plans, …; or a recording for Rerun."""
     answer = keep_stdout() if json else None
 
-    from ...analysis.export.run_export import export as write
-    from ...analysis.run import Run
+    from picktree.analysis import Run
+    from picktree.analysis.export import export as write
 
     with Run(log) as run:
         written = write(run, to, output)
@@ -217,9 +217,9 @@ def report(
     """Write a run as one HTML page: 3-D replay, tree, lanes, failures, plots, images. It needs no network."""
     import json
 
-    from ...analysis.report.report import write_report
-    from ...analysis.run import Run
-    from ...files.errors import PicktreeError
+    from picktree.analysis import Run
+    from picktree.analysis.report import write_report
+    from picktree.files import PicktreeError
 
     if output.suffix.lower() not in (".html", ".htm"):
         raise PicktreeError(f"{output}: a report is an HTML page; name it {output.with_suffix('.html').name}")
@@ -237,8 +237,8 @@ def replay(
     at: Annotated[float, typer.Option(metavar="TIME", min=0.0, help="Where to begin, simulated s.")] = 0.0,
 ) -> None:
     """Step through a run: tree, belief, what changed. With keys at a terminal; else commands from stdin."""
-    from ...analysis.cursor import Cursor
-    from ...analysis.run import Run
+    from picktree.analysis import Cursor, Run
+
     from .command_prompt import complete_with, line_reader
     from .replay_prompt import ReplayPrompt
 
@@ -271,9 +271,9 @@ def snapshot(
     show: Show = "belief",
 ) -> None:
     """Draw the scene at one moment of a run, from its log alone."""
-    from ...analysis.render.snapshots import snapshot as draw
-    from ...analysis.render.viewpoint import parse_size, parse_view
-    from ...logs.run_log import RunLog
+    from picktree.analysis.render import parse_size, parse_view
+    from picktree.analysis.render import snapshot as draw
+    from picktree.logs import RunLog
 
     with RunLog(log) as opened:
         if opened.recovered:
@@ -315,10 +315,9 @@ def video(
     """Make a film of a run, from its log alone, with what runs, what is done and what fails written in."""
     answer = keep_stdout() if json else None
 
-    from ...analysis.render.films import FilmRequest, film
-    from ...analysis.render.viewpoint import parse_size, parse_view
-    from ...logs.recording.interrupts import Interrupts
-    from ...logs.run_log import RunLog
+    from picktree.analysis.render import FilmRequest, film, parse_size, parse_view
+    from picktree.logs import RunLog
+    from picktree.logs.recording import Interrupts
 
     request = FilmRequest(
         start=start,

@@ -18,8 +18,8 @@ from typing import Annotated, Any, cast
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from ...files.errors import FileError, PicktreeError
-from ...files.file_system import require_utf8
+from picktree.files import FileError, PicktreeError, file_system
+
 from . import run as run_command
 from .analyse_commands import diff, explain, export, layout, replay, report, runs, snapshot, video
 from .attach import attach
@@ -112,7 +112,7 @@ app = _typer(
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        from ... import __version__
+        from picktree import __version__
 
         print(f"picktree {__version__}")
         raise typer.Exit
@@ -135,7 +135,7 @@ def _command() -> Callable[..., object]:
 def _error_text(error: PicktreeError) -> str:
     if not isinstance(error, FileError):
         return str(error)
-    from ...files.fault_rendering import fault_lines
+    from picktree.files import fault_lines
 
     return fault_lines(error.faults, painter(sys.stderr))
 
@@ -143,9 +143,9 @@ def _error_text(error: PicktreeError) -> str:
 def _require_utf8(arguments: Sequence[str]) -> None:
     """Raise PicktreeError when an argument or the current folder is not in UTF-8."""
     for argument in arguments:
-        require_utf8(argument)
+        file_system.require_utf8(argument)
     with suppress(FileNotFoundError):  # the current folder was deleted
-        require_utf8(os.getcwd())
+        file_system.require_utf8(os.getcwd())
 
 
 class _StderrHandler(logging.Handler):

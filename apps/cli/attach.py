@@ -26,10 +26,10 @@ def attach(
     `help` lists the commands. Ctrl-D leaves; a run that is stopped then goes on. Exit code 1: the run's
     process died.
     """
-    from ...logs.log_files import find_log
-    from ...session.attach_socket import connect_to_run
+    from picktree.logs import log_files
+    from picktree.session import attach_socket
 
-    with connect_to_run(find_log(run).parent) as connection:
+    with attach_socket.connect_to_run(log_files.find_log(run).parent) as connection:
         end_with(_Conversation(connection, steer=not watch).hold())
 
 

@@ -15,23 +15,19 @@ from typing import TYPE_CHECKING, Final, Self, TypeAlias
 
 import orjson
 
-from ...files.errors import PicktreeError
-from ...logs import topics
-from ...session.attach_socket import SOCKET_NAME, listen_in
-from ...session.debugger import Debugger, DebuggerStop
-from ...session.mission_edits import TAKEN_LATER, read_replacement
-from ...session.observer import Interrupter
-from ...session.session_recording import LastMessages
+from picktree.files import PicktreeError
+from picktree.logs import topics
+from picktree.session import Debugger, DebuggerStop, Interrupter, LastMessages, attach_socket, mission_edits
+
 from .command_prompt import Command
 from .debug_prompt import DebugPrompt, place
 from .progress import deepest_running
 
 if TYPE_CHECKING:
-    from ...logs.run_result import RunResult
-    from ...logs.topics import Topic
-    from ...robot.operator_desk import OperatorQuestion
-    from ...session.execution import Execution
-    from ...trees.runner import TickReport
+    from picktree.logs import RunResult, Topic
+    from picktree.robot import operator_desk
+    from picktree.session import Execution
+    from picktree.trees import TickReport
 
 _MAX_LINE: Final = 1 << 16
 """Maximum length of a line of a client, bytes."""
@@ -254,7 +250,7 @@ class AttachPrompt(DebugPrompt):
         if not file:
             raise PicktreeError("take what? A mission file, as 'take sort.yaml'")
         self._server.take_mission(Path(file))
-        return self._show([TAKEN_LATER])
+        return self._show([mission_edits.TAKEN_LATER])
 
     def _halt(self, _: str) -> bool:
         self._server.halt()
@@ -282,7 +278,7 @@ class AttachServer(Interrupter):
         self._hooked = False
         self._standing: Mapping[str, object] | None = None
         """Message of the present stop or question; None: the run goes on."""
-        self._question: OperatorQuestion | None = None
+        self._question: operator_desk.OperatorQuestion | None = None
         self._given: str | None = None
         self._halts = False
         self._state: tuple[str, str] = ("", "")
@@ -318,7 +314,7 @@ class AttachServer(Interrupter):
     def take_mission(self, file: Path) -> None:
         """Take over the mission of a file when the run is quiescent. Raises PicktreeError with its faults."""
         assert self._run is not None
-        self.pending = read_replacement(self._run, file)
+        self.pending = mission_edits.read_replacement(self._run, file)
 
     def halt(self) -> None:
         """End the run after the present tick, with the arm at rest."""
@@ -327,9 +323,9 @@ class AttachServer(Interrupter):
     # Called by the session.
 
     def started(self, run: Execution, folder: Path) -> None:
-        self._run, self._path = run, folder.absolute() / SOCKET_NAME
+        self._run, self._path = run, folder.absolute() / attach_socket.SOCKET_NAME
         with contextlib.suppress(OSError):
-            self._clients.listen(listen_in(folder.absolute()))
+            self._clients.listen(attach_socket.listen_in(folder.absolute()))
 
     def edited(self, run: Execution) -> None:
         if self._hooked:
@@ -359,7 +355,7 @@ class AttachServer(Interrupter):
     def halts(self) -> bool:
         return self._halts
 
-    def answer(self, question: OperatorQuestion) -> str | None:
+    def answer(self, question: operator_desk.OperatorQuestion) -> str | None:
         if not self._clients.listens:
             return None
         self._exchange(0)

@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from ...files.errors import PicktreeError
+from picktree.files import PicktreeError
+
 from .options import JsonResult, JunitFile, OtherRobot, TextFile, mission_file
 from .output import end_with, keep_stdout, painter, print_answer, require_place, show
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from ...trees.declaration import NodeDeclaration
-    from ...trees.loading.registry import NodeRegistry
+    from picktree.trees import NodeDeclaration
+    from picktree.trees.loading import NodeRegistry
 
 
 def registry(*, shipped: bool = False) -> NodeRegistry:
@@ -27,11 +28,11 @@ def registry(*, shipped: bool = False) -> NodeRegistry:
 
     Plug-ins that cannot be imported are reported on stderr; their nodes are missing.
     """
-    from ...trees.loading.registry import NodeRegistry
+    from picktree.trees.loading import NodeRegistry
 
     if shipped:
-        from ...recovery import NODES as RECOVERY
-        from ...skills import NODES as SKILLS
+        from picktree.recovery import NODES as RECOVERY
+        from picktree.skills import NODES as SKILLS
 
         return NodeRegistry((*RECOVERY, *SKILLS), installed=False)
     found = NodeRegistry()
@@ -49,18 +50,18 @@ def explain_code(
     ] = False,
 ) -> None:
     """Explain a code of `picktree check`: what is wrong, why it matters, how to mend it."""
-    from ...files.fault_codes import index as all_codes
-    from ...files.fault_codes import page, pages
+    from picktree.files import fault_codes
+    from picktree.files import index as all_codes
 
     if index:
         print(all_codes(), end="")
     elif code is None:
-        for each in pages():
+        for each in fault_codes.pages():
             print(f"{each.code}  {each.title}")
     elif sys.stdout.isatty():
-        _show(page(code).text)
+        _show(fault_codes.page(code).text)
     else:
-        print(page(code).text, end="")
+        print(fault_codes.page(code).text, end="")
 
 
 def _show(markdown: str) -> None:
@@ -89,17 +90,19 @@ def check(
     ] = None,
 ) -> None:
     """Check files of any kind: all faults of all files at once. Exit code 2: there are errors."""
-    from ...files.file_checks import UnsavedText, check_files
-    from ...files.file_system import known_file
-    from ...files.yaml.file_text import MAX_BYTES
+    from picktree.files import file_checks, file_system
+    from picktree.files.yaml import file_text
+
     from .file_schemas import CHECKS
 
-    def given(name: str) -> Path | UnsavedText:
+    def given(name: str) -> Path | file_checks.UnsavedText:
         if name != "-":
-            return known_file(name) or Path(name)
-        return UnsavedText(stdin_filename or Path("<stdin>"), sys.stdin.buffer.read(MAX_BYTES + 1))
+            return file_system.known_file(name) or Path(name)
+        return file_checks.UnsavedText(
+            stdin_filename or Path("<stdin>"), sys.stdin.buffer.read(file_text.MAX_BYTES + 1)
+        )
 
-    report = check_files([given(name) for name in files], CHECKS, ours_only=ours_only)
+    report = file_checks.check_files([given(name) for name in files], CHECKS, ours_only=ours_only)
     match format_:
         case "text":
             print(report.to_text(painter(sys.stdout)))
@@ -108,10 +111,10 @@ def check(
         case "json":
             print(report.to_json_text(), end="")
         case "sarif":
-            from ... import __version__
-            from ...files.file_checks import to_sarif
+            from picktree import __version__
+            from picktree.files import file_checks
 
-            print(to_sarif(report, __version__, Path.cwd()), end="")
+            print(file_checks.to_sarif(report, __version__, Path.cwd()), end="")
     raise typer.Exit(report.exit_code(strict=strict))
 
 
@@ -140,13 +143,13 @@ def nodes(
     """List the nodes that a mission may use; with a NAME its ports, causes and an example."""
     import orjson
 
-    from ...authoring.schema.node_reference import markdown as reference_page
-    from ...authoring.schema.node_reference import node_entry, page, table
+    from picktree.authoring.schema import markdown as reference_page
+    from picktree.authoring.schema import node_reference
 
     known = registry(shipped=shipped)
     trees = _sub_trees(mission, known) if mission else ()
     if stub:
-        from ...authoring.schema.python_stub import stub as stub_text
+        from picktree.authoring.schema import stub as stub_text
 
         show(stub_text(known.declarations()), output)
         return
@@ -155,19 +158,19 @@ def nodes(
     if name is not None:
         library = () if any(node.id == name for node in declared) else _library_trees(known)
         declared = (_named(name, (*declared, *library)),)
-    entries = tuple(node_entry(node, causes, known.find(node.id)) for node in declared)
+    entries = tuple(node_reference.node_entry(node, causes, known.find(node.id)) for node in declared)
     if json:
         listed = {"nodes": [asdict(entry) for entry in entries]}
         text = orjson.dumps(listed, option=orjson.OPT_INDENT_2).decode() + "\n"
     elif markdown:
         text = reference_page(entries, causes)
     else:
-        text = table(entries) if name is None else page(entries[0])
+        text = node_reference.table(entries) if name is None else node_reference.page(entries[0])
     show(text, output)
 
 
 def _named(name: str, declared: tuple[NodeDeclaration, ...]) -> NodeDeclaration:
-    from ...files.value_wording import suggest_name
+    from picktree.files import suggest_name
 
     for node in declared:
         if node.id == name:
@@ -181,10 +184,9 @@ def _sub_trees(path: Path, known: NodeRegistry, *, included: bool = True) -> tup
 
     Without `included` only those of the file itself.
     """
-    from ...authoring.schema.mission import one_mission
-    from ...files.yaml.document import read_document
-    from ...trees.declaration import NodeDeclaration
-    from ...trees.mission import MAIN
+    from picktree.authoring.schema import one_mission
+    from picktree.files.yaml import read_document
+    from picktree.trees import MAIN, NodeDeclaration
 
     document = read_document(path, "mission")
     mission, own = one_mission(document, known), document.data.get("trees")
@@ -197,8 +199,7 @@ def _sub_trees(path: Path, known: NodeRegistry, *, included: bool = True) -> tup
 
 def _library_trees(known: NodeRegistry) -> Iterator[NodeDeclaration]:
     """Yield the sub-trees that come with picktree, each with the `include` that it takes."""
-    from ...trees.declaration import NodeDeclaration
-    from ...trees.mission import LIBRARY, library_names
+    from picktree.trees import LIBRARY, NodeDeclaration, library_names
 
     for library in library_names():
         path = LIBRARY / f"{library}.yaml"
@@ -242,23 +243,27 @@ def rehearse(
     """Rehearse a mission without physics: its leaves answer as the cases say. Exit code 1: a case failed."""
     answer = keep_stdout() if json else None
 
-    from ...authoring.rehearsal.rehearsal import coverage_gaps, rehearse_files, to_json_text, to_text
-    from ...files.fault_rendering import fault_lines
+    from picktree.authoring.rehearsal import rehearsal
+    from picktree.files import fault_lines
 
     if case and min_recovery_coverage:
         raise PicktreeError("--min-recovery-coverage is about all cases: leave out --case")
     require_place(junit)
-    result = rehearse_files(mission, cases, case or (), robot)
+    result = rehearsal.rehearse_files(mission, cases, case or (), robot)
     if result.warnings:
         print(fault_lines(result.warnings, painter(sys.stderr)), file=sys.stderr)
-    print_answer(answer, lambda: to_text(result, quiet=quiet, causes=causes), lambda: to_json_text(result))
-    gaps = coverage_gaps(result.coverage, full=full_coverage, recovery=min_recovery_coverage)
+    print_answer(
+        answer,
+        lambda: rehearsal.to_text(result, quiet=quiet, causes=causes),
+        lambda: rehearsal.to_json_text(result),
+    )
+    gaps = rehearsal.coverage_gaps(result.coverage, full=full_coverage, recovery=min_recovery_coverage)
     for gap in gaps:
         print(gap, file=sys.stderr)
     if junit is not None:
-        from ...authoring.rehearsal.rehearsal import to_junit
+        from picktree.authoring.rehearsal import rehearsal
 
-        show(to_junit(result, gaps), junit)
+        show(rehearsal.to_junit(result, gaps), junit)
     end_with(result.passed and not gaps)
 
 
@@ -278,18 +283,19 @@ def render(
     ] = False,
 ) -> None:
     """Draw a mission: its trees, ports, conditions, and what recovers from which failure."""
-    from ...authoring.drawing import DEFAULT_COLUMNS, drawing_text, suffix_of, text
-    from ...authoring.mission_chart import chart_of_file
+    from picktree.authoring import drawing, mission_chart, text
 
-    suffix = suffix_of(output.name) if output is not None else ".txt"
-    charted = chart_of_file(file)
+    suffix = drawing.suffix_of(output.name) if output is not None else ".txt"
+    charted = mission_chart.chart_of_file(file)
     if output is None:
         columns = (
-            shutil.get_terminal_size((DEFAULT_COLUMNS, 0)).columns if sys.stdout.isatty() else DEFAULT_COLUMNS
+            shutil.get_terminal_size((drawing.DEFAULT_COLUMNS, 0)).columns
+            if sys.stdout.isatty()
+            else drawing.DEFAULT_COLUMNS
         )
         show(text(charted, columns=columns, expand=expand), None)
         return
-    show(drawing_text(charted, suffix, expand=expand), output)
+    show(drawing.drawing_text(charted, suffix, expand=expand), output)
     print(output)
 
 
@@ -325,7 +331,8 @@ def schema(
     output: TextFile = None,
 ) -> None:
     """Print the JSON Schema of a kind of file, by which editors complete, explain and underline."""
-    from ...authoring.schema.schema_parts import to_text
+    from picktree.authoring.schema import to_text
+
     from .file_schemas import file_schema
 
     if kind is not Kind.MISSION:
@@ -333,7 +340,7 @@ def schema(
             raise PicktreeError(f"--mission is for the schema of missions, not of {kind.value}")
         found = file_schema(kind.value)
         if markdown:
-            from ...authoring.schema.reference_page import file_reference
+            from picktree.authoring.schema import file_reference
 
             show(file_reference(kind.value, found).page(kind.value), output)
             return
@@ -342,8 +349,8 @@ def schema(
             "docs/language.md has the keys of missions, 'picktree nodes --markdown' the nodes"
         )
     else:
-        from ...authoring.schema.mission import any_mission, mission_schema, one_mission
-        from ...files.yaml.document import read_document
+        from picktree.authoring.schema import any_mission, mission_schema, one_mission
+        from picktree.files.yaml import read_document
 
         nodes = registry(shipped=shipped)
         particular = any_mission()
@@ -355,8 +362,8 @@ def schema(
 
 def lsp() -> None:
     """Serve an editor by the language server protocol, over stdin and stdout."""
-    from ... import __version__
-    from ...logs.optional_libraries import optional_import
+    from picktree import __version__
+    from picktree.logs import optional_import
 
     answer = keep_stdout()
     with optional_import("lsp", "pygls", "The language server"):

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Literal, TextIO, TypeAlias
 
 import typer
 
-from ...files.errors import FileError, PicktreeError
+from picktree.files import FileError, PicktreeError
+
 from .options import Backend, JsonWritten, JunitFile, Verify, faults_file, mission_file, plan_file
 from .output import (
     StatusLine,
@@ -29,12 +30,7 @@ from .output import (
 )
 
 if TYPE_CHECKING:
-    from ..batch.batch import Batch
-    from ..batch.executor import Executor
-    from ..batch.local_executor import LocalExecutor
-    from ..batch.plan import BatchPlan
-    from ..batch.ray_executor import RayExecutor
-    from ..batch.summary import BatchSummary
+    from picktree.apps.batch import Batch, BatchPlan, BatchSummary, Executor, LocalExecutor, RayExecutor
 
 
 _PLAN_OPTIONS = (
@@ -132,8 +128,7 @@ def run(
     require_place(junit)
     answer = keep_stdout() if json else None
 
-    from ..batch.batch import Batch
-    from ..batch.plan import load_plan, plan_of
+    from picktree.apps.batch import Batch, load_plan, plan_of
 
     if resume is not None:
         resumed = Batch.resume(resume)
@@ -185,11 +180,11 @@ def _executor(
 ) -> LocalExecutor | RayExecutor:
     """Return the executor. A cluster is connected before the batch is created."""
     if executor == "ray":
-        from ..batch.ray_executor import RayExecutor
+        from picktree.apps.batch import RayExecutor
 
         return RayExecutor(workers, address)
 
-    from ..batch.local_executor import LocalExecutor
+    from picktree.apps.batch import LocalExecutor
 
     return LocalExecutor(workers)
 
@@ -211,8 +206,8 @@ def _matrix(
 
 def _carry_out(made: Batch, executor: Executor, answer: TextIO | None, junit: Path | None) -> None:
     """Run all jobs that are to do, show the progress, and end with the exit code."""
-    from ..batch.report import to_junit
-    from ..batch.summary import summarise
+    from picktree.apps.batch import summarise, to_junit
+
     from .batch_progress import EventLines, discard, progress
 
     with made, _stopped_by_signals(made), progress(made.folder, answer) as seen:
@@ -286,9 +281,8 @@ def plan(
     json: Json = False,
 ) -> None:
     """Check a plan, and show its matrix and what it will cost, without running it."""
-    from ...files.yaml.document import read_document
-    from ..batch.cost_forecast import forecast, recorded_batches
-    from ..batch.plan import check_plan
+    from picktree.apps.batch import check_plan, forecast, recorded_batches
+    from picktree.files.yaml import read_document
 
     text = sys.stdin.read() if stdin else None
     try:
@@ -313,7 +307,7 @@ def query(
     """Answer a question in SQL. docs/batches.md lists tables and views."""
     if json and csv:
         raise PicktreeError("--json and --csv exclude each other")
-    from ..batch.store import RESULTS_FILE, Store
+    from picktree.apps.batch import RESULTS_FILE, Store
 
     with Store(folder / RESULTS_FILE) as store:
         table = store.query(sql)
@@ -331,8 +325,7 @@ def summary(
     json: Json = False,
 ) -> None:
     """Success with intervals, picks an hour, causes, and the worst jobs."""
-    from ..batch.store import RESULTS_FILE, Store
-    from ..batch.summary import summarise
+    from picktree.apps.batch import RESULTS_FILE, Store, summarise
 
     with Store(folder / RESULTS_FILE) as store:
         found = summarise(store)
@@ -349,7 +342,7 @@ def report(
     ] = 5,
 ) -> None:
     """Write the batch as one page: rates with intervals, where the time goes, causes, the worst runs."""
-    from ..batch.report import write_report
+    from picktree.apps.batch import write_report
 
     write_report(folder, output, runs)
     print(output)
@@ -365,8 +358,8 @@ def export(
     json: JsonWritten = False,
 ) -> None:
     """Write every table as a CSV or Parquet file, for pandas, DuckDB or a spreadsheet."""
-    from ..batch.store import RESULTS_FILE, Store
-    from ..batch.store import export as write
+    from picktree.apps.batch import RESULTS_FILE, Store
+    from picktree.apps.batch import export as write
 
     with Store(folder / RESULTS_FILE) as store:
         written = write(store, to, output)
@@ -390,7 +383,7 @@ def compare(
 ) -> None:
     """Compare two recipes, paired by seed where they share them. Exit code 1: they differ by more than chance
     explains."""
-    from ..batch.comparison import compare_recipes, json_text_of, read_recipe, text_of, with_divergences
+    from picktree.apps.batch import compare_recipes, json_text_of, read_recipe, text_of, with_divergences
 
     answer = keep_stdout() if json else None
     recipes = read_recipe(a), read_recipe(b)

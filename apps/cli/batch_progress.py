@@ -12,15 +12,12 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, Self, TextIO
 
-from ..batch.rates import Rate, rate
+from picktree.apps.batch import Rate, rate
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ..batch.batch import RecordedJob
-    from ..batch.plan import Job
-    from ..batch.summary import BatchSummary
-    from ..batch.tables import JobRow
+    from picktree.apps.batch import BatchSummary, Job, JobRow, RecordedJob
 
 
 _DAY = 86400.0

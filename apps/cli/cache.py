@@ -17,8 +17,8 @@ def cache(
     json: JsonAnswer = False,
 ) -> None:
     """Say where results are kept from run to run, such as meshes of robots, how many, and their size."""
-    from ...files.disk_cache import cache_content, clear_cache
+    from picktree.files import disk_cache
 
     answer = keep_stdout() if json else None
-    content = cache_content() if action is None else clear_cache()
+    content = disk_cache.cache_content() if action is None else disk_cache.clear_cache()
     print_answer(answer, lambda: content.to_text(cleared=action is not None), content.to_json_text)

@@ -8,8 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TextIO, TypeVar
 
-from ...files.errors import PicktreeError
-from ...files.value_wording import suggest_name
+from picktree.files import PicktreeError, suggest_name
 
 Out = TypeVar("Out", bound=TextIO)
 

@@ -20,7 +20,7 @@ from .options import (
 from .output import end_with, keep_stdout, print_answer, program
 
 if TYPE_CHECKING:
-    from ..commissioning.robot_test import RobotTestResult
+    from picktree.apps.commissioning import RobotTestResult
 
 
 def calibrate(
@@ -67,8 +67,9 @@ def calibrate(
     """
     answer = keep_stdout() if json else None
 
-    from ..commissioning.calibration import CalibrationRequest, parse_place
-    from ..commissioning.calibration import calibrate as calibrated
+    from picktree.apps.commissioning import CalibrationRequest, parse_place
+    from picktree.apps.commissioning import calibrate as calibrated
+
     from .progress import run_display
 
     place = parse_place(at) if at else None
@@ -129,10 +130,9 @@ def plan(
     """
     answer = keep_stdout() if json else None
 
-    from ...analysis.render.viewpoint import parse_size, parse_view
-    from ...robot.planning.requests import DEFAULT_CHECK_BUDGET
-    from ..commissioning.plan_trial import PlanQuery, plan_in_scene
-    from ..commissioning.target_syntax import quantity
+    from picktree.analysis.render import parse_size, parse_view
+    from picktree.apps.commissioning import PlanQuery, plan_in_scene, quantity
+    from picktree.robot.planning import DEFAULT_CHECK_BUDGET
 
     found = plan_in_scene(
         PlanQuery(
@@ -189,11 +189,9 @@ def new(
     It ends with a self-test in physics. The file is written whatever the test says.
     """
     answer = keep_stdout() if json else None
-    from ...analysis.render.snapshots import draw_robot
-    from ...files.errors import PicktreeError
-    from ...files.file_system import whole
-    from ..commissioning.proposal import ProposalRequest, propose
-    from ..commissioning.summary import summary_of_new
+    from picktree.analysis.render import draw_robot
+    from picktree.apps.commissioning import ProposalRequest, propose, summary_of_new
+    from picktree.files import PicktreeError, file_system
 
     if output.is_dir():
         raise PicktreeError(f"{output} is a folder; name the robot file in it, as {output / 'arm.yaml'}")
@@ -205,7 +203,7 @@ def new(
     if mount is not None and gripper is None:
         raise PicktreeError("--mount says where --gripper goes; give --gripper URDF[:LINK], too")
     proposal = propose(ProposalRequest(urdf, output, gripper, mount, base, tip, samples, seed))
-    with whole([output] if picture is None else [output, picture], output) as beside:
+    with file_system.whole([output] if picture is None else [output, picture], output) as beside:
         beside[0].write_text(proposal.text, encoding="utf-8")
         if picture is not None:
             drawn = beside[1].with_name(f"{beside[1].name}.png")
@@ -237,8 +235,8 @@ def test(
 
 def _tested(name: str, page: Path | None) -> RobotTestResult:
     """Test a robot, and write the page where one is wanted."""
-    from ...world.robot_model.robot_file import load_robot
-    from ..commissioning.robot_test import test_robot
+    from picktree.apps.commissioning import test_robot
+    from picktree.world.robot_model import load_robot
 
     result = test_robot(name)
     if page is not None:
@@ -256,15 +254,15 @@ def show(
     answer = keep_stdout() if json else None
     from dataclasses import replace
 
-    from ...analysis.render.snapshots import draw_robot
-    from ...files.file_system import whole
-    from ...world.robot_model.robot_file import load_robot
-    from ..commissioning.summary import summary_of
+    from picktree.analysis.render import draw_robot
+    from picktree.apps.commissioning import summary_of
+    from picktree.files import file_system
+    from picktree.world.robot_model import load_robot
 
     loaded = load_robot(name, Path.cwd())
     result = summary_of(loaded)
     if picture is not None:
-        with whole([picture], picture) as (beside,):
+        with file_system.whole([picture], picture) as (beside,):
             drawn = beside.with_name(f"{beside.name}.png")
             draw_robot(loaded, drawn)
             drawn.replace(beside)

@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ...files.errors import PicktreeError
+from picktree.files import PicktreeError
+
 from .options import mission_file
 from .output import painter
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ...files.errors import Diagnostic
+    from picktree.files import Diagnostic
 
 _ENUM = re.compile(r"([A-Za-z_]\w*)=(-?\d{1,9})", re.ASCII)
 
@@ -52,16 +53,16 @@ def convert(
     ] = False,
 ) -> None:
     """Turn a mission into XML of BehaviorTree.CPP 4 and Groot2, and such XML into a mission."""
-    from ...authoring.xml.conversion import convert_all, read_files
-    from ...authoring.xml.mission_import import ImportOptions
-    from ...authoring.xml.source import XmlText
-    from ...files.yaml.file_text import MAX_BYTES, decoded
+    from picktree.authoring.xml import ImportOptions, XmlText, convert_all, read_files
+    from picktree.files.yaml import file_text
 
     if "-" in files:
         if len(files) > 1:
             raise PicktreeError("stdin (-) is read alone, without other files")
         stdin = Path("<stdin>")
-        given = [XmlText(decoded(sys.stdin.buffer.read(MAX_BYTES + 1), str(stdin)), stdin)]
+        given = [
+            XmlText(file_text.decoded(sys.stdin.buffer.read(file_text.MAX_BYTES + 1), str(stdin)), stdin)
+        ]
     else:
         given = read_files([Path(name) if Path(name).is_dir() else mission_file(name) for name in files])
     sources = [file.path for file in given if file.path.exists()]
@@ -106,7 +107,7 @@ def _beside(file: Path, folder: Path) -> str:
 
 def _show_notes(notes: Sequence[Diagnostic]) -> None:
     if notes:
-        from ...files.fault_rendering import fault_lines
+        from picktree.files import fault_lines
 
         print(fault_lines(notes, painter(sys.stderr)), file=sys.stderr)
 

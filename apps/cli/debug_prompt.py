@@ -6,18 +6,11 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TextIO
 
-from ...files.errors import PicktreeError
-from ...files.expression_syntax import ExpressionError
-from ...files.expressions import Expression
-from ...files.node_patterns import find_node, find_nodes
-from ...session.debugger import Breakpoint, Debugger, DebuggerStop, When
-from ...trees.flow import NodeStatus
-from ...trees.node import Node
-from ...trees.ports import show
-from ...trees.references import Constant, Reference
-from ...trees.runner import BehaviourTree, entry_key, entry_value
-from ...trees.runtime import evaluate
-from ...world.causes import Failure
+from picktree.files import Expression, PicktreeError, expression_syntax, find_node, find_nodes
+from picktree.session import Breakpoint, Debugger, DebuggerStop, When
+from picktree.trees import BehaviourTree, Node, NodeStatus, evaluate, references, runner, show
+from picktree.world import Failure
+
 from .command_prompt import Command, CommandPrompt, complete_with, line_reader
 from .state_text import (
     NodeState,
@@ -57,7 +50,7 @@ def node_lines(node: Node, stop: DebuggerStop, breakpoints: Mapping[int, Breakpo
     ports = {port.key: port for port in node.declaration.ports}
     for key in dict.fromkeys((*ports, *node.wiring.ports)):
         wired = node.wiring.ports.get(key)
-        text = "" if wired is None or isinstance(wired, Constant) else f"{wired} "
+        text = "" if wired is None or isinstance(wired, references.Constant) else f"{wired} "
         if key in ports and ports[key].direction == "out":
             yield f"  {key} → {text or 'nowhere '}{_written(node, key)}"
         else:
@@ -94,10 +87,10 @@ def _now(node: Node, key: str) -> str:
     if wired is None:
         port = node.declaration.port(key)
         return f"{value_text(port.default)} by default" if port is not None else ""
-    if isinstance(wired, Constant):
+    if isinstance(wired, references.Constant):
         return value_text(wired.value)
     try:
-        if isinstance(wired, Reference):
+        if isinstance(wired, references.Reference):
             return value_text(node.wiring.namespace.read(wired, node.world.scene))
         return value_text(evaluate(wired.value, node.wiring.namespace, node.world))
     except KeyError:
@@ -222,7 +215,7 @@ class DebugPrompt(CommandPrompt):
         try:
             expression = Expression.parse(text)
             value = evaluate(expression, self._here.wiring.namespace, self._here.world)
-        except ExpressionError as error:
+        except expression_syntax.ExpressionError as error:
             raise PicktreeError(f"{error}, at character {error.offset + 1} of {text!r}") from None
         except Failure as failure:
             raise PicktreeError(failure.message) from None
@@ -232,8 +225,8 @@ class DebugPrompt(CommandPrompt):
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals and value):
             raise PicktreeError("set what? A key and its value, as 'set rounds = 3'")
-        key = entry_key(self._tree, name, self._here)
-        value = entry_value(self._tree, key, value, self._here)
+        key = runner.entry_key(self._tree, name, self._here)
+        value = runner.entry_value(self._tree, key, value, self._here)
         return self._show([self._debug.set_entry(key, value, self._stop.path)])
 
     @property

@@ -5,22 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from ...authoring import file_kinds
-from ...authoring.schema.schema_parts import Schema
-from ...files.errors import Diagnostic
-from ...files.yaml.document import Document
+from picktree.authoring import file_kinds
+from picktree.authoring.schema import Schema
+from picktree.files import Diagnostic
+from picktree.files.yaml import Document
 
 if TYPE_CHECKING:
-    from ...files.file_checks import Check
+    from picktree.files import file_checks
 
 
 def _plan(document: Document) -> Iterable[Diagnostic]:
-    from ..batch.plan import check_plan
+    from picktree.apps.batch import check_plan
 
     return check_plan(document).faults
 
 
-CHECKS: Mapping[str, Check] = {**file_kinds.CHECKS, "plan": _plan}
+CHECKS: Mapping[str, file_checks.Check] = {**file_kinds.CHECKS, "plan": _plan}
 
 FileKind: TypeAlias = Literal["plan"] | file_kinds.SchemaKind
 
@@ -28,7 +28,7 @@ FileKind: TypeAlias = Literal["plan"] | file_kinds.SchemaKind
 def file_schema(kind: FileKind) -> Schema:
     """Return the JSON Schema of a kind of file."""
     if kind == "plan":
-        from ..batch.plan import plan_schema
+        from picktree.apps.batch import plan_schema
 
         return plan_schema()
     return file_kinds.file_schema(kind)

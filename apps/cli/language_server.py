@@ -15,22 +15,26 @@ from pygls.lsp.server import LanguageServer
 from pygls.uris import from_fs_path, to_fs_path
 from pygls.workspace import TextDocument
 
-from ...authoring.check import check_mission
-from ...authoring.editor.completion import Proposal, ProposalKind
-from ...authoring.editor.cursor import Place, Span
-from ...authoring.editor.diagnostics import DocumentFault, document_faults
-from ...authoring.editor.navigation import Edit
-from ...authoring.editor.open_file import FileSpan, OpenFile
-from ...authoring.editor.symbols import DocumentSymbol, SymbolKind
-from ...authoring.file_kinds import mission_faults
-from ...authoring.schema.schema_parts import Schema
-from ...files.errors import Diagnostic, Mark, PicktreeError
-from ...files.fault_codes import page_file
-from ...files.file_checks import Check
-from ...files.yaml.document import Document
-from ...files.yaml.file_text import read_text
-from ...trees.loading.registry import NodeRegistry
-from ...trees.mission import FilesOnDisk
+from picktree.authoring import check_mission, mission_faults
+from picktree.authoring.editor import (
+    DocumentFault,
+    DocumentSymbol,
+    Edit,
+    FileSpan,
+    OpenFile,
+    Place,
+    Proposal,
+    ProposalKind,
+    Span,
+    SymbolKind,
+    document_faults,
+)
+from picktree.authoring.schema import Schema
+from picktree.files import Diagnostic, Mark, PicktreeError, fault_codes, file_checks
+from picktree.files.yaml import Document, file_text
+from picktree.trees import FilesOnDisk
+from picktree.trees.loading import NodeRegistry
+
 from .file_schemas import CHECKS, file_schema
 
 QUIET: Final = 0.1
@@ -92,7 +96,7 @@ class Session:
         for path in sorted(folder.glob("*.y*ml"))[:_MOST_FILES]:
             if path not in texts and path.suffix in _SUFFIXES:
                 with suppress(PicktreeError):
-                    texts[path] = read_text(path)
+                    texts[path] = file_text.read_text(path)
         return [
             OpenFile(path, text, self._registry, schema_of, self._unsaved())
             for path, text in texts.items()
@@ -169,7 +173,7 @@ class Session:
                 return mission_faults(document, files)
             return check_mission(document, linted=False, files=files).faults
 
-        checks: Mapping[str, Check] = {**CHECKS, "mission": mission}
+        checks: Mapping[str, file_checks.Check] = {**CHECKS, "mission": mission}
         lines = text.split("\n")
         return [self._diagnostic(uri, each, lines) for each in document_faults(_path(uri), text, checks)]
 
@@ -197,7 +201,7 @@ class Session:
             source=_SOURCE,
         )
         if fault.code:
-            shown.code_description = types.CodeDescription(_uri(str(page_file(fault.code))))
+            shown.code_description = types.CodeDescription(_uri(str(fault_codes.page_file(fault.code))))
         if found.elsewhere:
             at = types.Location(_uri(fault.mark.file), _start(fault.mark))
             message = found.message.removeprefix(f"{fault.mark}: ")

@@ -11,7 +11,8 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 import typer
 
-from ...files.errors import PicktreeError
+from picktree.files import PicktreeError
+
 from .output import program
 
 StartKind: TypeAlias = Literal["mission", "scene", "plugin"]
@@ -126,7 +127,8 @@ def _text(kind: StartKind, part: StarterFile) -> str:
         case "mission":
             return _mission_schema(kind)
         case "scene" | "cases" as of:
-            from ...authoring.schema.schema_parts import to_text
+            from picktree.authoring.schema import to_text
+
             from .file_schemas import file_schema
 
             return to_text(file_schema(of))
@@ -134,9 +136,8 @@ def _text(kind: StartKind, part: StarterFile) -> str:
 
 def _mission_schema(kind: StartKind) -> str:
     """Return the schema of missions with the installed nodes, and with those of the starter's plug-in."""
-    from ...authoring.schema.mission import any_mission, mission_schema
-    from ...authoring.schema.schema_parts import to_text
-    from ...trees.loading.registry import NodeRegistry
+    from picktree.authoring.schema import any_mission, mission_schema, to_text
+    from picktree.trees.loading import NodeRegistry
 
     registry = NodeRegistry()
     if kind == "plugin":

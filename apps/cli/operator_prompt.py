@@ -7,8 +7,8 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import TextIO
 
-from ...robot.operator_desk import OperatorQuestion
-from ...session.observer import Interrupter
+from picktree.robot import operator_desk
+from picktree.session import Interrupter
 
 
 class PersonAtTerminal(Interrupter):
@@ -26,7 +26,7 @@ class PersonAtTerminal(Interrupter):
     ) -> None:
         self._out, self._aside, self._read = out, aside, read
 
-    def answer(self, question: OperatorQuestion) -> str | None:
+    def answer(self, question: operator_desk.OperatorQuestion) -> str | None:
         """Return the answer; None at the end of the input: the run ends `paused`."""
         with self._aside():
             self._say("", f"Help is wanted: {question.reason}", f"  {question.situation}")

@@ -12,30 +12,30 @@ from typer.core import TyperCommand
 
 def mission_file(name: str) -> Path:
     """Return the file of a mission that a command takes: a path, or the name of a shipped example."""
-    from ...files.file_system import example_file
+    from picktree.files import file_system
 
-    return example_file(name)
+    return file_system.example_file(name)
 
 
 def plan_file(name: str) -> Path:
     """Return the file of a plan that a command takes: a path, or the name of a shipped example."""
-    from ...files.file_system import example_file
+    from picktree.files import file_system
 
-    return example_file(name, what="plan")
+    return file_system.example_file(name, what="plan")
 
 
 def faults_file(name: str) -> Path:
     """Return the file of faults that a command takes: a path, or the name of a shipped example."""
-    from ...files.file_system import example_file
+    from picktree.files import file_system
 
-    return example_file(name, "faults", "faults file")
+    return file_system.example_file(name, "faults", "faults file")
 
 
 def run_log(name: str) -> str:
     """Return the log that a command takes: a file, a run's folder, `last`, or DIR@JOB of a batch."""
     if "@" not in name:
         return name
-    from ..batch.store import find_run
+    from picktree.apps.batch import find_run
 
     return find_run(name)
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Self, TextIO
 import typer
 
 if TYPE_CHECKING:
-    from ...files.fault_rendering import Paint
+    from picktree.files import Paint
 
 
 def keep_stdout() -> TextIO:
@@ -71,7 +71,7 @@ class StatusLine:
 
 def require_place(output: Path | None) -> None:
     """Raise PicktreeError when a file cannot be made there: a long run would end without it."""
-    from ...files.errors import PicktreeError
+    from picktree.files import PicktreeError
 
     if output is not None and output.is_dir():
         raise PicktreeError(f"{output} is a folder; name a file in it")
@@ -84,7 +84,7 @@ def show(text: str, output: Path | None) -> None:
     if output is None:
         sys.stdout.write(text)
         return
-    from ...files.errors import PicktreeError
+    from picktree.files import PicktreeError
 
     try:
         output.write_text(text, encoding="utf-8")

@@ -11,15 +11,16 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
-from ...session.observer import Observer
+from picktree.session import Observer
+
 from .state_text import tree_rows
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ...logs.run_result import RunResult
-    from ...session.execution import Execution
-    from ...trees.runner import NodeInfo, NodeReport, TickReport
+    from picktree.logs import RunResult
+    from picktree.session import Execution
+    from picktree.trees import TickReport, runner
 
 _REDRAW_PERIOD = 0.1
 """Interval between redraws of the live view, wall s."""
@@ -87,7 +88,7 @@ class LiveDisplay(RunDisplay):
         from rich.live import Live
 
         self._live = Live(console=console, auto_refresh=False, transient=True)
-        self._structure: tuple[NodeInfo, ...] = ()
+        self._structure: tuple[runner.NodeInfo, ...] = ()
         self._began = self._drawn_at = time.monotonic()
 
     def __exit__(
@@ -153,6 +154,6 @@ _TERMINAL_VARIABLES = ("FORCE_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE")
 """Environment variables by which rich takes another stream for a terminal."""
 
 
-def deepest_running(nodes: Sequence[NodeReport]) -> str:
+def deepest_running(nodes: Sequence[runner.NodeReport]) -> str:
     """Return the path of the last running node, parents first; "nothing" when none runs."""
     return next((node.path for node in reversed(nodes) if node.status == "RUNNING"), "nothing")

@@ -7,14 +7,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TextIO, TypeAlias
 
-from ...analysis.cursor import Cursor, CursorChanges, Edge
-from ...files.errors import PicktreeError
-from ...files.node_patterns import find_node, find_nodes, short_names
-from ...logs.records import NodeStatusRecord, Plan, TransitionRecord, TreeNode, Values
-from ...logs.run_log import Stamped
-from ...logs.visits import HALTED, Visit
-from ...trees.ports import show
-from ...world.causes import known_causes, remedy_of
+from picktree.analysis import Cursor, CursorChanges, Edge
+from picktree.files import PicktreeError, find_node, find_nodes, short_names
+from picktree.logs import Stamped, log_records, node_visits
+from picktree.trees import show
+from picktree.world import known_causes, remedy_of
+
 from .command_prompt import Command, CommandPrompt
 from .state_text import (
     STYLED_STATUS_MARKS,
@@ -75,7 +73,7 @@ def _by(path: str, names: Mapping[str, str]) -> str:
     return f", by {names.get(path, path)}" if path else ""
 
 
-def _move(transition: TransitionRecord, names: Mapping[str, str]) -> str:
+def _move(transition: log_records.TransitionRecord, names: Mapping[str, str]) -> str:
     mark, name = STYLED_STATUS_MARKS[transition.status][0], names.get(transition.path, transition.path)
     if transition.status == "RUNNING":
         read = ", ".join(f"{port} {show(value)}" for port, value in transition.inputs.items())
@@ -86,7 +84,7 @@ def _move(transition: TransitionRecord, names: Mapping[str, str]) -> str:
     return f"{mark} {name} ends in {transition.status}" + (f": {said}" if said else "")
 
 
-def _plan(at: Stamped[Plan]) -> str:
+def _plan(at: Stamped[log_records.Plan]) -> str:
     plan = at.record
     said = f": {plan.message}" if plan.message else ""
     found = f", {plan.duration:.2f} s of motion" if plan.path else ""
@@ -138,11 +136,11 @@ def evidence_lines(cursor: Cursor) -> Iterator[str]:
     if following is None:
         yield "  then nothing more began"
     else:
-        ended_so = "was halted" if following.outcome == HALTED else following.outcome
+        ended_so = "was halted" if following.outcome == node_visits.HALTED else following.outcome
         yield f"  then began {following.path} at {following.start:.2f} s: {ended_so}"
 
 
-def _choices(cursor: Cursor, visit: Visit) -> Iterator[str]:
+def _choices(cursor: Cursor, visit: node_visits.Visit) -> Iterator[str]:
     """Yield the candidates of choices during a visit."""
     for at in cursor.run.candidates:
         if not visit.start - 1e-6 <= at.time <= visit.end + 1e-6:
@@ -173,7 +171,7 @@ def node_lines(cursor: Cursor, text: str) -> Iterator[str]:
     one = _by_path(cursor)[node.path]
     yield f"{node.path}: {node.id}, {one.status}"
     visit = cursor.last_visit(node.path)
-    read: Values = {} if visit is None else visit.inputs
+    read: log_records.Values = {} if visit is None else visit.inputs
     for port in dict.fromkeys((*node.ports, *read)):
         said = (node.ports.get(port, ""), show(read[port]) if port in read else "")
         yield f"  {port} = {' '.join(part for part in said if part)}"
@@ -187,7 +185,7 @@ def node_lines(cursor: Cursor, text: str) -> Iterator[str]:
         yield f"  says: {one.message}"
 
 
-def _span(cursor: Cursor, visit: Visit) -> str:
+def _span(cursor: Cursor, visit: node_visits.Visit) -> str:
     about = f" for {visit.item}" if visit.item else ""
     times = f", attempt {visit.attempt}{about}" if visit.attempt > 1 else about
     if visit.outcome == "RUNNING" or visit.last > cursor.number:
@@ -246,7 +244,7 @@ def changed_paths(cursor: Cursor) -> frozenset[str]:
     return frozenset(move.transition.path for move in cursor.changes().moves)
 
 
-def statuses(cursor: Cursor) -> Sequence[NodeStatusRecord]:
+def statuses(cursor: Cursor) -> Sequence[log_records.NodeStatusRecord]:
     """Return the statuses of all nodes of the tree; idle where the tick has none."""
     known = {node.path: node for node in cursor.tick.record.nodes}
     return [known.get(node.path) or _idle(node) for node in cursor.tree.nodes]
@@ -262,12 +260,12 @@ def node_states(cursor: Cursor) -> list[NodeState]:
     ]
 
 
-def _by_path(cursor: Cursor) -> Mapping[str, NodeStatusRecord]:
+def _by_path(cursor: Cursor) -> Mapping[str, log_records.NodeStatusRecord]:
     return {node.path: node for node in statuses(cursor)}
 
 
-def _idle(node: TreeNode) -> NodeStatusRecord:
-    return NodeStatusRecord(node.path, node.id, "IDLE", ticked=False)
+def _idle(node: log_records.TreeNode) -> log_records.NodeStatusRecord:
+    return log_records.NodeStatusRecord(node.path, node.id, "IDLE", ticked=False)
 
 
 MAX_TREE_LINES = 18

@@ -46,12 +46,11 @@ def whatif(
     is reached; 1: it is missed."""
     answer = keep_stdout() if json else None
     settings = parse_parameters(set_ or ())
-    from ...files.errors import PicktreeError
+    from picktree.files import PicktreeError
 
     if faults is not None and no_faults:
         raise PicktreeError("--faults and --no-faults exclude each other")
-    from ...analysis.run_changes import RunChanges
-    from ...analysis.whatif import what_if
+    from picktree.analysis import RunChanges, what_if
 
     changes = RunChanges(mission, None, settings, faults, no_faults)
     from .progress import run_display
@@ -59,7 +58,7 @@ def whatif(
     with run_display() as view:
         found = what_if(log, at, changes=changes, out=out, observers=(view,))
     if found.warnings:
-        from ...files.fault_rendering import fault_lines
+        from picktree.files import fault_lines
 
         print(fault_lines(found.warnings, painter(sys.stderr)), file=sys.stderr)
     print_answer(answer, found.to_text, found.to_json_text)
@@ -96,7 +95,7 @@ def resim(
     """
     answer = keep_stdout() if json else None
     settings = parse_parameters(set_ or ())
-    from ...files.errors import PicktreeError
+    from picktree.files import PicktreeError
 
     if faults is not None and no_faults:
         raise PicktreeError("--faults and --no-faults exclude each other")
@@ -104,12 +103,11 @@ def resim(
         changed = until or mission or set_ or scene or faults or no_faults or seed is not None
         _job_again(log, out, answer, alone=not changed)
         return
-    from ..batch.store import RESULTS_FILE
+    from picktree.apps.batch import RESULTS_FILE
 
     if (Path(log) / RESULTS_FILE).is_file():
         raise PicktreeError(f"{log} is a batch: name one of its jobs, as {log}@seed=7")
-    from ...analysis.resim import resimulate
-    from ...analysis.run_changes import RunChanges
+    from picktree.analysis import RunChanges, resimulate
 
     changes = RunChanges(mission, scene, settings, faults, no_faults, seed)
     with StatusLine() as line:
@@ -125,8 +123,8 @@ def resim(
 
 
 def _job_again(where: str, out: Path | None, answer: TextIO | None, *, alone: bool) -> None:
-    from ...files.errors import PicktreeError
-    from ..batch.rerun import rerun_job
+    from picktree.apps.batch import rerun_job
+    from picktree.files import PicktreeError
 
     if not alone:
         raise PicktreeError(

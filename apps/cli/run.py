@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, TextIO, TypeAlias
 
 import typer
 
-from ...files.errors import PicktreeError
+from picktree.files import PicktreeError
+
 from .options import (
     Backend,
     HelpGroups,
@@ -26,12 +27,8 @@ from .options import (
 from .output import end_with, keep_stdout, print_answer, program
 
 if TYPE_CHECKING:
-    from ...logs.log_files import Rotation
-    from ...session.debugger import Debugger
-    from ...session.observer import Observer, WallClockPacer
-    from ...session.profiler import Profiler
-    from ...session.recipe import RunRequest
-    from ...session.session import Session
+    from picktree.logs import log_files
+    from picktree.session import Debugger, Observer, Profiler, RunRequest, Session, WallClockPacer
 
     Assembly: TypeAlias = Callable[[Sequence[Observer]], Session]
     """Function that builds the session for its observers."""
@@ -156,7 +153,7 @@ def run(
     if resume is not None:
         assembly = _resumed_run(resume, out, seconds, rotation, answers or (), as_it_stands)
     else:
-        from ...session.recipe import RunRequest
+        from picktree.session import RunRequest
 
         assert mission is not None
         request = RunRequest(
@@ -186,9 +183,8 @@ def run(
 @contextmanager
 def _new_run(request: RunRequest, answers: Sequence[str]) -> Generator[Assembly]:
     """Assemble the session of a run from its beginning."""
-    from ...robot.planning.lookahead_planning import has_second_core
-    from ...session.observer import PresetAnswers
-    from ...session.session import Session
+    from picktree.robot.planning import has_second_core
+    from picktree.session import PresetAnswers, Session
 
     yield lambda observers: Session(
         request, observers=(PresetAnswers(answers), *observers), planning_worker=has_second_core()
@@ -200,12 +196,12 @@ def _resumed_run(
     log: str,
     out: Path | None,
     limit: float | None,
-    rotation: Rotation,
+    rotation: log_files.Rotation,
     answers: Sequence[str],
     as_it_stands: bool,
 ) -> Generator[Assembly]:
     """Assemble the session that resumes a run; print where it resumes."""
-    from ...session.resumption import ResumeRequest, Resumption
+    from picktree.session import ResumeRequest, Resumption
 
     request = ResumeRequest(log, out, limit, rotation, as_it_stands, tuple(answers))
     with Resumption(request) as resumption:
@@ -257,10 +253,10 @@ class _Watchers:
         if self.live_port is None:
             yield ()
             return
-        from ...logs.optional_libraries import optional_import
+        from picktree.logs import optional_import
 
         with optional_import("live", "foxglove", "A live view"):
-            from ...session.live_view import LiveServer
+            from picktree.session import LiveServer
         with LiveServer(self.live_port) as live_view:
             print(f"live view at {live_view.url}", file=sys.stderr, flush=True)
             yield (live_view,)
@@ -277,7 +273,8 @@ class _Watchers:
         print(f"\n{self.profiler.profile.to_text()}", file=self._stream)
 
     def _debugger(self) -> Debugger:
-        from ...session.debugger import Debugger
+        from picktree.session import Debugger
+
         from .debug_prompt import debug_prompt
 
         return Debugger(debug_prompt(self._stream))
@@ -312,15 +309,15 @@ def refuse_contradictions(context: typer.Context) -> None:
             )
 
 
-def _rotation(megabytes: float, minutes: float) -> Rotation:
-    from ...logs.log_files import Rotation
+def _rotation(megabytes: float, minutes: float) -> log_files.Rotation:
+    from picktree.logs import log_files
 
-    return Rotation(round(megabytes * 1e6), minutes * 60.0)
+    return log_files.Rotation(round(megabytes * 1e6), minutes * 60.0)
 
 
 def _profiler(file: Path) -> Profiler:
     """Return the profiler of a whole program. Raises PicktreeError when its file cannot be written."""
-    from ...session.profiler import Profiler, require_writable
+    from picktree.session import Profiler, require_writable
 
     require_writable(file)
     return Profiler(whole_program=True)
@@ -348,8 +345,8 @@ def _pacer(factor: float) -> WallClockPacer:
     """Return the observer that keeps the pace. Raises PicktreeError unless the factor is above 0."""
     if factor <= 0:
         raise PicktreeError(f"--pace {factor:g}: write a number above 0, as in --pace 1 for real time")
-    from ...robot.control.control_loop import MAX_UNATTENDED_MOTION
-    from ...session.observer import WallClockPacer
+    from picktree.robot.control import MAX_UNATTENDED_MOTION
+    from picktree.session import WallClockPacer
 
     return WallClockPacer(factor, MAX_UNATTENDED_MOTION)
 
@@ -360,10 +357,10 @@ def parse_limit(text: str) -> float:
     >>> parse_limit("90 min")
     5400.0
     """
-    from ...files.quantities import parse_quantity
+    from picktree.files import quantities
 
     try:
-        seconds = parse_quantity(text, "s")
+        seconds = quantities.parse_quantity(text, "s")
     except ValueError as error:
         raise PicktreeError(f"--limit {text}: {error}") from None
     if seconds <= 0:

@@ -6,9 +6,9 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from ...files.expressions import Expression
-from ...trees.ports import show
-from ...world.values import Pose
+from picktree.files import Expression
+from picktree.trees import show
+from picktree.world import Pose
 
 if TYPE_CHECKING:
     from rich.text import Text

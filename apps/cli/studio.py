@@ -25,13 +25,13 @@ def studio(
     """
     from importlib import import_module
 
-    from ...logs.optional_libraries import optional_import
+    from picktree.logs import optional_import
 
     for library in ("starlette", "uvicorn", "websockets"):
         with optional_import("studio", library, "picktree studio"):
             import_module(library)
 
-    from ..studio.server import serve
+    from picktree.apps.studio import serve
 
     def ready(link: str) -> None:
         print(f"picktree studio of {folder.resolve()}\n{link}", flush=True)

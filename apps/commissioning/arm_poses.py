@@ -12,16 +12,12 @@ from typing import Protocol
 
 import numpy as np
 
-from ...robot.perception.robot_mask import hidden_shares
-from ...robot.planning.collision_checker import CollisionChecker
-from ...robot.planning.inverse_kinematics import InverseKinematics
-from ...world.planning_scene import PlanningScene
-from ...world.robot_model.model import RobotModel
-from ...world.robot_model.urdf import UrdfTree, read_skeleton
-from ...world.robot_model.urdf_faults import MOVING
-from ...world.scene.description import MAX_HIDDEN_SHARE, SceneDescription
-from ...world.scene.scene_loading import load_scene
-from ...world.values import Array, Pose, workspace_excess
+from picktree.robot.perception import hidden_shares
+from picktree.robot.planning import CollisionChecker, InverseKinematics
+from picktree.world import Array, PlanningScene, Pose, workspace_excess
+from picktree.world.robot_model import MOVING, RobotModel, urdf_parser
+from picktree.world.scene import MAX_HIDDEN_SHARE, SceneDescription, load_scene
+
 from .base_pose import YAWS, places
 from .link_geometry import LinkGeometry
 
@@ -41,7 +37,9 @@ class SpaceOverTable:
     on it.
     """
 
-    def __init__(self, model: RobotModel, tree: UrdfTree, solids: Mapping[str, LinkGeometry]) -> None:
+    def __init__(
+        self, model: RobotModel, tree: urdf_parser.UrdfTree, solids: Mapping[str, LinkGeometry]
+    ) -> None:
         self._model = model
         self._width = model.description.gripper.max_width
         self._shut, self._opened = CollisionChecker(model), CollisionChecker(model)
@@ -82,7 +80,7 @@ class SpaceOverTable:
         return f"{pair[0]} and {pair[1]} touch in {share:.0f} % of them, at best {gap}"
 
 
-def _moving_links(model: RobotModel, tree: UrdfTree) -> tuple[str, ...]:
+def _moving_links(model: RobotModel, tree: urdf_parser.UrdfTree) -> tuple[str, ...]:
     """Return the links that the arm's joints move in another way than about the vertical."""
     joints = model.description.joints
     first = tree.joints[joints[0]]
@@ -238,7 +236,7 @@ def _turned(model: RobotModel, space: FreeSpace, home: Array) -> Array | None:
     return min(turned, key=lambda q: round(abs(model.tcp(q).position[1]), 3), default=None)
 
 
-def hidden_share(model: RobotModel, tree: UrdfTree, q: Array) -> float:
+def hidden_share(model: RobotModel, tree: urdf_parser.UrdfTree, q: Array) -> float:
     """Return the share of the items' part of the table, 0 … 1, that the arm hides from a camera above it.
 
     `tree`: that of the model's URDF.
@@ -264,7 +262,7 @@ def hidden_share(model: RobotModel, tree: UrdfTree, q: Array) -> float:
 class _Search:
     def __init__(self, model: RobotModel, space: FreeSpace, most: float, seed: int) -> None:
         self._model = model
-        self._tree = read_skeleton(Path(model.description.urdf))
+        self._tree = urdf_parser.read_skeleton(Path(model.description.urdf))
         self._space, self._most = space, most
         self._ik = InverseKinematics(model)
         self._generator = np.random.default_rng([seed, 2])

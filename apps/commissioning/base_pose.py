@@ -9,12 +9,12 @@ from itertools import product
 
 import numpy as np
 
-from ...robot.manipulation.release_poses import CELLS_PER_SIDE
-from ...robot.planning.inverse_kinematics import InverseKinematics
-from ...world.robot_model.model import RobotModel
-from ...world.robot_model.urdf import UrdfTree
-from ...world.scene.scene_loading import load_scene
-from ...world.values import Array, Pose, Vector3
+from picktree.robot.manipulation import release_poses
+from picktree.robot.planning import InverseKinematics
+from picktree.world import Array, Pose, Vector3
+from picktree.world.robot_model import RobotModel, urdf_parser
+from picktree.world.scene import load_scene
+
 from .link_geometry import LinkGeometry
 
 SCENE = "sort_small"
@@ -69,7 +69,10 @@ def places() -> tuple[TargetPlace, ...]:
     # What is missed most often comes first: it ends the search at a base early.
     for bin_ in scene.bins:
         over = bin_.pose.apply(np.array([0.0, 0.0, bin_.size[2] + HEIGHT_OVER_BIN]))
-        inwards = -np.sign(over * (1.0, 1.0, 0.0)) * (*(np.array(bin_.size[:2]) / CELLS_PER_SIDE), 0.0)
+        inwards = -np.sign(over * (1.0, 1.0, 0.0)) * (
+            *(np.array(bin_.size[:2]) / release_poses.CELLS_PER_SIDE),
+            0.0,
+        )
         found += [TargetPlace(str(bin_.id), place) for place in (over, over + inwards)]
     for spawn in scene.spawn:
         (left, front), (right, back) = spawn.area
@@ -79,7 +82,7 @@ def places() -> tuple[TargetPlace, ...]:
 
 
 def propose_base(
-    model: RobotModel, tree: UrdfTree, solids: Mapping[str, LinkGeometry]
+    model: RobotModel, tree: urdf_parser.UrdfTree, solids: Mapping[str, LinkGeometry]
 ) -> BaseProposal | None:
     """Propose the nearest base from which most places of the scene are reached.
 
@@ -131,7 +134,7 @@ class _Reach:
         return any(self._ik.solutions(pose, self._generator, self._home, 1) for pose in poses)
 
 
-def _foot(model: RobotModel, tree: UrdfTree, solids: Mapping[str, LinkGeometry]) -> Array:
+def _foot(model: RobotModel, tree: urdf_parser.UrdfTree, solids: Mapping[str, LinkGeometry]) -> Array:
     """Return points (n, 2) of the links that stand on the table, from above, m in the world."""
     first = tree.joints[model.description.joints[0]]
     standing = tree.joints_to(first.parent)

@@ -12,28 +12,23 @@ from pathlib import Path
 
 import yaml
 
-from ...files.errors import PicktreeError
-from ...files.file_system import find_file, whole
-from ...logs.run_log import RunLog
-from ...logs.run_result import RunResult, RunStatus
-from ...robot.calibration.calibration_targets import CalibrationTarget, fingertip_corners, targets
-from ...robot.calibration.estimation import CalibrationEstimate, CameraEstimate, ToolEstimate, estimate
-from ...robot.calibration.observations import CalibrationData, TargetImage, TargetTouch
-from ...robot.perception.backdrop import table_of
-from ...session.observer import Observer
-from ...session.recipe import Recipe, Recording
-from ...session.session import Session
-from ...trees.loading.loader import parse_mission
-from ...trees.loading.registry import NodeRegistry
-from ...world.events import CalibrationShotEvent, CalibrationSkippedEvent, CalibrationTouchEvent
-from ...world.journal import Plain
-from ...world.robot_model.model import RobotModel
-from ...world.robot_model.robot_file import SHIPPED as ROBOTS
-from ...world.robot_model.robot_file import load_robot
-from ...world.scene.description import SceneDescription
-from ...world.scene.scene_loading import SHIPPED, load_scene, parse_scene
-from ...world.shapes import top
-from ...world.values import Pose, Vector3
+from picktree.files import PicktreeError, file_system
+from picktree.logs import RunLog, RunResult, RunStatus
+from picktree.robot.calibration import (
+    CalibrationEstimate,
+    CameraEstimate,
+    ToolEstimate,
+    calibration_targets,
+    estimate,
+    observations,
+)
+from picktree.robot.perception import table_of
+from picktree.session import Observer, Session, run_recipe
+from picktree.trees.loading import NodeRegistry, parse_mission
+from picktree.world import Plain, Pose, Vector3, event_types, top
+from picktree.world.robot_model import RobotModel, load_robot, robot_file
+from picktree.world.scene import SceneDescription, load_scene, parse_scene, scene_loading
+
 from .target_syntax import quantity
 
 TARGET_NAME = "calibration_target"
@@ -73,21 +68,21 @@ def parse_place(text: str) -> TargetPlacement:
 def calibration_scene(name: str, place: TargetPlacement | None) -> SceneDescription:
     """Return the scene without its items, with an added target where it has none. The text of the scene is
     complete, for the log. Raises PicktreeError."""
-    path = find_file(name, SHIPPED, Path.cwd(), "scene")
+    path = file_system.find_file(name, scene_loading.SHIPPED, Path.cwd(), "scene")
     scene = load_scene(name, Path.cwd())
     own: dict[str, object] = {"picktree": 1, "kind": "scene", "base": _base(path)}
     if scene.spawn:
         own["spawn"] = None
     if scene.deliveries:
         own["feed"] = None
-    if not targets(scene.fixtures):
+    if not calibration_targets.targets(scene.fixtures):
         own["fixtures"] = {TARGET_NAME: _target_fixture(scene, place or _middle(scene))}
-    beside = Path.cwd() if path.parent == SHIPPED else path.parent
+    beside = Path.cwd() if path.parent == scene_loading.SHIPPED else path.parent
     return parse_scene(yaml.safe_dump(own, sort_keys=False), beside / f"{path.stem}.yaml")
 
 
 def _base(path: Path) -> str:
-    return path.stem if path.parent == SHIPPED else str(path.resolve())
+    return path.stem if path.parent == scene_loading.SHIPPED else str(path.resolve())
 
 
 def _target_fixture(scene: SceneDescription, place: TargetPlacement) -> dict[str, object]:
@@ -116,9 +111,9 @@ DECIMAL_DIGITS = 7
 def output_file(scene: str, wanted: Path | None, *, replace: bool) -> Path:
     """Return the path of the corrected scene. Raises PicktreeError where a file must not be replaced or
     cannot be written."""
-    path = find_file(scene, SHIPPED, Path.cwd(), "scene")
+    path = file_system.find_file(scene, scene_loading.SHIPPED, Path.cwd(), "scene")
     if wanted is None:
-        here = path.parent == SHIPPED or path.parent.resolve() == Path.cwd()
+        here = path.parent == scene_loading.SHIPPED or path.parent.resolve() == Path.cwd()
         folder = Path() if here else path.parent
         wanted = folder / f"{path.stem}_calibrated.yaml"
     if wanted.suffix not in (".yaml", ".yml"):
@@ -146,12 +141,13 @@ def write(
     `scene` is the calibrated scene, `robot` the robot that replaced its own. Raises PicktreeError when the
     disk refuses; then no file remains.
     """
-    path = find_file(name, SHIPPED, Path.cwd(), "scene")
+    path = file_system.find_file(name, scene_loading.SHIPPED, Path.cwd(), "scene")
     tool = found.tool if found.tool is not None and found.tool.sure else None
     shift = Pose() if tool is None else Pose(tool.offset)
-    lines = ["picktree: 1", "kind: scene", f"base: {_named(path, SHIPPED, output)}"]
+    lines = ["picktree: 1", "kind: scene", f"base: {_named(path, scene_loading.SHIPPED, output)}"]
     if robot is not None:
-        lines.append(f"robot: {_named(find_file(robot, ROBOTS, Path.cwd(), 'robot'), ROBOTS, output)}")
+        file = file_system.find_file(robot, robot_file.SHIPPED, Path.cwd(), "robot")
+        lines.append(f"robot: {_named(file, robot_file.SHIPPED, output)}")
     lines += ["", "calibration:", f"  date: {when}", f"  by: {by}"]
     kept = _uncalibrated_hand_cameras(scene, found, shift)
     if found.cameras or kept:
@@ -173,7 +169,7 @@ def write(
         ]
     text = "\n".join(lines) + "\n"
     parse_scene(text, output.absolute())
-    with whole([output], output) as (beside,):
+    with file_system.whole([output], output) as (beside,):
         beside.write_text(text, encoding="utf-8")
 
 
@@ -366,13 +362,15 @@ def calibrate(asked: CalibrationRequest, observers: Sequence[Observer] = ()) -> 
     robot = load_robot(asked.robot or scene.robot, beside)
     text = mission_text(target.name, cameras, asked.views, touch=asked.touch, all_of_them=not asked.cameras)
     mission = parse_mission(text, Path("calibrate.yaml"), NodeRegistry())
-    recipe = Recipe(mission, scene, robot, asked.seed)
-    result = Session(recipe, record=Recording(asked.out), observers=observers).run()
+    recipe = run_recipe.Recipe(mission, scene, robot, asked.seed)
+    result = Session(recipe, record=run_recipe.Recording(asked.out), observers=observers).run()
     found = _record(result)
     answer = CalibrationAnswer(asked.scene, asked.seed, result.status, result.folder, found.skipped)
     if result.status != "success":
         return replace(answer, why_not=result.message or f"the run ended as {result.status}")
-    evidence = CalibrationData(found.shots, found.touches, fingertip_corners(RobotModel(robot)))
+    evidence = observations.CalibrationData(
+        found.shots, found.touches, calibration_targets.fingertip_corners(RobotModel(robot))
+    )
     seen = {shot.camera for shot in found.shots}
     answer = replace(answer, unseen=tuple(camera for camera in cameras if camera not in seen))
     try:
@@ -401,8 +399,8 @@ def mission_text(target: str, cameras: Sequence[str], views: int, *, touch: bool
     return "\n".join(lines) + "\n"
 
 
-def _target(scene: SceneDescription, name: str | None) -> CalibrationTarget:
-    known = targets(scene.fixtures)
+def _target(scene: SceneDescription, name: str | None) -> calibration_targets.CalibrationTarget:
+    known = calibration_targets.targets(scene.fixtures)
     if name is None and len(known) == 1:
         return known[0]
     for target in known:
@@ -426,24 +424,24 @@ def _cameras(scene: SceneDescription, wanted: tuple[str, ...]) -> tuple[str, ...
 
 @dataclass(frozen=True, slots=True)
 class _Recorded:
-    shots: tuple[TargetImage, ...]
-    touches: tuple[TargetTouch, ...]
+    shots: tuple[observations.TargetImage, ...]
+    touches: tuple[observations.TargetTouch, ...]
     skipped: tuple[str, ...]
 
 
 def _record(result: RunResult) -> _Recorded:
     """Return the observations of the target in the run's log. The estimate uses the log alone."""
-    shots: list[TargetImage] = []
-    touches: list[TargetTouch] = []
+    shots: list[observations.TargetImage] = []
+    touches: list[observations.TargetTouch] = []
     skipped: list[str] = []
     with RunLog(result.log) as log:
         for at in log.events():
             match at.record:
-                case CalibrationShotEvent() as event:
-                    shots.append(TargetImage.from_event(event))
-                case CalibrationTouchEvent() as event:
-                    touches.append(TargetTouch.from_event(event))
-                case CalibrationSkippedEvent(message=message):
+                case event_types.CalibrationShotEvent() as event:
+                    shots.append(observations.TargetImage.from_event(event))
+                case event_types.CalibrationTouchEvent() as event:
+                    touches.append(observations.TargetTouch.from_event(event))
+                case event_types.CalibrationSkippedEvent(message=message):
                     skipped.append(message)
                 case _:
                     pass

@@ -11,10 +11,9 @@ from typing import NoReturn
 
 import numpy as np
 
-from ...world.robot_model.urdf import UrdfTree
-from ...world.robot_model.urdf_faults import MOVING
-from ...world.shapes import Box
-from ...world.values import Array, Pose, Vector3
+from picktree.world import Array, Box, Pose, Vector3
+from picktree.world.robot_model import MOVING, urdf_parser
+
 from .joints import HandGroup
 from .link_geometry import LinkGeometry, UnsuitableUrdf, finger_box, hand_boxes, inner_box
 
@@ -38,7 +37,7 @@ class FingerMotion:
     the hand has no two such fingers."""
 
     def __init__(
-        self, source: str, skeleton: UrdfTree, solids: Mapping[str, LinkGeometry], hand: HandGroup
+        self, source: str, skeleton: urdf_parser.UrdfTree, solids: Mapping[str, LinkGeometry], hand: HandGroup
     ) -> None:
         self._source, self._skeleton, self._solids, self._hand = source, skeleton, solids, hand
         self.drive, self.ratios = self._coupling()
@@ -342,7 +341,7 @@ class GripperMeter:
     def __init__(
         self,
         source: str,
-        skeleton: UrdfTree,
+        skeleton: urdf_parser.UrdfTree,
         solids: Mapping[str, LinkGeometry],
         hand: HandGroup,
         behind: tuple[str, ...],

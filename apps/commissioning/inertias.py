@@ -10,10 +10,9 @@ from typing import Literal
 
 import numpy as np
 
-from ...world.robot_model.gripper_mounting import LinkInertia
-from ...world.robot_model.urdf import UrdfTree, origin_pose
-from ...world.robot_model.urdf_faults import MOVING
-from ...world.values import Array, Vector3, vector3
+from picktree.world import Array, Vector3, vector3
+from picktree.world.robot_model import MOVING, gripper_mounting, urdf_parser
+
 from .link_geometry import LinkGeometry
 
 DEFAULT_DENSITY = 1000.0
@@ -39,13 +38,13 @@ class InertiaFinding:
     link: str
     kind: Kind
     sentence: str
-    instead: LinkInertia | None
+    instead: gripper_mounting.LinkInertia | None
     density: float = 0.0
     """Density from which the replacement is guessed, kg/m³; 0: it is not guessed from a hull's volume."""
 
 
 def check_inertias(
-    root: ElementTree.Element, skeleton: UrdfTree, solids: Mapping[str, LinkGeometry]
+    root: ElementTree.Element, skeleton: urdf_parser.UrdfTree, solids: Mapping[str, LinkGeometry]
 ) -> tuple[InertiaFinding, ...]:
     """Check all links that joints move, in the order of the file; static links are not checked."""
     found: list[InertiaFinding] = []
@@ -116,14 +115,14 @@ def _finding(
     return None
 
 
-def _remedy(instead: LinkInertia, density: float) -> str:
+def _remedy(instead: gripper_mounting.LinkInertia, density: float) -> str:
     by = f"of its hull at {density:.4g} kg/m³" if density else "of a ball of 10 g"
     return f": it gets {instead.mass:.3g} kg, {by}, a guess"
 
 
 def lightened(
-    findings: tuple[InertiaFinding, ...], inertias: Mapping[str, LinkInertia], share: float
-) -> tuple[tuple[InertiaFinding, ...], dict[str, LinkInertia]]:
+    findings: tuple[InertiaFinding, ...], inertias: Mapping[str, gripper_mounting.LinkInertia], share: float
+) -> tuple[tuple[InertiaFinding, ...], dict[str, gripper_mounting.LinkInertia]]:
     """Return findings and inertias with the guessed densities reduced to a share of theirs, 0 … 1.
 
     What a motor's rotor adds to an inertia stays.
@@ -145,21 +144,24 @@ def lightened(
     return tuple(found), lighter
 
 
-def _times(inertia: LinkInertia, share: float) -> LinkInertia:
+def _times(inertia: gripper_mounting.LinkInertia, share: float) -> gripper_mounting.LinkInertia:
     moments = vector3(max(share * moment, MIN_MOMENT) for moment in inertia.moments)
     products = vector3(share * product for product in inertia.products)
     return replace(inertia, mass=share * inertia.mass, moments=moments, products=products)
 
 
 def rotor_inertias(
-    root: ElementTree.Element, skeleton: UrdfTree, joints: Iterable[str], known: Mapping[str, LinkInertia]
-) -> dict[str, LinkInertia]:
+    root: ElementTree.Element,
+    skeleton: urdf_parser.UrdfTree,
+    joints: Iterable[str],
+    known: Mapping[str, gripper_mounting.LinkInertia],
+) -> dict[str, gripper_mounting.LinkInertia]:
     """Return raised inertias of a linkage's links whose moments are below that of the motor's rotor.
 
     `joints`: those of the linkage. `known`: inertias that replace the URDF's.
     """
     links = {link.get("name", ""): link for link in root.findall("link")}
-    found: dict[str, LinkInertia] = {}
+    found: dict[str, gripper_mounting.LinkInertia] = {}
     for name in joints:
         link = skeleton.joints[name].child
         given = known.get(link) or read_inertia(links[link])
@@ -169,7 +171,7 @@ def rotor_inertias(
             and skeleton.joints[name].type != "prismatic"
         ):
             x, y, z = (max(m, MIN_LINKAGE_MOMENT) for m in given.moments)
-            found[link] = LinkInertia(given.mass, given.com, (x, y, z), (0.0, 0.0, 0.0))
+            found[link] = gripper_mounting.LinkInertia(given.mass, given.com, (x, y, z), (0.0, 0.0, 0.0))
     return found
 
 
@@ -184,7 +186,7 @@ def _read(link: ElementTree.Element) -> tuple[float, Vector3, Array] | None:
         weight = float(mass.get("value", "")) if mass is not None else 0.0
         keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
         numbers = [float(inertia.get(key, "0")) if inertia is not None else 0.0 for key in keys]
-        pose = origin_pose(origin)
+        pose = urdf_parser.origin_pose(origin)
     except ValueError:
         return None
     if not all(map(math.isfinite, (weight, *numbers))):
@@ -195,26 +197,26 @@ def _read(link: ElementTree.Element) -> tuple[float, Vector3, Array] | None:
     return weight, pose.position, turned @ local @ turned.T
 
 
-def read_inertia(link: ElementTree.Element) -> LinkInertia | None:
+def read_inertia(link: ElementTree.Element) -> gripper_mounting.LinkInertia | None:
     """Return the inertia that the URDF gives a link; None when it has none that can be read."""
     given = _read(link)
     return None if given is None else _inertia(*given)
 
 
-def _from_solid(solid: LinkGeometry | None) -> LinkInertia:
+def _from_solid(solid: LinkGeometry | None) -> gripper_mounting.LinkInertia:
     if solid is None:
-        return LinkInertia(0.01, (0.0, 0.0, 0.0), (1e-6, 1e-6, 1e-6), (0.0, 0.0, 0.0))
+        return gripper_mounting.LinkInertia(0.01, (0.0, 0.0, 0.0), (1e-6, 1e-6, 1e-6), (0.0, 0.0, 0.0))
     return _scaled(solid, max(DEFAULT_DENSITY * solid.volume(), 0.001))
 
 
-def _scaled(solid: LinkGeometry, mass: float) -> LinkInertia:
+def _scaled(solid: LinkGeometry, mass: float) -> gripper_mounting.LinkInertia:
     """Return the inertia of a box around the link with a given mass, kg."""
     low, high = solid.points.min(axis=0), solid.points.max(axis=0)
     x, y, z = vector3(high - low)
     squares = (y * y + z * z, x * x + z * z, x * x + y * y)
     moments = vector3(max(mass * square / 12, MIN_MOMENT) for square in squares)
-    return LinkInertia(mass, vector3((low + high) / 2), moments, (0.0, 0.0, 0.0))
+    return gripper_mounting.LinkInertia(mass, vector3((low + high) / 2), moments, (0.0, 0.0, 0.0))
 
 
-def _inertia(mass: float, com: Vector3, m: Array) -> LinkInertia:
-    return LinkInertia(mass, com, vector3(np.diag(m)), vector3((m[0, 1], m[0, 2], m[1, 2])))
+def _inertia(mass: float, com: Vector3, m: Array) -> gripper_mounting.LinkInertia:
+    return gripper_mounting.LinkInertia(mass, com, vector3(np.diag(m)), vector3((m[0, 1], m[0, 2], m[1, 2])))

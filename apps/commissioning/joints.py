@@ -11,11 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...files.value_wording import suggest_name
-from ...world.robot_model.model import RobotModel
-from ...world.robot_model.urdf import UrdfJoint, UrdfTree
-from ...world.robot_model.urdf_faults import MOVING
-from ...world.values import Array
+from picktree.files import suggest_name
+from picktree.world import Array
+from picktree.world.robot_model import MOVING, RobotModel, urdf_parser
+
 from .link_geometry import UnsuitableUrdf
 
 MIN_ARM_JOINTS = 5
@@ -59,7 +58,7 @@ class PlanningGroups:
 
 
 def find_groups(
-    source: str, skeleton: UrdfTree, base: str | None = None, tip: str | None = None
+    source: str, skeleton: urdf_parser.UrdfTree, base: str | None = None, tip: str | None = None
 ) -> PlanningGroups:
     """Find the arm and its hand.
 
@@ -82,7 +81,7 @@ def find_groups(
     return PlanningGroups(arm, hand)
 
 
-def find_hand(source: str, skeleton: UrdfTree, link: str | None) -> tuple[HandGroup, str]:
+def find_hand(source: str, skeleton: urdf_parser.UrdfTree, link: str | None) -> tuple[HandGroup, str]:
     """Return the hand of a gripper's URDF, and the link from which it is taken. Raises UnsuitableUrdf when it
     has no such hand."""
     helps = "name the gripper's first link behind the colon of --gripper"
@@ -99,7 +98,9 @@ def find_hand(source: str, skeleton: UrdfTree, link: str | None) -> tuple[HandGr
     return hands[0], link or hands[0].palm
 
 
-def require_link(source: str, skeleton: UrdfTree, name: str | None, missing: str, helps: str) -> None:
+def require_link(
+    source: str, skeleton: urdf_parser.UrdfTree, name: str | None, missing: str, helps: str
+) -> None:
     """Raise UnsuitableUrdf when the URDF lacks the link `name`; None asks for none."""
     if name is not None and name not in skeleton.links:
         hint = suggest_name(name, skeleton.links)
@@ -107,7 +108,7 @@ def require_link(source: str, skeleton: UrdfTree, name: str | None, missing: str
         raise UnsuitableUrdf(source, f"{len(skeleton.links)} links", missing, helps)
 
 
-def _hands(skeleton: UrdfTree) -> Iterator[HandGroup]:
+def _hands(skeleton: urdf_parser.UrdfTree) -> Iterator[HandGroup]:
     """Return every set of finger joints: leaves of the tree that mimic each other, or two that move alike."""
     found: list[set[str]] = []
     for name, joint in skeleton.joints.items():
@@ -135,7 +136,7 @@ def _hands(skeleton: UrdfTree) -> Iterator[HandGroup]:
             yield HandGroup(palm, drives, tuple(n for n in known if n not in drives))
 
 
-def _merged(skeleton: UrdfTree, groups: list[set[str]]) -> list[set[str]]:
+def _merged(skeleton: urdf_parser.UrdfTree, groups: list[set[str]]) -> list[set[str]]:
     """Merge groups on the same palm into one hand."""
     by_palm: dict[str, set[str]] = {}
     for group in groups:
@@ -145,7 +146,7 @@ def _merged(skeleton: UrdfTree, groups: list[set[str]]) -> list[set[str]]:
     return list(by_palm.values())
 
 
-def _is_finger(skeleton: UrdfTree, name: str) -> bool:
+def _is_finger(skeleton: urdf_parser.UrdfTree, name: str) -> bool:
     """Return whether a joint moves a leaf of the tree and is mounted on a link that other joints move, or
     slides."""
     joint = skeleton.joints[name]
@@ -159,7 +160,7 @@ def _is_finger(skeleton: UrdfTree, name: str) -> bool:
     )
 
 
-def _mount(skeleton: UrdfTree, name: str) -> str:
+def _mount(skeleton: urdf_parser.UrdfTree, name: str) -> str:
     """Return the link that carries a joint, with fixed joints in between skipped."""
     link = skeleton.joints[name].parent
     while True:
@@ -169,7 +170,7 @@ def _mount(skeleton: UrdfTree, name: str) -> str:
         link = holder.parent
 
 
-def _common(skeleton: UrdfTree, joints: list[str]) -> str:
+def _common(skeleton: urdf_parser.UrdfTree, joints: list[str]) -> str:
     """Return the last link that carries all of these joints."""
     chains: list[list[str]] = []
     for name in joints:
@@ -179,13 +180,13 @@ def _common(skeleton: UrdfTree, joints: list[str]) -> str:
     return common[-1]
 
 
-def _carries(skeleton: UrdfTree, link: str, other: str) -> bool:
+def _carries(skeleton: urdf_parser.UrdfTree, link: str, other: str) -> bool:
     """Return whether `other` is `link` or is mounted on it by fixed joints alone."""
     between = skeleton.joints_between(link, other)
     return between is not None and all(skeleton.joints[name].type not in MOVING for name in between)
 
 
-def _moving_to(skeleton: UrdfTree, link: str, base: str | None) -> tuple[str, ...]:
+def _moving_to(skeleton: urdf_parser.UrdfTree, link: str, base: str | None) -> tuple[str, ...]:
     names = skeleton.joints_to(link) if base is None else skeleton.joints_between(base, link) or ()
     return tuple(
         name for name in names if skeleton.joints[name].type in MOVING and skeleton.joints[name].mimic is None
@@ -193,7 +194,11 @@ def _moving_to(skeleton: UrdfTree, link: str, base: str | None) -> tuple[str, ..
 
 
 def _arm_to(
-    source: str, skeleton: UrdfTree, base: str | None, tip: str | None, hands: tuple[HandGroup, ...]
+    source: str,
+    skeleton: urdf_parser.UrdfTree,
+    base: str | None,
+    tip: str | None,
+    hands: tuple[HandGroup, ...],
 ) -> ArmGroup:
     if tip is not None:
         joints = _moving_to(skeleton, tip, base)
@@ -223,7 +228,7 @@ def _arm_to(
     return _arm_group(source, skeleton, joints, base, hand.palm)
 
 
-def _only_chain(source: str, skeleton: UrdfTree, base: str | None) -> ArmGroup:
+def _only_chain(source: str, skeleton: urdf_parser.UrdfTree, base: str | None) -> ArmGroup:
     """Return the longest chain of joints as the arm. Raises UnsuitableUrdf when it is not clearly the only
     one."""
     parents = {joint.parent for joint in skeleton.joints.values()}
@@ -260,7 +265,7 @@ def _only_chain(source: str, skeleton: UrdfTree, base: str | None) -> ArmGroup:
 
 
 def _arm_group(
-    source: str, skeleton: UrdfTree, joints: tuple[str, ...], base: str | None, tip: str
+    source: str, skeleton: urdf_parser.UrdfTree, joints: tuple[str, ...], base: str | None, tip: str
 ) -> ArmGroup:
     if not joints:
         raise UnsuitableUrdf(
@@ -272,7 +277,7 @@ def _arm_group(
     return ArmGroup(joints, base or skeleton.joints[joints[0]].parent, tip)
 
 
-def _refuse_floating(source: str, skeleton: UrdfTree) -> None:
+def _refuse_floating(source: str, skeleton: urdf_parser.UrdfTree) -> None:
     for name, joint in skeleton.joints.items():
         if joint.type in ("floating", "planar"):
             raise UnsuitableUrdf(
@@ -283,7 +288,7 @@ def _refuse_floating(source: str, skeleton: UrdfTree) -> None:
             )
 
 
-def _refuse_mimics(source: str, skeleton: UrdfTree, arm: ArmGroup) -> None:
+def _refuse_mimics(source: str, skeleton: urdf_parser.UrdfTree, arm: ArmGroup) -> None:
     """Raise UnsuitableUrdf when a joint between the links of the arm follows another one."""
     inside = skeleton.joints_between(arm.base, arm.tip) or arm.joints
     mimics = [(name, mimic) for name in inside if (mimic := skeleton.joints[name].mimic) is not None]
@@ -296,7 +301,7 @@ def _refuse_mimics(source: str, skeleton: UrdfTree, arm: ArmGroup) -> None:
         )
 
 
-def _refuse_unfit(source: str, skeleton: UrdfTree, arm: ArmGroup, *, jaw_allowed: bool) -> None:
+def _refuse_unfit(source: str, skeleton: urdf_parser.UrdfTree, arm: ArmGroup, *, jaw_allowed: bool) -> None:
     sliding = [name for name in arm.joints if skeleton.joints[name].type == "prismatic"]
     turning = [name for name in arm.joints if name not in sliding]
     if sliding and len(turning) >= MIN_ARM_JOINTS:
@@ -342,7 +347,7 @@ def _refuse_unfit(source: str, skeleton: UrdfTree, arm: ArmGroup, *, jaw_allowed
         )
 
 
-def _usable(joint: UrdfJoint) -> bool:
+def _usable(joint: urdf_parser.UrdfJoint) -> bool:
     if joint.type == "continuous":
         return True
     return joint.limited and joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
@@ -403,12 +408,12 @@ class ProposedLimits:
     """Sentence on why the torque is a guess; empty: it is the URDF's."""
 
 
-def propose_limits(skeleton: UrdfTree, joints: tuple[str, ...]) -> tuple[ProposedLimits, ...]:
+def propose_limits(skeleton: urdf_parser.UrdfTree, joints: tuple[str, ...]) -> tuple[ProposedLimits, ...]:
     """Propose limits from the URDF alone; accelerations and missing torques are estimated later."""
     return tuple(_proposed(name, skeleton.joints[name]) for name in joints)
 
 
-def _proposed(name: str, joint: UrdfJoint) -> ProposedLimits:
+def _proposed(name: str, joint: urdf_parser.UrdfJoint) -> ProposedLimits:
     told: list[str] = []
     if joint.soft_lower is not None and joint.soft_upper is not None and joint.soft_lower < joint.soft_upper:
         lower, upper = joint.soft_lower, joint.soft_upper

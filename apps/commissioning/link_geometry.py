@@ -12,29 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from ...files.errors import PicktreeError
-from ...files.file_system import is_file
-from ...files.xml_text import XmlError, parse_xml
-from ...files.yaml.file_text import Unreadable, read_bytes
-from ...world.mesh_reader import read_mesh
-from ...world.robot_model.gripper_mounting import NamedUrdf
-from ...world.robot_model.link_shapes import link_shapes
-from ...world.robot_model.urdf import (
-    AMENT_PATH,
-    MAX_BYTES,
-    ROS_PATH,
-    UrdfMesh,
-    UrdfPrimitive,
-    UrdfTree,
-    link_geometry,
-    mesh_file,
-    package_folder,
-    parsed_urdf,
-    read_skeleton,
-)
-from ...world.robot_model.urdf_faults import UrdfError
-from ...world.shapes import Box, corners
-from ...world.values import Array, Pose
+from picktree.files import PicktreeError, XmlError, file_system, parse_xml
+from picktree.files.yaml import file_text
+from picktree.world import Array, Box, Pose, corners, mesh_reader
+from picktree.world.robot_model import UrdfError, gripper_mounting, link_shapes, urdf_parser
 
 
 class UnsuitableUrdf(PicktreeError):
@@ -58,8 +39,8 @@ class UrdfSource:
 
     text: str
     """Name as given: a path, or `package:path`."""
-    urdf: NamedUrdf
-    skeleton: UrdfTree
+    urdf: gripper_mounting.NamedUrdf
+    skeleton: urdf_parser.UrdfTree
 
 
 def find_source(text: str) -> UrdfSource:
@@ -68,7 +49,7 @@ def find_source(text: str) -> UrdfSource:
     named = _named(text)
     refuse_template(text, named.path)
     try:
-        return UrdfSource(text, named, read_skeleton(named.path))
+        return UrdfSource(text, named, urdf_parser.read_skeleton(named.path))
     except UrdfError as error:
         raise UnsuitableUrdf(
             text,
@@ -81,8 +62,8 @@ def find_source(text: str) -> UrdfSource:
 def refuse_template(text: str, path: Path) -> None:
     """Raise UnsuitableUrdf when the file is a xacro template, with the command that expands it."""
     try:
-        raw = read_bytes(path, MAX_BYTES)
-    except Unreadable as error:
+        raw = file_text.read_bytes(path, urdf_parser.MAX_BYTES)
+    except file_text.Unreadable as error:
         raise PicktreeError(f"{text}: {error}") from None
     if path.suffix == ".xacro" or _is_template(raw):
         target = f"{path.name.removesuffix('.xacro').removesuffix('.urdf')}.urdf"
@@ -108,10 +89,10 @@ def _is_template(raw: bytes) -> bool:
     return any(_MACRO.search(value) for part in parts for value in part.attrib.values())
 
 
-def _named(text: str) -> NamedUrdf:
+def _named(text: str) -> gripper_mounting.NamedUrdf:
     package, colon, inside = text.partition(":")
-    if colon and not is_file(Path(text)):
-        folder = package_folder(package)
+    if colon and not file_system.is_file(Path(text)):
+        folder = urdf_parser.package_folder(package)
         if folder is None:
             raise PicktreeError(
                 f"{text}: there is no installed package {package!r}; write a path, or package:path inside an "
@@ -120,13 +101,13 @@ def _named(text: str) -> NamedUrdf:
         path = folder / inside
         if not path.resolve().is_relative_to(folder.resolve()):
             raise PicktreeError(f"{text}: that is outside of the package {package!r}")
-        if not is_file(path):
+        if not file_system.is_file(path):
             raise PicktreeError(f"{text}: there is no file {path}")
-        return NamedUrdf(path, package, folder)
+        return gripper_mounting.NamedUrdf(path, package, folder)
     path = Path(text)
-    if not is_file(path):
+    if not file_system.is_file(path):
         raise PicktreeError(f"there is no file {text}")
-    return NamedUrdf(path)
+    return gripper_mounting.NamedUrdf(path)
 
 
 EDGE_SAMPLES = 30
@@ -164,9 +145,9 @@ class LinkGeometry:
 
 def missing_meshes(urdf: Path) -> tuple[str, ...]:
     """Return the meshes that the URDF names and that do not exist, as it names them, each once."""
-    root = parsed_urdf(urdf)
+    root = urdf_parser.parsed_urdf(urdf)
     named = dict.fromkeys(mesh.get("filename", "") for mesh in root.iter("mesh"))
-    return tuple(name for name in named if mesh_file(urdf, name) is None)
+    return tuple(name for name in named if urdf_parser.mesh_file(urdf, name) is None)
 
 
 def refuse_missing_meshes(source: str, urdf: Path) -> None:
@@ -183,7 +164,7 @@ def refuse_missing_meshes(source: str, urdf: Path) -> None:
         listed = " and ".join(packages)
         helps = (
             f"put the ROS package {listed} beside {urdf.parent} or into one of the folders above it, or name "
-            f"its folder in {ROS_PATH} or {AMENT_PATH}"
+            f"its folder in {urdf_parser.ROS_PATH} or {urdf_parser.AMENT_PATH}"
         )
     raise UnsuitableUrdf(source, f"{len(missing)} meshes that are not there: {shown}", "their files", helps)
 
@@ -193,14 +174,14 @@ def read_solids(urdf: Path) -> Mapping[str, LinkGeometry]:
     geometry."""
     link_shapes(str(urdf))  # what cannot be used has its sentence there
     parts: dict[str, list[LinkGeometry]] = {}
-    for element in link_geometry(str(urdf), "collision"):
+    for element in urdf_parser.link_geometry(str(urdf), "collision"):
         parts.setdefault(element.link, []).append(_solid(element))
     return {link: _joined(solids) for link, solids in parts.items()}
 
 
-def _solid(element: UrdfMesh | UrdfPrimitive) -> LinkGeometry:
-    if isinstance(element, UrdfMesh):
-        mesh = read_mesh(Path(element.path))
+def _solid(element: urdf_parser.UrdfMesh | urdf_parser.UrdfPrimitive) -> LinkGeometry:
+    if isinstance(element, urdf_parser.UrdfMesh):
+        mesh = mesh_reader.read_mesh(Path(element.path))
         points, triangles = mesh.vertices * np.array(element.scale), mesh.faces
     else:
         points = corners(element.shape)

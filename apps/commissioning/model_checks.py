@@ -8,14 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ...robot.planning.collision_checker import CollisionChecker
-from ...world.planning_scene import PlanningScene
-from ...world.robot_model.description import RobotDescription
-from ...world.robot_model.finger_linkage import LinkageFingers
-from ...world.robot_model.model import RobotModel
-from ...world.robot_model.urdf import UrdfTree, parsed_urdf, read_skeleton
-from ...world.shapes import corners
-from ...world.values import Array, Pose, Vector3
+from picktree.robot.planning import CollisionChecker
+from picktree.world import Array, PlanningScene, Pose, Vector3, corners
+from picktree.world.robot_model import LinkageFingers, RobotDescription, RobotModel, urdf_parser
+
 from .inertias import check_inertias
 from .joints import JointLoads, is_placeholder
 from .link_geometry import LinkGeometry, read_solids
@@ -58,7 +54,7 @@ class RobotUnderTest:
 
     description: RobotDescription
     model: RobotModel
-    skeleton: UrdfTree
+    skeleton: urdf_parser.UrdfTree
     solids: dict[str, LinkGeometry]
     file: str
 
@@ -67,7 +63,7 @@ class RobotUnderTest:
         """Read a robot's URDF. Raises PicktreeError when its geometry cannot be used."""
         path = Path(robot.urdf)
         file = Path(robot.source).name
-        return cls(robot, RobotModel(robot), read_skeleton(path), dict(read_solids(path)), file)
+        return cls(robot, RobotModel(robot), urdf_parser.read_skeleton(path), dict(read_solids(path)), file)
 
 
 def check_model(tested: RobotUnderTest) -> tuple[Verdict, ...]:
@@ -76,7 +72,7 @@ def check_model(tested: RobotUnderTest) -> tuple[Verdict, ...]:
 
 
 def _masses(tested: RobotUnderTest) -> Verdict:
-    urdf = parsed_urdf(Path(tested.description.urdf))
+    urdf = urdf_parser.parsed_urdf(Path(tested.description.urdf))
     findings = check_inertias(urdf, tested.skeleton, tested.solids)
     wrong = [f for f in findings if f.kind != "implausible"]
     if wrong:

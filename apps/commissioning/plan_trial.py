@@ -12,35 +12,34 @@ from typing import TypeVar
 
 import numpy as np
 
-from ...analysis.render.captions import Caption, CaptionFailure, write
-from ...analysis.render.rasterizer import Picture
-from ...analysis.render.scene_view import SceneContent, SceneRenderer
-from ...analysis.render.viewpoint import PictureView
-from ...files.file_system import whole
-from ...logs.binary_gltf import link_meshes, read_glb, write_glb
-from ...logs.recording.foxglove_messages import require_picture_name, write_picture
-from ...logs.recording.journal_records import belief_record
-from ...logs.records import BodyRecord, LinkMesh, PartRecord, Scene
-from ...robot.planning.planning_failures import contact_lines
-from ...robot.planning.requests import (
+from picktree.analysis.render import (
+    Caption,
+    CaptionFailure,
+    Picture,
+    PictureView,
+    SceneContent,
+    SceneRenderer,
+    write,
+)
+from picktree.files import file_system
+from picktree.logs import binary_gltf, log_records
+from picktree.logs.recording import belief_record, require_picture_name, write_picture
+from picktree.robot import World
+from picktree.robot.planning import (
     DEFAULT_CHECK_BUDGET,
     Constraint,
     MotionPlan,
     NamedGoal,
     Request,
     UprightConstraint,
+    contact_lines,
 )
-from ...robot.world import World
-from ...session.execution import assemble_world
-from ...simulation.backends import build_hardware
-from ...simulation.truth import TrueBody
-from ...world.causes import Evidence, Failure
-from ...world.planning_scene import BeliefObject
-from ...world.robot_model.joint_limits import is_hinge
-from ...world.robot_model.robot_file import load_robot
-from ...world.scene.scene_loading import load_scene
-from ...world.shapes import Sphere
-from ...world.values import Array, Pose
+from picktree.session import assemble_world
+from picktree.simulation import TrueBody, build_hardware
+from picktree.world import Array, BeliefObject, Evidence, Failure, Pose, Sphere
+from picktree.world.robot_model import is_hinge, load_robot
+from picktree.world.scene import load_scene
+
 from .target_syntax import GoalAttempt, ParsedGoal, parse_goal, parse_start
 
 MILLIMETRE_KEYS = frozenset({"depth", "by", "short", "at", "point", "first"})
@@ -231,7 +230,7 @@ def draw(
     """Write the picture. Raises PicktreeError when it cannot be written."""
     require_picture_name(output)
     picture = plan_picture(world, start, outcome, asked, view, size)
-    with whole([output], output) as (beside,):
+    with file_system.whole([output], output) as (beside,):
         output.parent.mkdir(parents=True, exist_ok=True)
         write_picture(str(beside), picture)
 
@@ -251,12 +250,12 @@ def plan_picture(
     `start` is the configuration (n,), rad, `width` the opening of the fingers, m; None: fully open. Without
     an outcome the arm stands at the start. `time` is shown, s.
     """
-    meshes = link_meshes(world.robot.description.urdf)
+    meshes = binary_gltf.link_meshes(world.robot.description.urdf)
     width = world.robot.description.gripper.max_width if width is None else width
     robots = _Robots(meshes)
     path: tuple[tuple[float, float, float], ...] = ()
-    marked: tuple[BodyRecord, ...] = ()
-    point: tuple[BodyRecord, ...] = ()
+    marked: tuple[log_records.BodyRecord, ...] = ()
+    point: tuple[log_records.BodyRecord, ...] = ()
     caption = Caption(time, asked)
     if isinstance(outcome, MotionPlan):
         q = outcome.trajectory.position
@@ -278,8 +277,8 @@ def plan_picture(
     else:
         robots.add("", world.robot.link_poses(start, width))
     bodies = tuple(belief_record(o) for o in world.scene.objects)
-    scene = Scene((*bodies, *point), tuple(_fixed(world)))
-    shown = SceneContent(robots.poses, scene, Scene(marked, ()), path)
+    scene = log_records.Scene((*bodies, *point), tuple(_fixed(world)))
+    shown = SceneContent(robots.poses, scene, log_records.Scene(marked, ()), path)
     picture = SceneRenderer(tuple(robots.meshes), view, size, {}).single(shown)
     write(picture, caption)
     return picture
@@ -288,9 +287,9 @@ def plan_picture(
 class _Robots:
     """Drawn copies of the robot in several configurations and colours."""
 
-    def __init__(self, meshes: tuple[LinkMesh, ...]) -> None:
+    def __init__(self, meshes: tuple[log_records.LinkMesh, ...]) -> None:
         self._own = {mesh.link: mesh for mesh in meshes}
-        self.meshes: list[LinkMesh] = []
+        self.meshes: list[log_records.LinkMesh] = []
         self.poses: dict[str, Pose] = {}
 
     def add(
@@ -308,11 +307,11 @@ class _Robots:
             painted = COLLISION_COLOUR if link in alarm else colour
             glb = mesh.glb
             if painted is not None:
-                other = read_glb(glb).coloured(painted)
+                other = binary_gltf.read_glb(glb).coloured(painted)
                 # Slightly smaller, so that surfaces that coincide do not flicker through each
                 # other.
-                glb = write_glb(other if colour is None else other.placed(Pose(), COPY_SCALE))
-            self.meshes.append(LinkMesh(f"{name}/{link}", glb))
+                glb = binary_gltf.write_glb(other if colour is None else other.placed(Pose(), COPY_SCALE))
+            self.meshes.append(log_records.LinkMesh(f"{name}/{link}", glb))
             self.poses[f"{name}/{link}"] = pose
 
 
@@ -331,13 +330,15 @@ def _failure_configuration(failure: Failure, start: Array) -> Array:
     return start
 
 
-def _point(failure: Failure) -> tuple[BodyRecord, ...]:
+def _point(failure: Failure) -> tuple[log_records.BodyRecord, ...]:
     """Return a red ball at the failure's point: the goal's, or where a line stopped."""
     for key in ("point", "first", "at"):
         told = failure.evidence.get(key)
         if isinstance(told, list) and len(told) == 3:
             x, y, z = (float(c) for c in told)
-            return (BodyRecord("point", "point", "sphere", "red", Sphere(0.012), Pose((x, y, z))),)
+            return (
+                log_records.BodyRecord("point", "point", "sphere", "red", Sphere(0.012), Pose((x, y, z))),
+            )
     return ()
 
 
@@ -356,22 +357,22 @@ def _named_bodies(failure: Failure) -> frozenset[str]:
     return frozenset(names)
 
 
-def _marked(world: World, names: frozenset[str]) -> Iterable[BodyRecord]:
+def _marked(world: World, names: frozenset[str]) -> Iterable[log_records.BodyRecord]:
     """Return the named bodies of the scene, to be outlined."""
     for o in world.scene.objects:
         if o.id in names:
             yield belief_record(o)
     for part in _fixed(world):
         if part.id.split("/")[0] in names:
-            yield BodyRecord(part.id, "fixture", "box", "red", part.shape, part.pose)
+            yield log_records.BodyRecord(part.id, "fixture", "box", "red", part.shape, part.pose)
 
 
-def _fixed(world: World) -> Iterable[PartRecord]:
+def _fixed(world: World) -> Iterable[log_records.PartRecord]:
     for f in world.scene.fixtures.values():
-        yield PartRecord(f.id, f.colour, f.shape, f.pose, f.holes)
+        yield log_records.PartRecord(f.id, f.colour, f.shape, f.pose, f.holes)
     for b in world.scene.bins.values():
         for k, (box, pose) in enumerate(b.parts()):
-            yield PartRecord(f"{b.id}/{k}", b.colour, box, pose)
+            yield log_records.PartRecord(f"{b.id}/{k}", b.colour, box, pose)
 
 
 EXACT_BELIEF_DEVIATION = 1e-4

@@ -13,23 +13,19 @@ from pathlib import Path
 
 import numpy as np
 
-from ...files.errors import FileError, PicktreeError
-from ...files.value_wording import listed
-from ...logs.binary_gltf import link_meshes
-from ...world.robot_model.description import RobotDescription
-from ...world.robot_model.gripper_mounting import (
-    GripperMount,
-    InsertedFlange,
-    LinkInertia,
-    NamedUrdf,
-    write_composed_urdf,
+from picktree.files import FileError, PicktreeError, listed
+from picktree.logs import binary_gltf
+from picktree.world import Array, Box, Pose
+from picktree.world.robot_model import (
+    MOVING,
+    RobotDescription,
+    RobotModel,
+    UrdfError,
+    gripper_mounting,
+    parse_robot,
+    urdf_parser,
 )
-from ...world.robot_model.model import RobotModel
-from ...world.robot_model.robot_file import parse_robot
-from ...world.robot_model.urdf import UrdfTree, links_seen_only, parsed_urdf, read_skeleton
-from ...world.robot_model.urdf_faults import MOVING, UrdfError
-from ...world.shapes import Box
-from ...world.values import Array, Pose
+
 from .arm_poses import NamedPose, SpaceOverTable, propose_poses
 from .base_pose import BaseProposal, propose_base
 from .gripper import GripperMeter, MeasuredGripper
@@ -73,7 +69,7 @@ class RobotDraft:
     """URDF as the robot file names it."""
     arm: ArmGroup
     hand: HandGroup
-    mounting: GripperMount | None
+    mounting: gripper_mounting.GripperMount | None
     gripper_urdf: str
     limits: tuple[ProposedLimits, ...]
     gripper: MeasuredGripper
@@ -81,7 +77,7 @@ class RobotDraft:
     flange_behind: str | None
     """The arm's last joint, where the flange joint is put into the URDF; None: the URDF has it."""
     findings: tuple[InertiaFinding, ...]
-    inertias: Mapping[str, LinkInertia]
+    inertias: Mapping[str, gripper_mounting.LinkInertia]
     poses: tuple[NamedPose, ...] = ()
     collision: SelfCollisionReport | None = None
     notes: tuple[str, ...] = ()
@@ -175,7 +171,7 @@ def _inertias(draft: RobotDraft) -> Iterator[str]:
         yield from _inertia(link, inertia)
 
 
-def _inertia(link: str, inertia: LinkInertia) -> Iterator[str]:
+def _inertia(link: str, inertia: gripper_mounting.LinkInertia) -> Iterator[str]:
     yield f"  {_word(link)}:"
     yield f"    mass: {_n(inertia.mass)}"
     yield f"    at: {_list(inertia.com)}"
@@ -318,7 +314,7 @@ def find_mounting(
     gripper: UrdfSource,
     link: str | None,
     to: str | None,
-) -> GripperMount:
+) -> gripper_mounting.GripperMount:
     """Find the mounting of a gripper on an arm. Raises UnsuitableUrdf when the gripper is none, or the arm
     has no such link."""
     _, first = find_hand(gripper.text, gripper.skeleton, link)
@@ -331,10 +327,12 @@ def find_mounting(
     names = {*below, *(n for n, j in gripper.skeleton.joints.items() if j.parent in below)}
     prefix = GRIPPER_PREFIX if names & taken else ""
     joint = MOUNT_JOINT if MOUNT_JOINT not in taken else f"{GRIPPER_PREFIX}{MOUNT_JOINT}"
-    return GripperMount(gripper.urdf, first, carrier, _face(skeleton, arm, solids, carrier), joint, prefix)
+    return gripper_mounting.GripperMount(
+        gripper.urdf, first, carrier, _face(skeleton, arm, solids, carrier), joint, prefix
+    )
 
 
-def _mount_flange(skeleton: UrdfTree, arm: ArmGroup) -> str:
+def _mount_flange(skeleton: urdf_parser.UrdfTree, arm: ArmGroup) -> str:
     """Return the link with a flange's name that is fixed to the last link; else the last link."""
     fixed = [link for link in skeleton.below(arm.tip) if not _moves(skeleton, arm.tip, link)]
     for name in FLANGE_NAMES:
@@ -344,11 +342,13 @@ def _mount_flange(skeleton: UrdfTree, arm: ArmGroup) -> str:
     return arm.tip
 
 
-def _moves(skeleton: UrdfTree, above: str, link: str) -> bool:
+def _moves(skeleton: urdf_parser.UrdfTree, above: str, link: str) -> bool:
     return any(skeleton.joints[name].type in MOVING for name in skeleton.joints_between(above, link) or ())
 
 
-def _face(skeleton: UrdfTree, arm: ArmGroup, solids: Mapping[str, LinkGeometry], carrier: str) -> Pose:
+def _face(
+    skeleton: urdf_parser.UrdfTree, arm: ArmGroup, solids: Mapping[str, LinkGeometry], carrier: str
+) -> Pose:
     """Return the gripper's pose on the carrier: z out along the axis of the last joint, on the outer face."""
     last = skeleton.joints[arm.joints[-1]]
     moved = skeleton.pose(last.child, {})
@@ -422,7 +422,7 @@ def propose(wish: ProposalRequest) -> Proposal:
     model = _model(draft, wish)
     draft = replace(draft, limits=estimate(model, draft.limits, wish.seed))
     path = Path(model.description.urdf)
-    tree, solids = read_skeleton(path), read_solids(path)
+    tree, solids = urdf_parser.read_skeleton(path), read_solids(path)
     draft = replace(draft, collision=sample_links(model, solids, wish.samples, wish.seed))
     model = _model(draft, wish)
     draft = replace(draft, base=propose_base(model, tree, solids))
@@ -486,7 +486,7 @@ def _find_draft(wish: ProposalRequest) -> RobotDraft:
     refuse_missing_meshes(text, gripper.urdf.path)
     mounting = find_mounting(source, groups.arm, read_solids(source.urdf.path), gripper, link, wish.mount)
     try:
-        path = write_composed_urdf(source.urdf, mounting)
+        path = gripper_mounting.write_composed_urdf(source.urdf, mounting)
     except UrdfError as error:
         raise PicktreeError(f"{wish.urdf}: the gripper {text} cannot be mounted: {error}") from None
     hand, _ = find_hand(text, gripper.skeleton, mounting.link)
@@ -513,27 +513,27 @@ def _draft(
     path: Path,
     arm: ArmGroup,
     hand: HandGroup,
-    mounting: GripperMount | None,
+    mounting: gripper_mounting.GripperMount | None,
     gripper_urdf: str,
 ) -> RobotDraft:
-    skeleton = read_skeleton(path)
+    skeleton = urdf_parser.read_skeleton(path)
     behind: str | None = None
     if _fixed_joints(skeleton, arm, hand) == ():
         behind = arm.joints[-1]
-        flange = InsertedFlange(behind, _free_name(skeleton))
-        path = write_composed_urdf(source.urdf, mounting, flange=flange)
-        skeleton = read_skeleton(path)
+        flange = gripper_mounting.InsertedFlange(behind, _free_name(skeleton))
+        path = gripper_mounting.write_composed_urdf(source.urdf, mounting, flange=flange)
+        skeleton = urdf_parser.read_skeleton(path)
     solids = read_solids(path)
-    link_meshes(str(path))  # raises for what is only seen, too
+    binary_gltf.link_meshes(str(path))  # raises for what is only seen, too
     flange_joint = _flange(wish.urdf, skeleton, arm, hand, solids)
     meter = GripperMeter(wish.urdf, skeleton, solids, hand, _behind(skeleton, flange_joint, hand))
     measured = meter.measure()
-    findings = check_inertias(parsed_urdf(path), skeleton, solids)
+    findings = check_inertias(urdf_parser.parsed_urdf(path), skeleton, solids)
     inertias = {f.link: f.instead for f in findings if f.instead is not None}
     if measured.sliders is None:
-        inertias |= rotor_inertias(parsed_urdf(path), skeleton, meter.ratios, inertias)
+        inertias |= rotor_inertias(urdf_parser.parsed_urdf(path), skeleton, meter.ratios, inertias)
     notes: list[str] = []
-    if seen_only := links_seen_only(str(path)):
+    if seen_only := urdf_parser.links_seen_only(str(path)):
         notes.append(f"without <collision>, colliding as they are seen: {listed(seen_only, 6)}")
     if len(arm.joints) == 5:
         notes.append("the arm has five joints: it reaches poses with the tool upright, and few others")
@@ -554,7 +554,7 @@ def _draft(
     )
 
 
-def _named(text: str, urdf: NamedUrdf, file: Path) -> str:
+def _named(text: str, urdf: gripper_mounting.NamedUrdf, file: Path) -> str:
     """Return a URDF's name in the robot file: `package:path` as given, else a path relative to the file's
     folder."""
     if urdf.package:
@@ -563,7 +563,11 @@ def _named(text: str, urdf: NamedUrdf, file: Path) -> str:
 
 
 def _flange(
-    source: str, skeleton: UrdfTree, arm: ArmGroup, hand: HandGroup, solids: Mapping[str, LinkGeometry]
+    source: str,
+    skeleton: urdf_parser.UrdfTree,
+    arm: ArmGroup,
+    hand: HandGroup,
+    solids: Mapping[str, LinkGeometry],
 ) -> str:
     """Return the fixed joint between arm and hand. Raises UnsuitableUrdf when the arm does not carry it.
 
@@ -581,7 +585,7 @@ def _flange(
     return next(bodies, fixed[-1])
 
 
-def _fixed_joints(skeleton: UrdfTree, arm: ArmGroup, hand: HandGroup) -> tuple[str, ...] | None:
+def _fixed_joints(skeleton: urdf_parser.UrdfTree, arm: ArmGroup, hand: HandGroup) -> tuple[str, ...] | None:
     """Return the fixed joints between arm and palm; None when the arm's last joint does not move the palm."""
     names = skeleton.joints_to(hand.palm)
     if arm.joints[-1] not in names:
@@ -590,14 +594,14 @@ def _fixed_joints(skeleton: UrdfTree, arm: ArmGroup, hand: HandGroup) -> tuple[s
     return tuple(name for name in behind if skeleton.joints[name].type == "fixed")
 
 
-def _free_name(skeleton: UrdfTree) -> str:
+def _free_name(skeleton: urdf_parser.UrdfTree) -> str:
     """Return a name for an inserted flange that no link and no joint has."""
     taken = {*skeleton.links, *skeleton.joints}
     names = ("flange", *(f"flange_{n}" for n in range(2, len(taken) + 3)))
     return next(name for name in names if not {name, f"{name}_link"} & taken)
 
 
-def _behind(skeleton: UrdfTree, flange: str, hand: HandGroup) -> tuple[str, ...]:
+def _behind(skeleton: urdf_parser.UrdfTree, flange: str, hand: HandGroup) -> tuple[str, ...]:
     """Return the links of the hand that no finger joint moves."""
     first = skeleton.joints[flange].child
     moved: set[str] = set()

@@ -15,27 +15,19 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from ...analysis.render.snapshots import draw_robot
-from ...files.errors import PicktreeError
-from ...files.file_system import whole
-from ...recovery.safe_retreat import SafeRetreat
-from ...robot.control.external_torque import static_external_torque
-from ...robot.manipulation.grasps import MIN_SPARE_OPENING, grasp_candidates
-from ...robot.perception.robot_mask import hidden_shares
-from ...robot.planning.inverse_kinematics import InverseKinematics
-from ...robot.planning.requests import NamedGoal
-from ...session.cell import CellSession
-from ...skills.grasp import Grasp
-from ...skills.observe import Observe
-from ...skills.place import Place
-from ...world import causes
-from ...world.causes import Failure
-from ...world.planning_scene import BeliefObject
-from ...world.robot_model.description import GripperDescription, RobotDescription
-from ...world.robot_model.model import RobotModel
-from ...world.robot_model.robot_file import load_robot
-from ...world.scene.description import MAX_HIDDEN_SHARE
-from ...world.values import Array, Pose, Trajectory
+from picktree.analysis.render import draw_robot
+from picktree.files import PicktreeError, file_system
+from picktree.recovery import SafeRetreat
+from picktree.robot.control import static_external_torque
+from picktree.robot.manipulation import MIN_SPARE_OPENING, grasp_candidates
+from picktree.robot.perception import hidden_shares
+from picktree.robot.planning import InverseKinematics, NamedGoal
+from picktree.session import CellSession
+from picktree.skills import Grasp, Observe, Place
+from picktree.world import Array, BeliefObject, Failure, Pose, Trajectory, causes
+from picktree.world.robot_model import GripperDescription, RobotDescription, RobotModel, load_robot
+from picktree.world.scene import MAX_HIDDEN_SHARE
+
 from .arm_poses import first_joint, reach
 from .base_pose import YAWS, TargetPlace, propose_base
 from .model_checks import RobotUnderTest, Verdict, check_model
@@ -98,7 +90,7 @@ class RobotTestResult:
             drawn = Path(folder) / "robot.png"
             draw_robot(robot, drawn)
             picture = base64.b64encode(drawn.read_bytes()).decode()
-        with whole([file], file) as (beside,):
+        with file_system.whole([file], file) as (beside,):
             beside.write_text(self.to_html(picture), encoding="utf-8")
 
     def to_html(self, picture: str) -> str:

@@ -19,11 +19,10 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from ...robot.planning.collision_checker import robot_geometry
-from ...world.robot_model.model import RobotModel
-from ...world.robot_model.urdf import UrdfTree, read_skeleton
-from ...world.robot_model.urdf_faults import MOVING
-from ...world.values import Array
+from picktree.robot.planning import robot_geometry
+from picktree.world import Array
+from picktree.world.robot_model import MOVING, RobotModel, urdf_parser
+
 from .link_geometry import LinkGeometry
 
 SAMPLE_COUNT = 10_000
@@ -204,7 +203,7 @@ def sample_links(
     geometry = pin.GeometryModel()
     for piece in robot_geometry(model):
         geometry.addGeometryObject(piece)
-    skeleton = read_skeleton(Path(description.urdf))
+    skeleton = urdf_parser.read_skeleton(Path(description.urdf))
     hand = frozenset(skeleton.below(skeleton.joints[description.flange_joint].child))
     # No joint of the arm moves what is beyond its last one against each other.
     beyond = frozenset(skeleton.below(skeleton.joints[description.joints[-1]].child))
@@ -238,19 +237,19 @@ def sample_links(
     )
 
 
-def _joints_between(skeleton: UrdfTree, pair: frozenset[str]) -> tuple[str, ...] | None:
+def _joints_between(skeleton: urdf_parser.UrdfTree, pair: frozenset[str]) -> tuple[str, ...] | None:
     """Return the joints between two links of one chain; None for links on different branches."""
     one, other = sorted(pair, key=lambda link: len(skeleton.joints_to(link)))
     return skeleton.joints_between(one, other)
 
 
-def _is_near(skeleton: UrdfTree, pair: frozenset[str]) -> bool:
+def _is_near(skeleton: urdf_parser.UrdfTree, pair: frozenset[str]) -> bool:
     """Return whether at most two moving joints are between two links of one chain."""
     between = _joints_between(skeleton, pair)
     return between is not None and sum(skeleton.joints[name].type in MOVING for name in between) <= 2
 
 
-def _adjacent(skeleton: UrdfTree, pair: frozenset[str], solid: frozenset[str]) -> bool:
+def _adjacent(skeleton: urdf_parser.UrdfTree, pair: frozenset[str], solid: frozenset[str]) -> bool:
     """Return whether one moving joint is between two links, and no other link with geometry."""
     between = _joints_between(skeleton, pair)
     if between is None or sum(skeleton.joints[name].type in MOVING for name in between) != 1:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass, replace
 
-from ...files.value_wording import listed
-from ...world.robot_model.description import RobotDescription
-from ...world.robot_model.model import RobotModel
-from ...world.robot_model.urdf import links_seen_only
+from picktree.files import listed
+from picktree.world.robot_model import RobotDescription, RobotModel, urdf_parser
+
 from .proposal import Proposal
 from .robot_test import RobotTestResult
 from .self_collision import summary
@@ -120,7 +119,7 @@ def summary_of(robot: RobotDescription) -> RobotSummary:
         model.tcp(model.named("home")).position,
         tuple(robot.named),
         len(robot.disabled_pairs),
-        seen_only=links_seen_only(robot.urdf),
+        seen_only=urdf_parser.links_seen_only(robot.urdf),
     )
 
 

@@ -10,14 +10,12 @@ from difflib import get_close_matches
 
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...files.quantities import parse_quantity
-from ...robot.manipulation.grasps import grasp_candidates
-from ...robot.planning.requests import LineGoal, NamedGoal, RegionGoal, Request, Target
-from ...robot.world import World
-from ...world.planning_scene import BeliefObject
-from ...world.scene.description import Bin
-from ...world.values import Array, Pose
+from picktree.files import PicktreeError, quantities
+from picktree.robot import World
+from picktree.robot.manipulation import grasp_candidates
+from picktree.robot.planning import LineGoal, NamedGoal, RegionGoal, Request, Target
+from picktree.world import Array, BeliefObject, Pose
+from picktree.world.scene import Bin
 
 HEIGHT_OVER_BIN = 0.1
 """Height of the tool above the rim of a bin, m."""
@@ -142,7 +140,7 @@ def quantity(option: str, text: str, unit: str) -> float:
     0.02
     """
     try:
-        return parse_quantity(text, unit)
+        return quantities.parse_quantity(text, unit)
     except ValueError as error:
         raise PicktreeError(f"{option} {text}: {error}") from None
 

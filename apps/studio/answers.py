@@ -16,19 +16,15 @@ from secrets import token_hex
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from ...authoring.editor.completion import Proposal
-from ...authoring.editor.cursor import Place, Span
-from ...authoring.editor.cursor import Place as CursorPlace
-from ...authoring.editor.diagnostics import document_faults
-from ...authoring.editor.mission_outline import OutlineNode, OutlinePort, OutlineTree, TreeBody
-from ...authoring.editor.text_edits import TextChange
-from ...authoring.file_kinds import CHECKS
-from ...authoring.mission_chart import symbol_of
-from ...authoring.rehearsal.rehearsal import Rehearsal, rehearse_files, to_json
-from ...authoring.schema.node_reference import COMMON_DOCS, NodeEntry, default_words, node_entry
-from ...files.errors import PicktreeError
-from ...trees.declaration import BREAKPOINT, NodeDeclaration
-from ...trees.loading.loader import load_surroundings
+from picktree.authoring import CHECKS, mission_chart
+from picktree.authoring.editor import Place, Proposal, Span, TextChange, document_faults, mission_outline
+from picktree.authoring.editor import Place as CursorPlace
+from picktree.authoring.rehearsal import Rehearsal, rehearse_files, to_json
+from picktree.authoring.schema import node_reference
+from picktree.files import PicktreeError
+from picktree.trees import BREAKPOINT, NodeDeclaration
+from picktree.trees.loading import load_surroundings
+
 from .context import MissionContext, MissionTexts, library_declarations, own_trees
 
 _WIDE = re.compile(r"[\U00010000-\U0010ffff]")
@@ -54,10 +50,14 @@ class TreeAnswers:
     """Answers on trees, each made once while the tree's text stays the same."""
 
     def __init__(self) -> None:
-        self._kept: WeakKeyDictionary[TreeBody, dict[str, Any]] = WeakKeyDictionary()
+        self._kept: WeakKeyDictionary[mission_outline.TreeBody, dict[str, Any]] = WeakKeyDictionary()
 
     def of(
-        self, text: str, trees: Iterable[OutlineTree], context: MissionContext, known: Container[str]
+        self,
+        text: str,
+        trees: Iterable[mission_outline.OutlineTree],
+        context: MissionContext,
+        known: Container[str],
     ) -> list[dict[str, Any]]:
         """Return the trees of a text; of those whose `content` is among `known`, the place only."""
         places, found = Places(text), list[dict[str, Any]]()
@@ -72,7 +72,7 @@ class TreeAnswers:
         return found
 
 
-def _body(tree: OutlineTree, context: MissionContext, places: Places) -> dict[str, Any]:
+def _body(tree: mission_outline.OutlineTree, context: MissionContext, places: Places) -> dict[str, Any]:
     """Return the content of a tree, with a name that no other content has."""
     body, start = tree.body, places.units(tree.start)
 
@@ -87,7 +87,9 @@ def _body(tree: OutlineTree, context: MissionContext, places: Places) -> dict[st
     }
 
 
-def _node(node: OutlineNode, context: MissionContext, units: Callable[[int], int]) -> dict[str, Any]:
+def _node(
+    node: mission_outline.OutlineNode, context: MissionContext, units: Callable[[int], int]
+) -> dict[str, Any]:
     declaration = context.known(node.identity)
     symbol = node.kind if node.kind in ("subtree", "unknown") else context.symbol(node.identity)
     return {
@@ -108,7 +110,7 @@ def _node(node: OutlineNode, context: MissionContext, units: Callable[[int], int
     }
 
 
-def _port(port: OutlinePort, units: Callable[[int], int]) -> dict[str, Any]:
+def _port(port: mission_outline.OutlinePort, units: Callable[[int], int]) -> dict[str, Any]:
     return {
         "key": port.key,
         "text": port.text,
@@ -136,16 +138,18 @@ def palette_values(
     for tree, include in calls:
         if tree.id not in taken and tree.id != "Main":
             taken.add(tree.id)
-            found.append({**_entry(node_entry(tree, causes)), "symbol": "subtree", "include": include})
+            found.append(
+                {**_entry(node_reference.node_entry(tree, causes)), "symbol": "subtree", "include": include}
+            )
     for declaration in context.registry.declarations():
         node = context.registry.find(declaration.id)
-        entry = _entry(node_entry(declaration, causes, node))
+        entry = _entry(node_reference.node_entry(declaration, causes, node))
         wraps = declaration.slot("do") is not None
-        found.append({**entry, "symbol": symbol_of(declaration), "include": "", "wraps": wraps})
+        found.append({**entry, "symbol": mission_chart.symbol_of(declaration), "include": "", "wraps": wraps})
     return found
 
 
-def _entry(entry: NodeEntry) -> dict[str, Any]:
+def _entry(entry: node_reference.NodeEntry) -> dict[str, Any]:
     values = asdict(entry)
     return {
         key: values[key]
@@ -162,7 +166,7 @@ def common_entries() -> list[dict[str, Any]]:
             "type": "expression" if key.startswith("_") else "text",
             "choices": ["before", "after"] if key == BREAKPOINT else [],
         }
-        for key, doc in COMMON_DOCS.items()
+        for key, doc in node_reference.COMMON_DOCS.items()
     ]
 
 
@@ -260,7 +264,7 @@ def form(path: Path, text: str, node: str) -> dict[str, Any]:
             {
                 "key": port.key,
                 "names": list(names.get(port.names, ())) if port.names else [],
-                "default": default_words(port),
+                "default": node_reference.default_words(port),
             }
             for port in (declaration.ports if declaration is not None else ())
         ],

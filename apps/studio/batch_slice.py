@@ -18,8 +18,9 @@ import orjson
 from pydantic import Field
 from starlette.routing import BaseRoute
 
-from ...files.errors import PicktreeError
-from ...files.yaml.reader import YamlNode, read
+from picktree.files import PicktreeError
+from picktree.files.yaml import YamlNode, read
+
 from .calls import JsonValue, call, watch
 from .jobs import Job, command_answer, job_text
 from .slice import Studio

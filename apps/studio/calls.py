@@ -20,7 +20,8 @@ import orjson
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from ...files.errors import Diagnostic, FileError, PicktreeError
+from picktree.files import Diagnostic, FileError, PicktreeError
+
 from .security import MAX_MESSAGE
 
 JsonValue: TypeAlias = dict[str, Any] | list[Any] | str | int | float | bool | None

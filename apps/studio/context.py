@@ -11,21 +11,22 @@ from typing import Final
 
 import yaml
 
-from ...authoring.editor.cursor import read_repaired
-from ...authoring.editor.mission_outline import Outline, outline
-from ...authoring.editor.open_file import OpenFile, library_trees
-from ...authoring.editor.syntax import Source, Syntax, source_of
-from ...authoring.file_kinds import file_schema
-from ...authoring.mission_chart import symbol_of
-from ...authoring.schema.schema_parts import Schema
-from ...files.errors import FileError, PicktreeError
-from ...files.yaml.document import Document, read_document
-from ...trees.declaration import NodeDeclaration
-from ...trees.loading.loader import IncludeReader
-from ...trees.loading.plugin import PLUGINS_VARIABLE
-from ...trees.loading.port_reader import TreePorts
-from ...trees.loading.registry import NodeRegistry, installed_entries
-from ...trees.mission import LIBRARY, MAIN, FilesOnDisk, MissionDiagnostics, path_of
+from picktree.authoring import file_schema, mission_chart
+from picktree.authoring.editor import (
+    OpenFile,
+    Source,
+    Syntax,
+    library_trees,
+    mission_outline,
+    outline,
+    read_repaired,
+    source_of,
+)
+from picktree.authoring.schema import Schema
+from picktree.files import FileError, PicktreeError
+from picktree.files.yaml import Document, read_document
+from picktree.trees import LIBRARY, MAIN, FilesOnDisk, MissionDiagnostics, NodeDeclaration, path_of
+from picktree.trees.loading import PLUGINS_VARIABLE, IncludeReader, NodeRegistry, TreePorts, installed_entries
 
 _KEPT: Final = 16
 
@@ -78,10 +79,12 @@ class MissionContext:
         found = self._symbols.get(identity)
         if found is None:
             declaration = self.known(identity)
-            found = self._symbols[identity] = symbol_of(declaration) if declaration is not None else "unknown"
+            found = self._symbols[identity] = (
+                mission_chart.symbol_of(declaration) if declaration is not None else "unknown"
+            )
         return found
 
-    def outline(self, source: Source) -> Outline:
+    def outline(self, source: Source) -> mission_outline.Outline:
         return outline(source, self.known)
 
 

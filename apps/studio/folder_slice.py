@@ -11,12 +11,12 @@ from typing import Final
 
 from starlette.routing import BaseRoute
 
-from ...files.errors import PicktreeError
-from ...files.file_system import ROOT
+from picktree.files import PicktreeError, file_system
+
 from .calls import JsonValue, call
 from .slice import Studio
 
-EXAMPLES: Final = ROOT / "examples"
+EXAMPLES: Final = file_system.ROOT / "examples"
 EXAMPLE_FOLDERS: Final = ("", "cases", "faults", "plugins")
 """Folders of the examples that are copied."""
 _EXAMPLE_SUFFIXES: Final = frozenset({".py", ".yaml"})

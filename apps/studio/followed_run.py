@@ -19,19 +19,15 @@ from typing import Any, Final, TypeAlias
 
 import orjson
 
-from ...analysis.report.body_motion import row
-from ...analysis.report.packing import Packable, Section, pack
-from ...analysis.report.stage_panel import packed_body, packed_fixed, packed_link, packed_tool, rgb
-from ...authoring.mission_chart import symbol_of
-from ...files.errors import PicktreeError
-from ...logs import topics
-from ...logs.log_files import find_log
-from ...logs.recording import foxglove_messages
-from ...logs.records import BodyRecord, PartRecord
-from ...logs.run_log import RunLog
-from ...session.attach_socket import connect_to_run
-from ...trees.loading.registry import NodeRegistry
-from ...world.robot_model.robot_file import read_tcp
+from picktree.analysis.report import Packable, Section, pack, row, stage_panel
+from picktree.authoring import mission_chart
+from picktree.files import PicktreeError
+from picktree.logs import RunLog, log_files, log_records, topics
+from picktree.logs.recording import foxglove_messages
+from picktree.session import attach_socket
+from picktree.trees.loading import NodeRegistry
+from picktree.world.robot_model import robot_file
+
 from .calls import JsonValue
 
 LogMessage: TypeAlias = tuple[str, int, bytes]
@@ -70,7 +66,7 @@ class RunPicture:
         self._fresh: dict[str, list[JsonValue]] = {"rows": [], "lines": [], "transitions": []}
         self._last: dict[str, LogMessage] = {}
         """Last messages that are decoded only when somebody looks."""
-        self._fixed: tuple[PartRecord, ...] = ()
+        self._fixed: tuple[log_records.PartRecord, ...] = ()
         self._shapes: dict[tuple[object, ...], str] = {}
         self._force: Sequence[float] = ()
         self._before: tuple[float, Sequence[float]] | None = None
@@ -106,7 +102,13 @@ class RunPicture:
         nodes: list[JsonValue] = []
         for node in tree["nodes"]:
             known = self._registry.find(node["id"])
-            symbol = symbol_of(known.declaration) if known else "control" if node["children"] else "action"
+            symbol = (
+                mission_chart.symbol_of(known.declaration)
+                if known
+                else "control"
+                if node["children"]
+                else "action"
+            )
             nodes.append(
                 {
                     "path": node["path"],
@@ -224,7 +226,7 @@ class RunPicture:
                 url = f"data:image/{kind};base64,{base64.b64encode(picture).decode()}"
                 self._put("images", self._images, topic.split("/")[2], {"at": at / 1e9, "url": url})
 
-    def _body(self, body: BodyRecord) -> JsonValue:
+    def _body(self, body: log_records.BodyRecord) -> JsonValue:
         return {
             "id": body.id,
             "kind": body.kind,
@@ -237,15 +239,15 @@ class RunPicture:
             "pose": [round(value, _POSE_DIGITS) for value in row(body.pose)],
         }
 
-    def _look(self, body: BodyRecord) -> str:
+    def _look(self, body: log_records.BodyRecord) -> str:
         """Return the name of a body's form and colour; a new one is packed for the page."""
         form = (repr(body.shape), body.colour, body.role, body.blocks)
         name = self._shapes.get(form)
         if name is None:
             name = self._shapes[form] = str(len(self._shapes))
             look: dict[str, Packable] = {
-                "shape": packed_body(body, self._fixed),
-                "colour": rgb(body.colour),
+                "shape": stage_panel.packed_body(body, self._fixed),
+                "colour": stage_panel.rgb(body.colour),
                 "role": body.role,
             }
             self._put("looks", self._looks, name, pack([Section("look", look)]))
@@ -296,7 +298,7 @@ class FollowedRun:
     async def begin(self) -> None:
         """Connect, and read what the log has of the time before. Raises PicktreeError as the constructor of a
         socket does."""
-        connection = await asyncio.to_thread(connect_to_run, self.folder)
+        connection = await asyncio.to_thread(attach_socket.connect_to_run, self.folder)
         connection.setblocking(False)
         reader, self._writer = await asyncio.open_unix_connection(sock=connection, limit=_MAX_LINE)
         self._writer.write(b'{"steer": true, "follow": true}\n')
@@ -366,16 +368,18 @@ class FollowedRun:
 
     def stage(self) -> str:
         """Return robot and fixed parts for the page, packed; read from the log, which takes a moment."""
-        with RunLog(find_log(self.folder)) as log:
+        with RunLog(log_files.find_log(self.folder)) as log:
             models = log.robot_model()
             links = [model.link for model in models]
             scene = log.belief_at(log.end) or log.truth_at(log.end)
             fixed = scene.record.fixed if scene is not None else ()
             data = {
-                "models": [packed for model in models if (packed := packed_link(model)) is not None],
+                "models": [
+                    packed for model in models if (packed := stage_panel.packed_link(model)) is not None
+                ],
                 "links": list(links),
-                "tool": packed_tool(log, links),
-                "fixed": packed_fixed(log, fixed),
+                "tool": stage_panel.packed_tool(log, links),
+                "fixed": stage_panel.packed_fixed(log, fixed),
             }
         return pack([Section("stage", data)])
 
@@ -396,14 +400,14 @@ class FollowedRun:
         The log has each message within a second.
         """
         for _ in range(_LOG_TRIES):
-            with RunLog(find_log(self.folder)) as log:
+            with RunLog(log_files.find_log(self.folder)) as log:
                 if log.end >= until - 1e-6:
                     break
             time.sleep(_LOG_PERIOD)
-        with RunLog(find_log(self.folder)) as log:
+        with RunLog(log_files.find_log(self.folder)) as log:
             link = ""
             with suppress(PicktreeError):
-                tcp = read_tcp(log.attachment("robot.yaml").decode("utf-8", "replace"), log.path)
+                tcp = robot_file.read_tcp(log.attachment("robot.yaml").decode("utf-8", "replace"), log.path)
                 link = "" if tcp is None else tcp.link
             picture = RunPicture(link)
             info = log.run

@@ -19,7 +19,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias, cast
 
-from ...files.errors import PicktreeError
+from picktree.files import PicktreeError
+
 from .calls import JsonValue, call, watch
 from .job_process import SHORTENED
 from .workspace import Workspace

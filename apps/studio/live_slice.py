@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.routing import BaseRoute
 
-from ...files.errors import PicktreeError
-from ...logs.mcap.writer import is_written
-from ...session.attach_socket import SOCKET_NAME, connect_to_run
-from ...trees.loading.loader import load_mission
-from ...trees.loading.registry import NodeRegistry
-from ...trees.ports import PortDeclaration, show
-from ...world.robot_model.robot_file import robot_names
-from ...world.scene.scene_loading import scene_names
+from picktree.files import PicktreeError
+from picktree.logs.mcap import is_written
+from picktree.session import attach_socket
+from picktree.trees import PortDeclaration, show
+from picktree.trees.loading import NodeRegistry, load_mission
+from picktree.world.robot_model import robot_file
+from picktree.world.scene import scene_loading
+
 from .calls import JsonValue, call, watch
 from .jobs import Job, job_text
 from .slice import Studio
@@ -63,8 +63,8 @@ def start_form(workspace: Workspace, mission: str) -> JsonValue:
         "mission": mission,
         "scene": loaded.scene or "",
         "parameters": [_parameter(port) for port in loaded.parameters],
-        "scenes": [*scene_names(), *(each.path for each in files if each.kind == "scene")],
-        "robots": [*robot_names(), *(each.path for each in files if each.kind == "robot")],
+        "scenes": [*scene_loading.scene_names(), *(each.path for each in files if each.kind == "scene")],
+        "robots": [*robot_file.robot_names(), *(each.path for each in files if each.kind == "robot")],
         "faults": [each.path for each in files if each.kind == "faults"],
     }
 
@@ -86,9 +86,9 @@ def run_command(workspace: Workspace, order: RunOrder, runs: Path) -> list[str]:
     words = ["run", str(workspace.resolve(order.mission)), "--out", str(runs), "--seed", str(order.seed)]
     words += ["--backend", order.backend]
     if order.scene:
-        words += ["--scene", _named(workspace, order.scene, scene_names())]
+        words += ["--scene", _named(workspace, order.scene, scene_loading.scene_names())]
     if order.robot:
-        words += ["--robot", _named(workspace, order.robot, robot_names())]
+        words += ["--robot", _named(workspace, order.robot, robot_file.robot_names())]
     if order.faults:
         words += ["--faults", str(workspace.resolve(order.faults))]
     if order.pace > 0.0:
@@ -247,7 +247,7 @@ class LiveSlice:
             for path in below if depth < _MAX_DEPTH else ():
                 if path in self._over:
                     continue
-                if os.path.lexists(f"{path}/{SOCKET_NAME}"):
+                if os.path.lexists(f"{path}/{attach_socket.SOCKET_NAME}"):
                     yield Path(path)
                 elif os.path.lexists(f"{path}/result.json"):
                     self._over.add(path)
@@ -268,14 +268,14 @@ def _show_as_kept(job: Job) -> None:
 
 def _began(folder: Path) -> float:
     with suppress(OSError):
-        return (folder / SOCKET_NAME).stat().st_mtime
+        return (folder / attach_socket.SOCKET_NAME).stat().st_mtime
     return 0.0
 
 
 def _is_of(folder: Path, process: int) -> bool:
     """Whether the run of a folder is that of a process."""
     try:
-        with connect_to_run(folder) as connection:
+        with attach_socket.connect_to_run(folder) as connection:
             size = struct.calcsize("3i")
             found = struct.unpack("3i", connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size))
             return found[0] == process

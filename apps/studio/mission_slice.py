@@ -13,14 +13,11 @@ import yaml
 from pydantic import Field
 from starlette.routing import BaseRoute
 
-from ...authoring.editor.node_edits import EditedText, NodeEditor, Target, needed, new_node, scalar_of
-from ...authoring.editor.syntax import NotEditable, source_of
-from ...authoring.editor.text_edits import TextChange, changes
-from ...files.errors import PicktreeError
-from ...files.yaml.file_text import MAX_BYTES
-from ...trees.declaration import COMMON_KEYS, NodeDeclaration
-from ...trees.node import Node
-from ...trees.ports import PortDeclaration
+from picktree.authoring.editor import NotEditable, TextChange, changes, node_edits, source_of
+from picktree.files import PicktreeError
+from picktree.files.yaml import file_text
+from picktree.trees import COMMON_KEYS, Node, NodeDeclaration, PortDeclaration
+
 from . import answers
 from .answers import Places, TreeAnswers, change_values
 from .calls import JsonValue, call
@@ -102,12 +99,12 @@ Trees: TypeAlias = Mapping[str, NodeDeclaration]
 """Trees of a text as nodes that can be called, by name."""
 
 
-def edited(text: str, edit: Edit, context: MissionContext, own: Trees) -> EditedText:
+def edited(text: str, edit: Edit, context: MissionContext, own: Trees) -> node_edits.EditedText:
     """Return the text after an edit. Raises PicktreeError when it cannot be done.
 
     `own`: the text's own trees.
     """
-    editor = NodeEditor(text, context.known)
+    editor = node_edits.NodeEditor(text, context.known)
     match edit:
         case SetPort(node=node, key=key, value=value):
             if not value.strip():
@@ -116,18 +113,18 @@ def edited(text: str, edit: Edit, context: MissionContext, own: Trees) -> Edited
             port = declaration.port(key) if declaration is not None else None
             return editor.set_port(node, key, written(value, key, port))
         case AddNode(place=place, identity=identity):
-            return editor.add(_target(place), new_node(*_new(identity, context, own)))
+            return editor.add(_target(place), node_edits.new_node(*_new(identity, context, own)))
         case RemoveNode(node=node):
             return editor.remove(node)
         case MoveNode(node=node, place=place):
             return editor.move(node, _target(place))
         case WrapNode(node=node, identity=identity):
-            entries = needed(*_new(identity, context, own))
+            entries = node_edits.needed(*_new(identity, context, own))
             return editor.wrap(node, identity, tuple(entries))
         case UnwrapNode(node=node):
             return editor.unwrap(node)
         case ReplaceNode(node=node, identity=identity):
-            return editor.replace(node, new_node(*_new(identity, context, own)))
+            return editor.replace(node, node_edits.new_node(*_new(identity, context, own)))
         case RenameTree(tree=tree, name=name):
             return editor.rename_tree(tree, name)
 
@@ -136,7 +133,7 @@ def needs_trees(edit: Edit, context: MissionContext, text: str) -> bool:
     """Whether an edit needs the declarations of the text's own trees, which take time to read."""
     match edit:
         case SetPort(node=node):
-            found = NodeEditor(text, context.known).outline.nodes().get(node)
+            found = node_edits.NodeEditor(text, context.known).outline.nodes().get(node)
             return found is not None and context.known(found.identity) is None
         case AddNode(identity=identity) | WrapNode(identity=identity) | ReplaceNode(identity=identity):
             return context.known(identity) is None
@@ -144,8 +141,8 @@ def needs_trees(edit: Edit, context: MissionContext, text: str) -> bool:
             return False
 
 
-def _target(place: Place) -> Target:
-    return Target(place.parent, place.index, place.slot, place.label)
+def _target(place: Place) -> node_edits.Target:
+    return node_edits.Target(place.parent, place.index, place.slot, place.label)
 
 
 def _declared(identity: str, context: MissionContext, own: Trees) -> NodeDeclaration | None:
@@ -168,9 +165,9 @@ def written(value: str, key: str, port: PortDeclaration | None) -> str:
     if text[:1] in ('"', "'") and _reads(text):
         return text
     if text.startswith("{") or key in COMMON_KEYS:
-        return scalar_of(text)
+        return node_edits.scalar_of(text)
     textual = port is not None and port.type.name in _TEXTS and not port.type.many
-    return text if not textual and _reads(text) else scalar_of(text)
+    return text if not textual and _reads(text) else node_edits.scalar_of(text)
 
 
 _TEXTS = ("string", "object", "expression")
@@ -281,8 +278,8 @@ class MissionSlice:
         return await self._worker.run(answers.rehearsal, self._place(path, text), text, file, names)
 
     def _place(self, path: str, text: str) -> Path:
-        if len(text) > MAX_BYTES:
-            raise PicktreeError(f"the text is larger than {MAX_BYTES // 1_000_000} MB")
+        if len(text) > file_text.MAX_BYTES:
+            raise PicktreeError(f"the text is larger than {file_text.MAX_BYTES // 1_000_000} MB")
         return self._workspace.resolve(path)
 
     # In the thread.

@@ -22,19 +22,17 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, PlainTextResponse, Response
 from starlette.routing import BaseRoute, Route
 
-from ... import __version__
-from ...files.errors import PicktreeError
-from ...logs.log_files import RUNS_FOLDER, find_log, part_paths
-from ...logs.optional_libraries import install_command
-from ...logs.run_index import COLUMNS, RunFilter, RunIndex, RunRow
-from ...logs.run_log import RunLog
+from picktree import __version__
+from picktree.files import PicktreeError
+from picktree.logs import RunLog, install_command, log_files, run_index
+
 from .calls import JsonValue, call, watch
 from .jobs import Job, command_answer, job_text
 from .security import SANDBOXED
 from .slice import Studio
 from .workspace import Workspace
 
-SORTS: Final[Mapping[str, Callable[[RunRow], Any]]] = {
+SORTS: Final[Mapping[str, Callable[[run_index.RunRow], Any]]] = {
     "written": lambda row: row.written,
     "status": lambda row: row.status,
     "mission": lambda row: row.mission.lower() or None,
@@ -69,7 +67,7 @@ class Snapshot:
     """State of the table at one moment."""
 
     version: int
-    rows: tuple[RunRow, ...]
+    rows: tuple[run_index.RunRow, ...]
     complete: bool
     """Whether all logs have been looked at once."""
 
@@ -79,11 +77,11 @@ class RunTable:
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace = workspace
-        self._index: RunIndex | None = None
+        self._index: run_index.RunIndex | None = None
         self._lock = threading.Lock()
         self.snapshot = Snapshot(0, (), False)
-        self._words: dict[int, tuple[RunRow, str]] = {}
-        self._answers: dict[Query, tuple[int, tuple[RunRow, ...]]] = {}
+        self._words: dict[int, tuple[run_index.RunRow, str]] = {}
+        self._answers: dict[Query, tuple[int, tuple[run_index.RunRow, ...]]] = {}
         self._watchers = 0
         self._looking: asyncio.Task[None] | None = None
         self.problem = ""
@@ -92,12 +90,12 @@ class RunTable:
     @property
     def folder(self) -> Path:
         """Folder whose runs are listed: `runs` below the studio's folder, or that folder without one."""
-        below = self._workspace.root / RUNS_FOLDER
+        below = self._workspace.root / log_files.RUNS_FOLDER
         if below.is_symlink() or below.is_dir():
-            return self._workspace.resolve(str(RUNS_FOLDER))
+            return self._workspace.resolve(str(log_files.RUNS_FOLDER))
         return self._workspace.root
 
-    def run_id(self, row: RunRow) -> str:
+    def run_id(self, row: run_index.RunRow) -> str:
         """Return the identity of a run in the page: its path below the studio's folder."""
         index = self._index
         return row.folder if index is None else self._workspace.relative(index.folder / row.folder)
@@ -132,13 +130,13 @@ class RunTable:
             try:
                 folder = self.folder
                 if self._index is None or self._index.folder != folder:
-                    self._index = RunIndex(folder)
+                    self._index = run_index.RunIndex(folder)
             except PicktreeError as error:
                 self.problem = str(error)
                 self._show((), complete=True)
                 return
             self.problem = ""
-            rows: list[RunRow] = []
+            rows: list[run_index.RunRow] = []
             shown = time.monotonic()
             pause = _FIRST_SHOWN
             for row in self._index.rows():
@@ -151,12 +149,12 @@ class RunTable:
                     self._show(tuple(rows), complete=False)
             self._show(tuple(rows), complete=True)
 
-    def _show(self, rows: tuple[RunRow, ...], *, complete: bool) -> None:
+    def _show(self, rows: tuple[run_index.RunRow, ...], *, complete: bool) -> None:
         before = self.snapshot
         if rows != before.rows or complete != before.complete:
             self.snapshot = Snapshot(before.version + 1, rows, complete)
 
-    def select(self, query: Query) -> tuple[RunRow, ...]:
+    def select(self, query: Query) -> tuple[run_index.RunRow, ...]:
         """Return the rows that a query finds, sorted. Raises PicktreeError for a bad condition or column."""
         snapshot = self.snapshot
         found = self._answers.get(query)
@@ -164,12 +162,12 @@ class RunTable:
             return found[1]
         if query.sort not in SORTS:
             raise PicktreeError(f"there is no column {query.sort!r}; sort by {', '.join(SORTS)}")
-        rows: Sequence[RunRow] = snapshot.rows
+        rows: Sequence[run_index.RunRow] = snapshot.rows
         words = query.text.lower().split()
         if words:
             rows = [row for row in rows if all(word in self._text(row) for word in words)]
         if query.where.strip():
-            condition, now = RunFilter.parse(query.where), time.time()
+            condition, now = run_index.RunFilter.parse(query.where), time.time()
             rows = [row for row in rows if condition(row, now)]
         key = SORTS[query.sort]
         keyed = [(key(row), row) for row in rows]
@@ -180,7 +178,7 @@ class RunTable:
         self._answers[query] = (snapshot.version, answer)
         return answer
 
-    def _text(self, row: RunRow) -> str:
+    def _text(self, row: run_index.RunRow) -> str:
         known = self._words.get(id(row))
         if known is None or known[0] is not row:
             parts = (row.status, row.mission, row.scene, row.robot, row.backend, row.folder, *row.causes)
@@ -191,7 +189,7 @@ class RunTable:
         return known[1]
 
 
-def _first(pair: tuple[Any, RunRow]) -> Any:
+def _first(pair: tuple[Any, run_index.RunRow]) -> Any:
     return pair[0]
 
 
@@ -217,7 +215,7 @@ class MadeFiles:
         Raises PicktreeError when the log is gone.
         """
         try:
-            stamps = [path.stat() for path in (log, *part_paths(log).values())]
+            stamps = [path.stat() for path in (log, *log_files.part_paths(log).values())]
         except OSError as error:
             raise PicktreeError(f"{log} cannot be read: {(error.strerror or str(error)).lower()}") from None
         parts = [__version__, str(log), *(f"{each.st_size} {each.st_mtime_ns}" for each in stamps)]
@@ -348,14 +346,14 @@ class RunSlice:
     @call("runs.columns")
     async def columns(self) -> JsonValue:
         """Return the names of a condition with their meanings."""
-        return {name: meaning for name, (_, meaning) in COLUMNS.items()}
+        return {name: meaning for name, (_, meaning) in run_index.COLUMNS.items()}
 
-    def _row(self, row: RunRow) -> dict[str, JsonValue]:
+    def _row(self, row: run_index.RunRow) -> dict[str, JsonValue]:
         return cast("dict[str, JsonValue]", {**row.to_json(), "id": self._table.run_id(row)})
 
     def log_of(self, id: str) -> Path:
         """Return the log of a run by its identity. Raises PicktreeError when none is below the folder."""
-        log = find_log(self._workspace.resolve(id))
+        log = log_files.find_log(self._workspace.resolve(id))
         place = self._workspace.resolve(self._workspace.relative(log))
         if not place.is_file():  # a pipe would be waited for
             raise PicktreeError(f"{id} is no file of a log")
@@ -368,7 +366,7 @@ class RunSlice:
 
     def _opened(self, id: str) -> JsonValue:
         log = self.log_of(id)
-        row = RunIndex(log.parent).row(log.name)
+        row = run_index.RunIndex(log.parent).row(log.name)
         opened = cast("dict[str, JsonValue]", row.to_json())
         opened.update(id=id, folder=id, log=self._workspace.relative(log))
         with suppress(PicktreeError), RunLog(log) as read:

@@ -12,21 +12,19 @@ from typing import TYPE_CHECKING, Any
 
 from starlette.routing import BaseRoute
 
-from ...authoring.editor.syntax import NotEditable, Source
-from ...authoring.editor.text_edits import changes, replace_value, scalar
-from ...files.errors import PicktreeError
-from ...files.yaml.document import read_document
-from ...world.colours import COLOURS
-from ...world.scene.description import SceneDescription
-from ...world.scene.scene_loading import SHIPPED, check_scene, load_scene, scene_names
-from ...world.values import Pose
+from picktree.authoring.editor import NotEditable, Source, changes, replace_value, scalar
+from picktree.files import PicktreeError
+from picktree.files.yaml import read_document
+from picktree.world import COLOURS, Pose
+from picktree.world.scene import SceneDescription, load_scene, scene_loading
+
 from .answers import Places, change_values
 from .calls import JsonValue, call
 from .slice import Studio
 from .worker import Worker
 
 if TYPE_CHECKING:
-    from ...logs.triangle_meshes import Mesh
+    from picktree.logs import triangle_meshes
 
 _GREY = (0.6, 0.6, 0.6)
 
@@ -37,23 +35,27 @@ def spawned(name: str, beside: Path, seed: int, text: str | None) -> dict[str, A
     `beside`: folder of the mission; `text`: the scene file's text where it is not saved.
     """
     # The server names these functions, but only its worker loads what they need.
-    from ...logs.triangle_meshes import part_mesh, shape_mesh
-    from ...simulation.spawn import displace_fixtures, spawn_items
+    from picktree.logs import triangle_meshes
+    from picktree.simulation import displace_fixtures, spawn_items
 
     scene = _scene(name, beside, text)
     bodies: list[dict[str, Any]] = []
     for fixture in displace_fixtures(scene, seed).fixtures:
-        mesh = part_mesh(fixture.shape, fixture.holes)
+        mesh = triangle_meshes.part_mesh(fixture.shape, fixture.holes)
         bodies.append(_body(str(fixture.id), "fixture", mesh, fixture.pose, fixture.colour))
     for each in scene.bins:
-        parts = [shape_mesh(box).placed(each.pose.inverse() @ pose) for box, pose in each.parts()]
+        parts = [
+            triangle_meshes.shape_mesh(box).placed(each.pose.inverse() @ pose) for box, pose in each.parts()
+        ]
         bodies += [_body(str(each.id), "bin", part, each.pose, each.colour) for part in parts]
     for item in spawn_items(scene, seed):
-        bodies.append(_body(str(item.id), "item", shape_mesh(item.entry.shape), item.pose, item.colour))
+        bodies.append(
+            _body(str(item.id), "item", triangle_meshes.shape_mesh(item.entry.shape), item.pose, item.colour)
+        )
     file = Path(scene.source)
     return {
         "name": scene.name,
-        "file": "" if file.parent == SHIPPED else str(file),
+        "file": "" if file.parent == scene_loading.SHIPPED else str(file),
         "bodies": bodies,
         "cameras": [
             {"name": camera.name, "fov": camera.fov, "size": list(camera.size), **_pose(camera.pose)}
@@ -72,8 +74,8 @@ def robot(name: str, beside: Path, text: str | None) -> dict[str, Any]:
 
 @lru_cache(maxsize=2)
 def _robot(name: str, beside: str) -> dict[str, Any]:
-    from ...analysis.render.snapshots import home_mesh
-    from ...world.robot_model.robot_file import load_robot
+    from picktree.analysis.render import home_mesh
+    from picktree.world.robot_model import load_robot
 
     return {"robot": name, **_mesh(home_mesh(load_robot(name, Path(beside))))}
 
@@ -83,7 +85,7 @@ def camera_view(name: str, beside: Path, seed: int, camera: str, text: str | Non
     import cv2
     import numpy as np
 
-    from ...session.cell import CellSession
+    from picktree.session import CellSession
 
     if text is not None:
         raise PicktreeError("the scene is not saved: save it, and the camera sees it")
@@ -107,10 +109,10 @@ def camera_view(name: str, beside: Path, seed: int, camera: str, text: str | Non
 def _scene(name: str, beside: Path, text: str | None) -> SceneDescription:
     if text is None:
         return load_scene(name, beside)
-    return check_scene(read_document(beside / name, "scene", text)).required()
+    return scene_loading.check_scene(read_document(beside / name, "scene", text)).required()
 
 
-def _body(name: str, kind: str, mesh: Mesh, pose: Pose, colour: str) -> dict[str, Any]:
+def _body(name: str, kind: str, mesh: triangle_meshes.Mesh, pose: Pose, colour: str) -> dict[str, Any]:
     paint = list(COLOURS.get(colour, _GREY))
     return {"name": name, "kind": kind, "colour": paint, **_pose(pose), **_mesh(mesh)}
 
@@ -119,7 +121,7 @@ def _pose(pose: Pose) -> dict[str, Any]:
     return {"position": list(map(float, pose.position)), "quaternion": list(map(float, pose.orientation))}
 
 
-def _mesh(mesh: Mesh) -> dict[str, Any]:
+def _mesh(mesh: triangle_meshes.Mesh) -> dict[str, Any]:
     return {
         "vertices": [round(float(value), 5) for value in mesh.vertices.ravel()],
         "faces": [int(value) for value in mesh.faces.ravel()],
@@ -144,7 +146,7 @@ class SceneSlice:
         """Return what a scene holds when a run with a seed begins; `text`: its file's, where not saved."""
         beside = self._beside(mission, scene)
         found = await self._worker.run(spawned, scene, beside, seed, text)
-        return {**found, "file": "" if scene in scene_names() else self._below(beside / scene)}
+        return {**found, "file": "" if scene in scene_loading.scene_names() else self._below(beside / scene)}
 
     @call("scene.robot")
     async def robot(self, mission: str, scene: str, text: str | None = None) -> JsonValue:
@@ -168,7 +170,7 @@ class SceneSlice:
 
     def _beside(self, mission: str, scene: str) -> Path:
         folder = self._workspace.resolve(mission).parent
-        if scene not in scene_names():
+        if scene not in scene_loading.scene_names():
             self._below(folder / scene)
         return folder
 

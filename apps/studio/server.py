@@ -20,8 +20,9 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket
 
-from ...authoring import svg_drawing
-from ...files.errors import PicktreeError
+from picktree.authoring import svg_drawing
+from picktree.files import PicktreeError
+
 from .batch_slice import BatchSlice
 from .calls import Registry, Viewer
 from .folder_slice import FolderSlice

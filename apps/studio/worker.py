@@ -12,8 +12,8 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from typing import Final, ParamSpec, TypeVar
 
-from ...files.errors import Diagnostic, FileError, PicktreeError
-from ...trees.loading.plugin import PLUGINS_VARIABLE
+from picktree.files import Diagnostic, FileError, PicktreeError
+from picktree.trees.loading import PLUGINS_VARIABLE
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, cast
 
-from ...files.errors import PicktreeError
-from ...trees.loading.plugin import PLUGINS_VARIABLE
+from picktree.files import PicktreeError
+from picktree.trees.loading import PLUGINS_VARIABLE
 
 MAX_DRAFTS: Final = 200
 """Number of drafts that are kept; beyond it the oldest is deleted."""

@@ -1,1 +1,5 @@
 """Editor support: what completion, hover, definition, rename and quick fixes answer, without a protocol."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

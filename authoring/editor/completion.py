@@ -10,13 +10,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias, cast
 
-from ...files.errors import Location
-from ...files.yaml.document import KINDS
-from ...files.yaml.reader import resolve
-from ...trees.declaration import PRECONDITIONS
-from ...trees.references import ATTRIBUTES
-from ...world.world_facts import FACTS
-from ..schema.schema_parts import Schema, header, schema
+from picktree.authoring.schema import Schema, header, schema
+from picktree.files import Location
+from picktree.files.yaml import KINDS, resolve
+from picktree.trees import PRECONDITIONS, references
+from picktree.world import world_facts
+
 from .cursor import CURSOR, Cursor, Place, Span
 from .schema_walk import SchemaWalk, markdown_of, node_ids, types_of
 from .tree_keys import assigns, key_places, tree_of
@@ -79,7 +78,7 @@ def _keys(cursor: Cursor, walk: SchemaWalk, written: str, *, braces: bool) -> It
     close = _closing(cursor) if braces else ""
     if "." in written:
         owner = written.rpartition(".")[0]
-        for name in ATTRIBUTES:
+        for name in references.ATTRIBUTES:
             text = f"{owner}.{name}"
             yield Proposal(text, "blackboard", escaped(text + close), "Attribute of the object.")
         return
@@ -91,7 +90,7 @@ def _keys(cursor: Cursor, walk: SchemaWalk, written: str, *, braces: bool) -> It
                 what = "Port" if place.kind == "port" else "Key"
                 found.setdefault(place.key, f"{what} of the tree {tree}.")
     if not braces:
-        found |= {name: "Fact of the world." for name in FACTS if name not in found}
+        found |= {name: "Fact of the world." for name in world_facts.FACTS if name not in found}
     for name, doc in found.items():
         yield Proposal(name, "blackboard", escaped(name + close), doc)
 

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from ...files.errors import FileError, Location, Mark
-from ...files.yaml.reader import YamlNode, YamlReadResult, read
+from picktree.files import FileError, Location, Mark
+from picktree.files.yaml import YamlNode, YamlReadResult, read
 
 CURSOR: Final = "\ue000"
 """Sign of the cursor, of the private use area: YAML reads it as a letter, and no file contains it."""

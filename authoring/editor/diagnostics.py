@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...files.errors import Diagnostic
-from ...files.file_checks import Check, UnsavedText, check_files, is_ours
-from ...files.yaml.syntax_faults import LOOK_ALIKE, NO_BLANK, slip_at
+from picktree.files import Diagnostic, file_checks
+from picktree.files.yaml import syntax_faults
+
 from .cursor import Place, Span
 from .navigation import Edit
 
@@ -34,7 +34,7 @@ def token_span(fault: Diagnostic, lines: list[str]) -> Span:
 
 def quick_fix(fault: Diagnostic, lines: list[str]) -> Edit | None:
     """Return the edit that a fault's hint names; None when it names none, or its word is not found."""
-    if fault.code in (LOOK_ALIKE, NO_BLANK) and 0 < fault.mark.line <= len(lines):
+    if fault.code in (syntax_faults.LOOK_ALIKE, syntax_faults.NO_BLANK) and 0 < fault.mark.line <= len(lines):
         return _repaired(fault, lines)
     hint = _NEW.search(fault.hint) or _NEW.search(fault.message)
     if hint is None:
@@ -56,7 +56,7 @@ def quick_fix(fault: Diagnostic, lines: list[str]) -> Edit | None:
 def _repaired(fault: Diagnostic, lines: list[str]) -> Edit | None:
     """Replace the characters of a typing slip by those that are meant."""
     row = fault.mark.line - 1
-    slip = slip_at(lines, row, fault.mark.column - 1, fault.message)
+    slip = syntax_faults.slip_at(lines, row, fault.mark.column - 1, fault.message)
     return slip and Edit(Span(Place(row, slip.start), Place(row, slip.end)), slip.meant)
 
 
@@ -90,11 +90,13 @@ class DocumentFault:
     """Whether it stands in another file."""
 
 
-def document_faults(path: Path, text: str, checks: Mapping[str, Check]) -> list[DocumentFault]:
+def document_faults(path: Path, text: str, checks: Mapping[str, file_checks.Check]) -> list[DocumentFault]:
     """Check a text that need not be saved. `path`: its file, for files beside it."""
-    if not is_ours(text):
+    if not file_checks.is_ours(text):
         return []
-    report = check_files([UnsavedText(path, text.encode("utf-8", errors="replace"))], checks)
+    report = file_checks.check_files(
+        [file_checks.UnsavedText(path, text.encode("utf-8", errors="replace"))], checks
+    )
     lines = text.split("\n")
     return [_located(fault, path, lines) for fault in report.faults]
 

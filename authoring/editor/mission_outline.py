@@ -12,11 +12,10 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Final, Literal, TypeAlias
 
-from ...files.errors import Location
-from ...trees.control_nodes import Sequence
-from ...trees.declaration import AUTOREMAP, COMMON_KEYS, Kind, NodeDeclaration
-from ...trees.loading.grammar import NAME_PATTERN, ChildNames
-from ...trees.ports import SlotDeclaration
+from picktree.files import Location
+from picktree.trees import AUTOREMAP, COMMON_KEYS, Kind, NodeDeclaration, Sequence, SlotDeclaration
+from picktree.trees.loading import NAME_PATTERN, ChildNames
+
 from .syntax import Source, Syntax
 
 OutlineKind: TypeAlias = Literal["unknown"] | Kind

@@ -11,19 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from ...files.errors import Location, Mark, PicktreeError
-from ...files.file_system import find_file, is_file
-from ...files.yaml.document import Document
-from ...files.yaml.reader import YamlNode
-from ...trees.declaration import IDENTIFIER
-from ...trees.loading.registry import NodeRegistry
-from ...trees.mission import MAIN, MissionFiles, path_of
-from ...trees.node import Node
-from ...trees.references import ROOT_KEY
-from ...world.robot_model.robot_file import SHIPPED as ROBOTS
-from ...world.scene.scene_loading import SHIPPED as SCENES
-from ..schema.mission import mission_files
-from ..schema.schema_parts import Schema
+from picktree.authoring.schema import Schema, mission_files
+from picktree.files import Location, Mark, PicktreeError, file_system
+from picktree.files.yaml import Document, YamlNode
+from picktree.trees import IDENTIFIER, MAIN, MissionFiles, Node, path_of, references
+from picktree.trees.loading import NodeRegistry
+from picktree.world.robot_model import robot_file
+from picktree.world.scene import scene_loading
+
 from .completion import is_expression
 from .cursor import Cursor, Place, Span
 from .schema_walk import SchemaWalk, markdown_of, node_ids
@@ -92,7 +87,7 @@ def renamed_span(cursor: Cursor, walk: SchemaWalk, text: str) -> Span | None:
     found = key_at(cursor, walk)
     if found is None:
         return None
-    key = found.key.removeprefix(ROOT_KEY)
+    key = found.key.removeprefix(references.ROOT_KEY)
     return written_span(found.mark, found.at + len(found.key) - len(key), key, text.split("\n"))
 
 
@@ -127,7 +122,7 @@ def rename(cursor: Cursor, walk: SchemaWalk, name: str, text: str) -> list[Edit]
 def key_home(place: KeyPlace) -> tuple[str, str]:
     """Return the tree to which a key belongs, and its name there."""
     own = tree_of(place.path) or ""
-    return (MAIN, place.key[1:]) if place.key.startswith(ROOT_KEY) else (own, place.key)
+    return (MAIN, place.key[1:]) if place.key.startswith(references.ROOT_KEY) else (own, place.key)
 
 
 def key_places_of(cursor: Cursor, walk: SchemaWalk, tree: str, key: str) -> Iterator[KeyPlace]:
@@ -189,11 +184,11 @@ def _node_at(root: YamlNode, path: tuple[str | int, ...]) -> YamlNode | None:
 
 
 _FILE_KEYS: Final[Mapping[str, Mapping[str, Path | None]]] = {
-    "mission": {"scene": SCENES},
-    "scene": {"base": SCENES, "robot": ROBOTS},
-    "faults": {"scene": SCENES},
+    "mission": {"scene": scene_loading.SHIPPED},
+    "scene": {"base": scene_loading.SHIPPED, "robot": robot_file.SHIPPED},
+    "faults": {"scene": scene_loading.SHIPPED},
     "cases": {"mission": None},
-    "plan": {"missions": None, "scenes": SCENES, "robots": ROBOTS, "faults": None},
+    "plan": {"missions": None, "scenes": scene_loading.SHIPPED, "robots": robot_file.SHIPPED, "faults": None},
 }
 """Keys at the top of each kind of file that name other files; the folder of shipped ones, None: there are
 none."""
@@ -210,14 +205,14 @@ def named_file(cursor: Cursor, document: Document) -> Mark | None:
         path = _plugin_file(cursor.written, document.path.parent)
     elif isinstance(key, str) and key in keys:
         path = _shipped_or_own(cursor.written, keys[key], document.path)
-    return Mark(str(path), 1, 1) if path is not None and is_file(path) else None
+    return Mark(str(path), 1, 1) if path is not None and file_system.is_file(path) else None
 
 
 def _shipped_or_own(name: str, shipped: Path | None, beside: Path) -> Path | None:
     if shipped is None:
         return beside.parent / name
     try:
-        return find_file(name, shipped, beside, "file")
+        return file_system.find_file(name, shipped, beside, "file")
     except PicktreeError:
         return None
 

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import yaml
 
-from ...files.errors import Location
-from ...trees.declaration import IDENTIFIER, NodeDeclaration
-from ...trees.node import Node
-from ...trees.ports import PortDeclaration, SlotDeclaration
-from ..schema.node_reference import required_one_of
+from picktree.authoring.schema import node_reference
+from picktree.files import Location
+from picktree.trees import IDENTIFIER, Node, NodeDeclaration, PortDeclaration, SlotDeclaration
+
 from .mission_outline import Declarations, Outline, OutlineNode, outline
 from .syntax import NotEditable, Source, Syntax, source_of
 from .text_edits import (
@@ -55,7 +54,7 @@ def needed(declaration: NodeDeclaration, node: type[Node] | None) -> list[tuple[
     """Return the ports, and other keys but the main children, without which the node is a fault."""
     source, body = _example(declaration)
     entries = [(port.key, _value(port, source, body)) for port in declaration.ports if port.required]
-    choice = required_one_of(node) if node is not None else None
+    choice = node_reference.required_one_of(node) if node is not None else None
     if choice is not None:
         taken = [key for key in choice.keys if body is not None and body.entry(key) is not None]
         one = [slot.key for slot in declaration.slots if slot.arity == "one"]
@@ -453,7 +452,7 @@ def _shifted(loc: Location, removed: OutlineNode) -> Location:
 
 def scalar_of(text: str) -> str:
     """Return a text as YAML writes it."""
-    from ...files.yaml.writer import scalar_text
+    from picktree.files.yaml import scalar_text
 
     return scalar_text(text)
 

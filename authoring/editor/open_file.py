@@ -9,13 +9,19 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TypeAlias
 
-from ...files.errors import Mark, PicktreeError
-from ...files.yaml.document import KINDS, Document, read_document
-from ...files.yaml.reader import YamlNode
-from ...trees.loading.registry import NodeRegistry
-from ...trees.mission import IN_LIBRARY, LIBRARY, MAIN, FilesOnDisk, library_names, path_of
-from ..schema.mission import MissionSpecifics, any_mission, mission_files, mission_schema, one_mission
-from ..schema.schema_parts import Schema
+from picktree.authoring.schema import (
+    MissionSpecifics,
+    Schema,
+    any_mission,
+    mission_files,
+    mission_schema,
+    one_mission,
+)
+from picktree.files import Mark, PicktreeError
+from picktree.files.yaml import KINDS, Document, YamlNode, read_document
+from picktree.trees import IN_LIBRARY, LIBRARY, MAIN, FilesOnDisk, library_names, path_of
+from picktree.trees.loading import NodeRegistry
+
 from .completion import Proposal, head_proposals, is_expression, proposals, skeletons
 from .cursor import Cursor, Place, Span, cursor_at, cursor_on, read_repaired
 from .navigation import (

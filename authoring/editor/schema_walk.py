@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterator
 from typing import cast
 
-from ...files.errors import Location
-from ..schema.schema_parts import Schema, schema, schemas
+from picktree.authoring.schema import Schema, schema, schemas
+from picktree.files import Location
 
 _NODE = "#/definitions/node."
 _TREE = "#/definitions/tree."

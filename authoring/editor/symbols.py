@@ -6,8 +6,9 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
-from ...files.errors import Mark
-from ...files.yaml.reader import YamlNode
+from picktree.files import Mark
+from picktree.files.yaml import YamlNode
+
 from .cursor import Place, Span
 
 SymbolKind: TypeAlias = Literal["tree", "node", "key"]

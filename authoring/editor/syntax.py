@@ -14,8 +14,8 @@ from typing import Literal, TypeAlias
 
 import yaml
 
-from ...files.errors import Location, PicktreeError
-from ...files.yaml.reader import resolve
+from picktree.files import Location, PicktreeError
+from picktree.files.yaml import resolve
 
 SyntaxKind: TypeAlias = Literal["scalar", "mapping", "list", "alias"]
 

@@ -10,8 +10,9 @@ from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
 from typing import Literal, TypeAlias
 
-from ...files.errors import Location
-from ...files.yaml.writer import MAX_LINE_LENGTH, scalar_text
+from picktree.files import Location
+from picktree.files.yaml import MAX_LINE_LENGTH, scalar_text
+
 from .syntax import Lines, NotEditable, Source, Syntax, source_of
 
 PieceKind: TypeAlias = Literal["scalar", "mapping", "list", "raw"]

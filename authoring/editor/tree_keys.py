@@ -10,11 +10,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ...files.errors import Location, Mark
-from ...files.yaml.reader import YamlNode
-from ...trees.declaration import POSTCONDITIONS, PRECONDITIONS
-from ...trees.mission import MAIN
-from ...trees.references import ROOT_KEY
+from picktree.files import Location, Mark
+from picktree.files.yaml import YamlNode
+from picktree.trees import MAIN, POSTCONDITIONS, PRECONDITIONS, references
+
 from .cursor import CURSOR
 
 IsExpression: TypeAlias = Callable[[Location], bool]
@@ -51,7 +50,9 @@ def places_of(root: YamlNode, key: str, tree: str, is_expression: IsExpression) 
     trees = root.entries.get("trees")
     for name in trees.entries if trees is not None else ():
         for place in key_places(root, name, is_expression):
-            if (name == tree and place.key == key) or (tree == MAIN and place.key == ROOT_KEY + key):
+            if (name == tree and place.key == key) or (
+                tree == MAIN and place.key == references.ROOT_KEY + key
+            ):
                 yield place
 
 

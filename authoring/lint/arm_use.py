@@ -6,19 +6,20 @@ from collections.abc import Iterator, Mapping
 from itertools import combinations
 from typing import TypeAlias
 
-from ...files.errors import Diagnostic
-from ...trees.control_nodes import (
+from picktree.files import Diagnostic
+from picktree.trees import (
+    NodeSpec,
     ParallelNode,
     PipelineSequence,
+    RateController,
     ReactiveFallback,
     ReactiveSequence,
+    Resource,
     Sequence,
     TryCatch,
+    control_flow,
 )
-from ...trees.declaration import Resource
-from ...trees.decorators import RateController
-from ...trees.flow import IDLE, AtOnce, ChildFlow, Choice, Flow, Loop, Once, Resumed, Turns
-from ...trees.mission import NodeSpec
+
 from .mission_survey import LintModel
 from .outcomes import EMPTY, FlowState, Outcomes
 
@@ -173,13 +174,23 @@ def users(survey: LintModel, spec: NodeSpec) -> Users:
     return found
 
 
-def _starts_first(spec: NodeSpec, flow: Flow | None) -> bool:
+def _starts_first(spec: NodeSpec, flow: control_flow.Flow | None) -> bool:
     """Whether the node ticks its first child at once, whatever holds."""
     match flow:
-        case Loop():
+        case control_flow.Loop():
             return not flow.each_of and flow.guard not in spec.ports
-        case ChildFlow():
-            return not (isinstance(flow, AtOnce | Choice | Once | Resumed | Turns) or IDLE in flow.own)
+        case control_flow.ChildFlow():
+            return not (
+                isinstance(
+                    flow,
+                    control_flow.AtOnce
+                    | control_flow.Choice
+                    | control_flow.Once
+                    | control_flow.Resumed
+                    | control_flow.Turns,
+                )
+                or control_flow.IDLE in flow.own
+            )
         case _:
             return False
 

@@ -10,34 +10,10 @@ from functools import cached_property
 from itertools import count
 from math import inf
 
-from ...files.expressions import Expression
-from ...trees.control_nodes import counted, is_case
-from ...trees.flow import (
-    AGAIN,
-    FAILURE,
-    IDLE,
-    NEXT,
-    RUNNING,
-    SKIPPED,
-    SUCCESS,
-    AtOnce,
-    Branch,
-    ChildFlow,
-    Choice,
-    CleanUp,
-    Lead,
-    Loop,
-    NodeStatus,
-    Once,
-    Pipeline,
-    Recovery,
-    Resumed,
-    Turns,
-)
-from ...trees.mission import NodeSpec
-from ...trees.ports import show
-from ...trees.references import Constant
-from ...world.causes import internal
+from picktree.files import Expression
+from picktree.trees import NodeSpec, NodeStatus, control_flow, counted, is_case, references, show
+from picktree.world import internal
+
 from .flow_walk import FlowWalk
 from .outcomes import (
     NO_REPORT,
@@ -66,7 +42,7 @@ class ChildWalk:
     `_arriving`: where each child starts, by what came before it; the last: what is past all children.
     """
 
-    def __init__(self, spec: NodeSpec, flow: ChildFlow, walk: FlowWalk) -> None:
+    def __init__(self, spec: NodeSpec, flow: control_flow.ChildFlow, walk: FlowWalk) -> None:
         assert spec.node is not None
         self._spec, self._flow, self._walk = spec, flow, walk
         self._node = spec.node.declaration
@@ -78,7 +54,11 @@ class ChildWalk:
         self._least, self._most = walk.runs(spec, flow)
         self._mark = 0
         """Flags that success sets."""
-        self._passed = walk.flags(spec) if isinstance(flow, Resumed | Pipeline) else (0,) * len(spec.children)
+        self._passed = (
+            walk.flags(spec)
+            if isinstance(flow, control_flow.Resumed | control_flow.Pipeline)
+            else (0,) * len(spec.children)
+        )
         """Flags of the children that have led on to the next."""
         never = flow.own_unless and walk.number(spec, flow.own_unless) == 0
         self._own = dict[NodeStatus, NodeStatus]() if never else flow.own
@@ -87,38 +67,46 @@ class ChildWalk:
         """Label and pattern of each handler, by its place."""
         self._endings: set[int] = set()
         """Places of the handlers whose success ends the node."""
-        if isinstance(flow, Recovery):
+        if isinstance(flow, control_flow.Recovery):
             self._sort_handlers(flow)
-        if isinstance(flow, Pipeline) or (isinstance(flow, Branch) and flow.reactive):
-            walk.kept.update(map(id, self._parts if isinstance(flow, Pipeline) else self._parts[:1]))
-        if isinstance(flow, Loop | Recovery) and self._node.causes:
+        if isinstance(flow, control_flow.Pipeline) or (
+            isinstance(flow, control_flow.Branch) and flow.reactive
+        ):
+            walk.kept.update(
+                map(id, self._parts if isinstance(flow, control_flow.Pipeline) else self._parts[:1])
+            )
+        if isinstance(flow, control_flow.Loop | control_flow.Recovery) and self._node.causes:
             _ = self._own_reasons
 
     def outcomes(self, entry: FlowState) -> Outcomes:
         """Return the outcomes of the node."""
         flow, ends = self._flow, self._ends
         match flow:
-            case Once():
+            case control_flow.Once():
                 return self._once(flow, entry)
-            case Turns():
+            case control_flow.Turns():
                 return self._in_turn(flow, entry)
-            case Resumed():
+            case control_flow.Resumed():
                 return self._resumed(entry)
-            case Pipeline():
+            case control_flow.Pipeline():
                 gone = ~sum(self._passed)
                 entry = entry._replace(sure=entry.sure & gone, maybe=entry.maybe & gone)
-            case Choice() if self._may_fit_no_case():
-                ends.add(FAILURE, (entry,), self._own_reasons)
-            case Loop() if self._least == 0:
-                ends.add(SUCCESS if flow.success is AGAIN else FAILURE, (entry,), self._missing_reasons)
+            case control_flow.Choice() if self._may_fit_no_case():
+                ends.add(control_flow.FAILURE, (entry,), self._own_reasons)
+            case control_flow.Loop() if self._least == 0:
+                ends.add(
+                    control_flow.SUCCESS if flow.success is control_flow.AGAIN else control_flow.FAILURE,
+                    (entry,),
+                    self._missing_reasons,
+                )
             case _:
                 pass
-        if isinstance(flow, Loop) and self._most == 0:
+        if isinstance(flow, control_flow.Loop) and self._most == 0:
             why = "there is no element" if flow.each_of else f"{flow.runs} is 0"
             self._walk.unreached(self._parts[0], why)
             return ends
         starts: States = frozenset((entry,))
-        seen = NONE if isinstance(flow, Recovery) else starts
+        seen = NONE if isinstance(flow, control_flow.Recovery) else starts
         for run in count(1):
             self._again = set()
             ends.take(self._pass(self._parts, Outcomes(skipped=self._begun(starts)), run))
@@ -126,8 +114,8 @@ class ChildWalk:
             if starts == seen:
                 break
             seen = starts
-        if IDLE in self._own:
-            ends.add(self._own[IDLE], (entry,), self._own_reasons)
+        if control_flow.IDLE in self._own:
+            ends.add(self._own[control_flow.IDLE], (entry,), self._own_reasons)
         return ends.tidied()
 
     # What the node's ports say.
@@ -144,12 +132,16 @@ class ChildWalk:
     def _begun(self, starts: States) -> States:
         """Return the states in which the first child starts."""
         flow, spec = self._flow, self._spec
-        if not isinstance(flow, Loop | Recovery):
+        if not isinstance(flow, control_flow.Loop | control_flow.Recovery):
             return starts
-        guard = self._walk.literal(spec, flow.guard) if isinstance(flow, Loop) and flow.guard else None
-        if isinstance(flow, Loop) and isinstance(guard, Expression):
+        guard = (
+            self._walk.literal(spec, flow.guard)
+            if isinstance(flow, control_flow.Loop) and flow.guard
+            else None
+        )
+        if isinstance(flow, control_flow.Loop) and isinstance(guard, Expression):
             asked = self._walk.ask(spec, flow.guard, guard, starts)
-            self._ends.add(SUCCESS, asked.no)
+            self._ends.add(control_flow.SUCCESS, asked.no)
             self._ends.fail(asked.failed)
             starts = asked.yes
             if not starts:
@@ -161,7 +153,7 @@ class ChildWalk:
         """Cases, and the default, that the value may lead to; one at most where the text says the value."""
         key, cases, default = self._choice
         bound = self._spec.ports[key]
-        if not isinstance(bound, Constant):
+        if not isinstance(bound, references.Constant):
             return self._parts
         case = next((part for name, part in cases if is_case(bound.value, name)), None)
         return default if case is None else (case,)
@@ -178,7 +170,7 @@ class ChildWalk:
         key, _, default = self._choice
         return not self._chosen or (not default and self._walk.literal(self._spec, key) is None)
 
-    def _sort_handlers(self, flow: Recovery) -> None:
+    def _sort_handlers(self, flow: control_flow.Recovery) -> None:
         """Put the handlers behind the first child: those of a cause, those of any, the last resort."""
         spec, tried = self._spec, self._parts[0]
         last, first = flow.resort, flow.instead
@@ -201,8 +193,8 @@ class ChildWalk:
     def _pass(self, parts: tuple[NodeSpec, ...], first: Outcomes, run: int = 1, turn: int = 0) -> Outcomes:
         """Collect the ends of one pass from the child `turn` on; return what comes past the last child."""
         flow, walk = self._flow, self._walk
-        one_of = isinstance(flow, Choice)
-        chosen = self._chosen if isinstance(flow, Choice) else parts[turn : turn + 1]
+        one_of = isinstance(flow, control_flow.Choice)
+        chosen = self._chosen if isinstance(flow, control_flow.Choice) else parts[turn : turn + 1]
         self._arriving = [first if any(part is one for one in chosen) else Outcomes() for part in parts]
         self._arriving.append(Outcomes())
         meanwhile, before = NOTHING, ""
@@ -214,107 +206,123 @@ class ChildWalk:
                 continue
             for came, states, why in arrival.groups():
                 outcomes = walk.child(part, states, meanwhile)
-                if isinstance(flow, Recovery) and index == 0:
+                if isinstance(flow, control_flow.Recovery) and index == 0:
                     self._share(self._failures(states, outcomes), run)
                 self._follow(index, outcomes, came, why)
-            later_branch = isinstance(flow, Branch) and index
+            later_branch = isinstance(flow, control_flow.Branch) and index
             if flow.reactive and not one_of and not later_branch:
                 meanwhile = meanwhile.with_(walk.effect(part, arrival.everywhere))
-            before = before if later_branch or (isinstance(flow, Recovery) and index) else part.name
+            before = (
+                before if later_branch or (isinstance(flow, control_flow.Recovery) and index) else part.name
+            )
         return self._arriving[-1]
 
     def _why_not(self, before: str, index: int) -> str:
         flow = self._flow
         match flow:
-            case Choice():
+            case control_flow.Choice():
                 return f"the value is always {show(self._walk.literal(self._spec, self._choice[0]))}"
-            case Recovery() if index not in self._handlers:
+            case control_flow.Recovery() if index not in self._handlers:
                 return f"{before} never fails for good"
-            case Recovery() if self._most == 1:
+            case control_flow.Recovery() if self._most == 1:
                 return f"{before} may run once only, so there is no run after it"
-            case Recovery():
+            case control_flow.Recovery():
                 return f"{before} never fails" + (" with another cause" if index > 1 else "")
             case _:
-                succeeds = index == 1 if isinstance(flow, Branch) else flow.success is NEXT
+                succeeds = (
+                    index == 1 if isinstance(flow, control_flow.Branch) else flow.success is control_flow.NEXT
+                )
                 return f"{before} before it never {'succeeds' if succeeds else 'fails'}"
 
-    def _lead(self, index: int, status: NodeStatus) -> Lead | int:
+    def _lead(self, index: int, status: NodeStatus) -> control_flow.Lead | int:
         """Return where a result of that child leads; a number: to another child."""
         match self._flow:
-            case Branch() if index == 0 and status is not SKIPPED:
-                chosen = 1 if status is SUCCESS else 2
+            case control_flow.Branch() if index == 0 and status is not control_flow.SKIPPED:
+                chosen = 1 if status is control_flow.SUCCESS else 2
                 return chosen if chosen < len(self._parts) else status
-            case Recovery() if index in self._endings:
-                return SUCCESS if status is SUCCESS else FAILURE
-            case Recovery(skipped_handler=skipped) if index in self._handlers:
-                return skipped if status is SKIPPED else AGAIN if status is SUCCESS else FAILURE
-            case Recovery() if index:
-                return FAILURE
+            case control_flow.Recovery() if index in self._endings:
+                return control_flow.SUCCESS if status is control_flow.SUCCESS else control_flow.FAILURE
+            case control_flow.Recovery(skipped_handler=skipped) if index in self._handlers:
+                return (
+                    skipped
+                    if status is control_flow.SKIPPED
+                    else control_flow.AGAIN
+                    if status is control_flow.SUCCESS
+                    else control_flow.FAILURE
+                )
+            case control_flow.Recovery() if index:
+                return control_flow.FAILURE
             case flow:
                 lead = flow.of(status)
-                return index + 1 if lead is NEXT else lead
+                return index + 1 if lead is control_flow.NEXT else lead
 
     def _follow(
         self, index: int, outcomes: Outcomes, came: NodeStatus, before: FailureReasons | None
     ) -> None:
         """Follow the results of a child: to another child, to another pass, or to the end of the node."""
-        recovers = isinstance(self._flow, Recovery)
+        recovers = isinstance(self._flow, control_flow.Recovery)
         for status, state, reasons in outcomes:
             if status in self._own:
                 self._ends.add(self._own[status], (state,), self._own_reasons)
-            if status is RUNNING:
+            if status is control_flow.RUNNING:
                 self._run_on(state)
-                if isinstance(self._flow, Pipeline) and state.maybe & self._passed[index]:
-                    self._arriving[index + 1].add(SUCCESS, (state,), before)
+                if isinstance(self._flow, control_flow.Pipeline) and state.maybe & self._passed[index]:
+                    self._arriving[index + 1].add(control_flow.SUCCESS, (state,), before)
                 continue
-            if recovers and index == 0 and status is FAILURE:
+            if recovers and index == 0 and status is control_flow.FAILURE:
                 continue  # shared out among the handlers
             lead = self._lead(index, status)
             state = state.written(self._passed[index]) if isinstance(lead, int) else state
             if not isinstance(lead, int):
-                failed = before if recovers and lead is not SUCCESS else None
+                failed = before if recovers and lead is not control_flow.SUCCESS else None
                 self._end(status, lead, state, failed.tried() if failed else reasons)
-            elif status is SKIPPED:
+            elif status is control_flow.SKIPPED:
                 self._arriving[lead].add(came, (state,), before)
             else:
                 known = reasons if before is None or reasons is None else decisive(before, reasons)
                 self._arriving[lead].add(status, (state,), known)
                 if self._flow.pauses and lead < len(self._parts):
-                    self._ends.add(RUNNING, (state,))
+                    self._ends.add(control_flow.RUNNING, (state,))
 
     def _run_on(self, state: FlowState) -> None:
         self._runs_on = True
-        self._ends.add(RUNNING, (state,))
-        if self._flow.reactive and not isinstance(self._flow, Choice):
+        self._ends.add(control_flow.RUNNING, (state,))
+        if self._flow.reactive and not isinstance(self._flow, control_flow.Choice):
             self._again.add(state)
         elif self._flow.reactive and len(self._chosen) > 1:
             # The value seldom changes while a case runs. It may, but nothing is reported of it.
             self._again.add(state.in_doubt())
 
-    def _end(self, status: NodeStatus, lead: Lead, state: FlowState, reasons: FailureReasons | None) -> None:
+    def _end(
+        self, status: NodeStatus, lead: control_flow.Lead, state: FlowState, reasons: FailureReasons | None
+    ) -> None:
         flow, ends, unhidable = self._flow, self._ends, self._walk.unhidable
-        if isinstance(flow, Loop) and flow.passes_over[0] and reasons is not None:
+        if isinstance(flow, control_flow.Loop) and flow.passes_over[0] and reasons is not None:
             key, value = flow.passes_over
             given = self._walk.literal(self._spec, key)
             # A failure that may not be hidden is passed over once the operator has acknowledged it.
-            ends.add(FAILURE, (state,), reasons.only(unhidable) if given == value else reasons)
+            ends.add(control_flow.FAILURE, (state,), reasons.only(unhidable) if given == value else reasons)
             if given is not None and given != value:
                 return
-            status, lead, reasons = SUCCESS, AGAIN, None
-        if lead is AGAIN:
+            status, lead, reasons = control_flow.SUCCESS, control_flow.AGAIN, None
+        if lead is control_flow.AGAIN:
             if self._most != 1:
-                ends.add(RUNNING, (state,))
+                ends.add(control_flow.RUNNING, (state,))
                 self._again.add(state)
-            if self._least < inf and isinstance(flow, Loop):
+            if self._least < inf and isinstance(flow, control_flow.Loop):
                 ends.add(status, (state,), reasons and self._used_up(reasons))
-                if status is SKIPPED and self._most != 1:
-                    ends.add(SUCCESS, (state,))
-        elif status is FAILURE and lead is SUCCESS and reasons is not None:
-            ends.add(FAILURE, (state,), reasons.only(unhidable))
+                if status is control_flow.SKIPPED and self._most != 1:
+                    ends.add(control_flow.SUCCESS, (state,))
+        elif status is control_flow.FAILURE and lead is control_flow.SUCCESS and reasons is not None:
+            ends.add(control_flow.FAILURE, (state,), reasons.only(unhidable))
             if hidden := reasons.only(~unhidable).any:
-                ends.add(SUCCESS, (state if reasons.loud & hidden else state.in_doubt(),))
+                ends.add(control_flow.SUCCESS, (state if reasons.loud & hidden else state.in_doubt(),))
         elif isinstance(lead, NodeStatus):
-            ends.add(lead, (state.written(self._mark) if lead is SUCCESS else state,), reasons or NO_REPORT)
+            ends.add(
+                lead,
+                (state.written(self._mark) if lead is control_flow.SUCCESS else state,),
+                reasons or NO_REPORT,
+            )
 
     def _used_up(self, reasons: FailureReasons) -> FailureReasons:
         """Return the reasons after the last run of a retry."""
@@ -346,7 +354,7 @@ class ChildWalk:
             if caught and (ends or run < self._most):
                 self._walk.handles(self._spec, label)
                 self._arriving[index].fail(together(caught))
-                self._ends.add(RUNNING, caught)
+                self._ends.add(control_flow.RUNNING, caught)
             # The first run is by itself: after it nothing is used up yet.
             if self._most <= 1 and not ends:
                 self._give_up(caught)
@@ -362,22 +370,22 @@ class ChildWalk:
 
     # Nodes that remember something beyond their end.
 
-    def _once(self, flow: Once, entry: FlowState) -> Outcomes:
+    def _once(self, flow: control_flow.Once, entry: FlowState) -> Outcomes:
         (ended, failed), ends, spec = self._walk.flags(self._spec), self._ends, self._spec
         skips = self._walk.literal(spec, flow.skips)
         if not entry.sure & ended:
             for status, state, reasons in self._walk.child(spec.children[0], (entry,)):
-                flags = {SUCCESS: ended, FAILURE: ended | failed}.get(status, 0)
+                flags = {control_flow.SUCCESS: ended, control_flow.FAILURE: ended | failed}.get(status, 0)
                 ends.add(status, (state.written(flags),), reasons)
                 if reasons is not None:
                     self._walk.remember(spec, reasons)
         if entry.maybe & ended and skips is not False:
-            ends.add(SKIPPED, (entry,))
+            ends.add(control_flow.SKIPPED, (entry,))
         if entry.maybe & ended and skips is not True:
             if not entry.sure & failed:
-                ends.add(SUCCESS, (entry,))
+                ends.add(control_flow.SUCCESS, (entry,))
             if entry.maybe & failed:
-                ends.add(FAILURE, (entry,), self._walk.recall(spec))
+                ends.add(control_flow.FAILURE, (entry,), self._walk.recall(spec))
         return ends.tidied()
 
     def _resumed(self, entry: FlowState) -> Outcomes:
@@ -386,26 +394,26 @@ class ChildWalk:
             if turn == 0 or entry.maybe & self._passed[turn - 1]:
                 over = self._pass(self._parts, Outcomes(skipped=frozenset((entry,))), turn=turn)
                 if turn:
-                    self._ends.add(SUCCESS, over.skipped)
+                    self._ends.add(control_flow.SUCCESS, over.skipped)
                     over.skipped = NONE
                 self._ends.take(over)
         return self._ends.tidied()
 
-    def _in_turn(self, flow: Turns, entry: FlowState) -> Outcomes:
+    def _in_turn(self, flow: control_flow.Turns, entry: FlowState) -> Outcomes:
         parts, ends = self._parts, self._ends
         (self._mark,) = self._walk.flags(self._spec)
         wraps = self._walk.literal(self._spec, flow.wraps) is not False
         for turn in range(len(parts) + 1) if entry.maybe & self._mark else range(1):
             order, self._runs_on = (*parts[turn:], *(parts[:turn] if wraps else ())), False
             if not order:
-                ends.add(FAILURE, (entry,), self._own_reasons)
+                ends.add(control_flow.FAILURE, (entry,), self._own_reasons)
                 continue
             over = self._pass(order, Outcomes(skipped=frozenset((entry,))))
             whole = len(order) == len(parts)
             ends.fail(over.failure)
-            ends.add(SKIPPED, over.skipped if whole else NONE)
+            ends.add(control_flow.SKIPPED, over.skipped if whole else NONE)
             if self._runs_on or not whole:
-                ends.add(FAILURE, over.skipped, NO_REPORT)
+                ends.add(control_flow.FAILURE, over.skipped, NO_REPORT)
             if wraps and self._runs_on:
                 self._more_turns(order, {**dict.fromkeys(over.skipped, NO_REPORT), **over.failure})
         return ends.tidied()
@@ -445,7 +453,7 @@ class ParallelWalk:
     None: the number is not known. `spares_skipped`: those that are skipped need not succeed.
     """
 
-    def __init__(self, spec: NodeSpec, flow: AtOnce, walk: FlowWalk, entry: FlowState) -> None:
+    def __init__(self, spec: NodeSpec, flow: control_flow.AtOnce, walk: FlowWalk, entry: FlowState) -> None:
         self._spec, self._entry, self._walk = spec, entry, walk
         self._total = len(spec.children)
         success, failure = walk.number(spec, flow.wanted), walk.number(spec, flow.tolerated)
@@ -509,12 +517,12 @@ class ParallelWalk:
         passing = sum(bool(f.success or (f.skipped and self._spares_skipped)) for f in flows)
         if self._wanted is None or passing >= self._wanted:
             all_pass = self._wanted == self._total and all(passed)
-            ends.add(SUCCESS, self._together(parts, passed if all_pass else anywhere))
+            ends.add(control_flow.SUCCESS, self._together(parts, passed if all_pass else anywhere))
         if len(flows) == self._total and all(flow.skipped for flow in flows):
-            ends.add(SKIPPED, self._together(parts, [flow.skipped for flow in flows]))
+            ends.add(control_flow.SKIPPED, self._together(parts, [flow.skipped for flow in flows]))
         waits = any(flow.running or flow.skipped for flow in flows)
         if waits or not (self._waits or (self._tolerated == 1 and self._wanted == self._total)):
-            ends.add(RUNNING, self._together(parts, anywhere))
+            ends.add(control_flow.RUNNING, self._together(parts, anywhere))
         return ends.tidied()
 
     def _fail(self, parts: list[_Part], anywhere: list[States], ends: Outcomes) -> None:
@@ -527,7 +535,9 @@ class ParallelWalk:
         for index, failure in failing if len(failing) >= needed else ():
             for state, reasons in failure.items():
                 ways = [*anywhere[:index], frozenset((state,)), *anywhere[index + 1 :]]
-                ends.add(FAILURE, self._together(parts, ways), reasons if needed == 1 else everything)
+                ends.add(
+                    control_flow.FAILURE, self._together(parts, ways), reasons if needed == 1 else everything
+                )
 
     def _together(self, parts: list[_Part], ways: list[States]) -> Iterable[FlowState]:
         """States in which each child is in one of its own."""
@@ -548,7 +558,9 @@ class ParallelWalk:
         return [FlowState(sure, maybe, hand, in_doubt) for hand, in_doubt in hands.items()]
 
 
-def clean_up_outcomes(spec: NodeSpec, flow: CleanUp, entry: FlowState, walk: FlowWalk) -> Outcomes:
+def clean_up_outcomes(
+    spec: NodeSpec, flow: control_flow.CleanUp, entry: FlowState, walk: FlowWalk
+) -> Outcomes:
     """Return the outcomes of the node that starts in one state."""
     *tried, last = spec.children
     ends, failed, before = Outcomes(), Outcomes(), ""
@@ -579,8 +591,8 @@ def _clean(last: NodeSpec, failures: Failures, ends: Outcomes, walk: FlowWalk) -
     """Add the failures after the last child. Its own counts only where the one before it has no report."""
     for state, reasons in failures.items():
         cleaned, reported = walk.child(last, (state,)), reasons.only(~UNREPORTED)
-        ends.add(RUNNING, cleaned.running)
-        ends.add(FAILURE, cleaned.success | cleaned.skipped, reasons)
+        ends.add(control_flow.RUNNING, cleaned.running)
+        ends.add(control_flow.FAILURE, cleaned.success | cleaned.skipped, reasons)
         for after, why in cleaned.failure.items():
             silent = (reported, why) if reported.any else (why,)
-            ends.add(FAILURE, (after,), joined(silent) if reasons.any & UNREPORTED else reasons)
+            ends.add(control_flow.FAILURE, (after,), joined(silent) if reasons.any & UNREPORTED else reasons)

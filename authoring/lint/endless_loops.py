@@ -5,15 +5,26 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from ...files.errors import Diagnostic
-from ...files.expressions import Expression
-from ...trees.control_nodes import Parallel, ParallelAll, ReactiveFallback, ReactiveSequence
-from ...trees.data_flow import uses_of
-from ...trees.decorators import ForEach, KeepRunningUntilFailure, Repeat, RetryUntilSuccessful, Timeout
-from ...trees.flow import AGAIN, ChildFlow, LeafFlow, Loop, Recovery
-from ...trees.mission import MAIN, NodeSpec, TreeSpec
-from ...trees.node import Node
-from ...world.world_facts import FACTS
+from picktree.files import Diagnostic, Expression
+from picktree.trees import (
+    MAIN,
+    ForEach,
+    KeepRunningUntilFailure,
+    Node,
+    NodeSpec,
+    Parallel,
+    ParallelAll,
+    ReactiveFallback,
+    ReactiveSequence,
+    Repeat,
+    RetryUntilSuccessful,
+    Timeout,
+    TreeSpec,
+    control_flow,
+    data_flow,
+)
+from picktree.world import world_facts
+
 from .mission_survey import LintModel
 
 _BY_ITSELF = "time"
@@ -29,7 +40,7 @@ class BranchEffects:
 
     def decides(self, expression: Expression) -> bool:
         """Whether the expression may get another value by it."""
-        facts = {name for name in expression.names if name in FACTS}
+        facts = {name for name in expression.names if name in world_facts.FACTS}
         by_world = self.acts and bool(facts or expression.paths)
         return by_world or _BY_ITSELF in facts or bool(self.keys & expression.names)
 
@@ -41,7 +52,7 @@ def changes_of(branches: Iterable[NodeSpec], trees: Mapping[str, TreeSpec]) -> B
     """Return the possible changes by the branches, seen from the tree in which they stand."""
     acts, keys = False, set[str]()
     for spec in (spec for branch in branches for spec in branch.iterate()):
-        keys.update(use.key for use in uses_of(spec, trees) if use.writes)
+        keys.update(use.key for use in data_flow.uses_of(spec, trees) if use.writes)
         if spec.node is None:
             acts = acts or changes_of((trees[spec.id].root,), trees).acts
         elif not (spec.children or is_steady(spec.node) or spec.node.kind == "condition"):
@@ -55,7 +66,7 @@ def is_constant(branch: NodeSpec, trees: Mapping[str, TreeSpec], between: Branch
     for spec in branch.iterate():
         if not (is_constant(trees[spec.id].root, trees) if spec.node is None else is_steady(spec.node)):
             return False
-        for use in uses_of(spec, trees):
+        for use in data_flow.uses_of(spec, trees):
             (written if use.writes else read).add(use.key)
     return not between.acts and _BY_ITSELF not in read and not written & read
 
@@ -75,7 +86,7 @@ class NodeContext:
         if issubclass(spec.node, Timeout):
             stopped = stopped or survey.walk.number(spec, "msec") != 0
         flow = spec.node.declaration.flow
-        if isinstance(flow, ChildFlow) and flow.by_turns:
+        if isinstance(flow, control_flow.ChildFlow) and flow.by_turns:
             return NodeContext(stopped, self.beside)
         if issubclass(spec.node, Parallel):
             return NodeContext(stopped or _may_end_early(spec, child, survey), beside=True)
@@ -185,7 +196,7 @@ def unbounded_recovery(survey: LintModel) -> Iterator[Diagnostic]:
         if passing is None or not _OF_ITEMS & condition.names:
             continue
         flows = (s.node.declaration.flow for s in below if s.node is not None)
-        if not any(isinstance(flow, LeafFlow) and flow.gives_up for flow in flows):
+        if not any(isinstance(flow, control_flow.LeafFlow) and flow.gives_up for flow in flows):
             message = f"{passing.name} passes over what fails, and '{condition}' still holds: an item that "
             message += "cannot be had keeps the loop going for ever"
             yield survey.fault(spec, message, "a number of cycles, or SetAside", code="P325", at="while")
@@ -230,8 +241,12 @@ def vain_attempts(survey: LintModel) -> Iterator[Diagnostic]:
 def _attempts(survey: LintModel, spec: NodeSpec) -> tuple[NodeSpec | None, tuple[NodeSpec, ...]]:
     """Return the child that a node tries several times, and those that it runs in between."""
     flow = spec.node.declaration.flow if spec.node is not None else None
-    if not isinstance(flow, Loop | Recovery) or (isinstance(flow, Loop) and flow.failure is not AGAIN):
+    if not isinstance(flow, control_flow.Loop | control_flow.Recovery) or (
+        isinstance(flow, control_flow.Loop) and flow.failure is not control_flow.AGAIN
+    ):
         return None, ()
     runs = survey.walk.number(spec, flow.runs)
-    once = runs is not None and 0 <= runs + (isinstance(flow, Recovery) and flow.first_is_free) <= 1
+    once = (
+        runs is not None and 0 <= runs + (isinstance(flow, control_flow.Recovery) and flow.first_is_free) <= 1
+    )
     return (None, ()) if once else (spec.children[0], spec.children[1:])

@@ -9,15 +9,12 @@ from functools import reduce
 from math import inf
 from typing import cast
 
-from ...files.expressions import Expression
-from ...trees.flow import FAILURE, ChildFlow, Loop, Recovery
-from ...trees.mission import NodeSpec
-from ...trees.ports import Required
-from ...trees.references import Constant, PortExpression, Reference
-from ...world.causes import perception
-from ...world.causes import tree as tree_causes
-from ...world.causes import world as world_causes
-from ...world.world_facts import FACTS
+from picktree.files import Expression
+from picktree.trees import NodeSpec, Required, control_flow, references
+from picktree.world import perception, world_facts
+from picktree.world import tree as tree_causes
+from picktree.world import world as world_causes
+
 from .keys import ExpressionShape, KeyBits, shape
 from .outcomes import (
     EMPTY,
@@ -125,7 +122,7 @@ class FlowWalk(ABC):
     def literal(self, spec: NodeSpec, key: str) -> object:
         """The value of an input where the text says it, or its default; None where it is read or computed."""
         bound = spec.ports.get(key)
-        if isinstance(bound, Constant):
+        if isinstance(bound, references.Constant):
             return bound.value
         port = spec.node.declaration.port(key) if spec.node is not None and bound is None else None
         return None if port is None or isinstance(port.default, Required) else port.default
@@ -135,15 +132,15 @@ class FlowWalk(ABC):
         value = self.literal(spec, key)
         return value if isinstance(value, int | float) else None
 
-    def runs(self, spec: NodeSpec, flow: ChildFlow) -> tuple[float, float]:
+    def runs(self, spec: NodeSpec, flow: control_flow.ChildFlow) -> tuple[float, float]:
         """Return the least and the greatest number of runs that are allowed."""
-        least = most = inf if isinstance(flow, Loop | Recovery) else 1
-        if isinstance(flow, Loop | Recovery) and flow.runs:
+        least = most = inf if isinstance(flow, control_flow.Loop | control_flow.Recovery) else 1
+        if isinstance(flow, control_flow.Loop | control_flow.Recovery) and flow.runs:
             number = self.number(spec, flow.runs)
             least, most = (0, inf) if number is None else (inf, inf) if number < 0 else (number, number)
-        if isinstance(flow, Recovery):
+        if isinstance(flow, control_flow.Recovery):
             return least + flow.first_is_free, most + flow.first_is_free
-        if isinstance(flow, Loop) and flow.each_of:
+        if isinstance(flow, control_flow.Loop) and flow.each_of:
             items = self.literal(spec, flow.each_of)
             length = len(cast("list[object]", items)) if isinstance(items, list) else None
             least, most = min(least, length or 0), min(most, inf if length is None else length)
@@ -153,7 +150,7 @@ class FlowWalk(ABC):
         """Return the bits of the keys to which the node's outputs are wired."""
         ports = spec.node.declaration.outputs if spec.node is not None else ()
         wired = (spec.ports.get(port.key) for port in ports)
-        return self.all_bits(bound.key for bound in wired if isinstance(bound, Reference))
+        return self.all_bits(bound.key for bound in wired if isinstance(bound, references.Reference))
 
     def all_bits(self, keys: Iterable[str]) -> int:
         """Return the bits that stand for the keys."""
@@ -178,7 +175,7 @@ class FlowWalk(ABC):
         failed = Outcomes()
         for state in states:
             after, reasons = self._names(spec, place, found, state)
-            failed.add(FAILURE, (state,), reasons)
+            failed.add(control_flow.FAILURE, (state,), reasons)
             if found.fails:
                 continue
             if found.constant is not False:
@@ -209,7 +206,7 @@ class FlowWalk(ABC):
         state, reasons = self.computed_inputs(spec, state)
         loud = quiet = 0
         for key, bound in spec.ports.items():
-            if not isinstance(bound, Reference):
+            if not isinstance(bound, references.Reference):
                 continue
             port = spec.node.declaration.port(key)
             if port is None or port.direction != "in" or port.takes == "key":
@@ -227,7 +224,7 @@ class FlowWalk(ABC):
         """After the expressions at the node's ports were evaluated as it starts; and why that may fail."""
         found: list[FailureReasons] = []
         for key, bound in spec.ports.items():
-            if isinstance(bound, PortExpression):
+            if isinstance(bound, references.PortExpression):
                 state, reasons = self._names(spec, key, self.shape(bound.value), state)
                 found += (reasons, self.fails(spec, 0, self._missing_input))
         return state, found
@@ -239,7 +236,7 @@ class FlowWalk(ABC):
         loud, quiet, owned = 0, 0, found.attributes
         for name in found.names:
             bits = self.bits(name)
-            if name in FACTS and not state.sure & bits:
+            if name in world_facts.FACTS and not state.sure & bits:
                 continue
             after, missing, perhaps = self.read(spec, place, name, bits, state)
             loud, quiet = loud | missing, quiet | perhaps

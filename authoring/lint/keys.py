@@ -6,57 +6,40 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain
 
-from ...files.expression_syntax import (
-    Attribute,
-    ComparisonChain,
-    Conditional,
-    ExpressionError,
-    ListOf,
-    LiteralValue,
-    Logic,
-    Name,
-    Not,
-    Part,
-    walk,
-)
-from ...files.expression_syntax import children as parts_of
-from ...files.expressions import Expression
-from ...trees.data_flow import KeyUse, uses_of
-from ...trees.flow import Once, Pipeline, Resumed, Turns
-from ...trees.mission import MAIN, NodeSpec, TreeSpec
-from ...trees.references import ROOT_KEY, Reference
+from picktree.files import Expression, expression_syntax
+from picktree.trees import MAIN, NodeSpec, TreeSpec, control_flow, data_flow, references
 
 
 class KeyUsage:
     """The keys of one tree, with the places of the text that read and write them."""
 
     def __init__(self, tree: TreeSpec, trees: Mapping[str, TreeSpec]) -> None:
-        self.reads: dict[str, list[KeyUse]] = {}
-        self.writes: dict[str, list[KeyUse]] = {}
+        self.reads: dict[str, list[data_flow.KeyUse]] = {}
+        self.writes: dict[str, list[data_flow.KeyUse]] = {}
         for spec in tree.root.iterate():
-            for use in uses_of(spec, trees):
+            for use in data_flow.uses_of(spec, trees):
                 self._add(use.key, use)
             for use in _read_inside(spec, trees):
                 self._add(use.key, use)
         for other in trees.values() if tree.name == MAIN else ():
-            for use in (use for spec in other.root.iterate() for use in uses_of(spec, trees)):
-                if use.key.startswith(ROOT_KEY):
+            for use in (use for spec in other.root.iterate() for use in data_flow.uses_of(spec, trees)):
+                if use.key.startswith(references.ROOT_KEY):
                     self._add(use.key[1:], use)
 
-    def _add(self, key: str, use: KeyUse) -> None:
+    def _add(self, key: str, use: data_flow.KeyUse) -> None:
         (self.writes if use.writes else self.reads).setdefault(key, []).append(use)
 
 
-def _read_inside(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> Iterator[KeyUse]:
+def _read_inside(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> Iterator[data_flow.KeyUse]:
     """Yield the keys at outputs of a sub-tree that reads them, too, by itself or further below."""
     tree = trees.get(spec.id) if spec.node is None else None
     for port in tree.ports if tree is not None else ():
         bound = spec.ports.get(port.key)
-        if tree is not None and port.direction == "out" and isinstance(bound, Reference):
-            below = (use for each in tree.root.iterate() for use in uses_of(each, trees))
+        if tree is not None and port.direction == "out" and isinstance(bound, references.Reference):
+            below = (use for each in tree.root.iterate() for use in data_flow.uses_of(each, trees))
             inside = (use for each in tree.root.iterate() for use in _read_inside(each, trees))
             if any(use.key == port.key and not use.writes for use in chain(below, inside)):
-                yield KeyUse(spec, port.key, bound.key, port, writes=False)
+                yield data_flow.KeyUse(spec, port.key, bound.key, port, writes=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +69,7 @@ def lay_out(trees: Mapping[str, TreeSpec], order: tuple[str, ...]) -> dict[str, 
         keys: dict[str, int] = {}
         usage = KeyUsage(tree, trees)
         used = (use for key in (usage.reads, usage.writes) for uses in key.values() for use in uses)
-        named = {use.key[1:] for use in used if name == MAIN and use.key.startswith(ROOT_KEY)}
+        named = {use.key[1:] for use in used if name == MAIN and use.key.startswith(references.ROOT_KEY)}
         for key in (*(port.key for port in tree.ports), *usage.reads, *usage.writes):
             keys.setdefault(key, 1 << len(keys))
         size = len(keys)
@@ -98,13 +81,19 @@ def lay_out(trees: Mapping[str, TreeSpec], order: tuple[str, ...]) -> dict[str, 
                 size += layouts[spec.id].size
             else:
                 flow = spec.node.declaration.flow
-                lasting = 2 if isinstance(flow, Once) else int(isinstance(flow, Turns))
-                lasting = len(spec.children) if isinstance(flow, Resumed | Pipeline) else lasting
+                lasting = (
+                    2 if isinstance(flow, control_flow.Once) else int(isinstance(flow, control_flow.Turns))
+                )
+                lasting = (
+                    len(spec.children)
+                    if isinstance(flow, control_flow.Resumed | control_flow.Pipeline)
+                    else lasting
+                )
                 flags[id(spec)] = tuple(1 << size + index for index in range(lasting))
                 size += lasting
         inputs = sum(keys[port.key] for port in tree.ports if port.direction == "in")
         named |= {port.key for port in tree.ports if port.remapped and port.direction == "out"}
-        rooted = sum(bit for key, bit in keys.items() if key.startswith(ROOT_KEY) or key in named)
+        rooted = sum(bit for key, bit in keys.items() if key.startswith(references.ROOT_KEY) or key in named)
         layouts[name] = KeyBits(tree, keys, flags, calls, size, inputs, rooted, usage)
     return layouts
 
@@ -129,12 +118,21 @@ class ExpressionShape:
 
 def shape(expression: Expression) -> ExpressionShape:
     constant, fails = None, False
-    if not (expression.names or any(isinstance(part, Attribute) for part in walk(expression.root))):
+    if not (
+        expression.names
+        or any(
+            isinstance(part, expression_syntax.Attribute) for part in expression_syntax.walk(expression.root)
+        )
+    ):
         try:
             constant = bool(expression.evaluate({}))
-        except ExpressionError:
+        except expression_syntax.ExpressionError:
             fails = True
-    names = dict.fromkeys(part.name for part in walk(expression.root) if isinstance(part, Name))
+    names = dict.fromkeys(
+        part.name
+        for part in expression_syntax.walk(expression.root)
+        if isinstance(part, expression_syntax.Name)
+    )
     return ExpressionShape(
         tuple(names),
         certain_names(expression.root),
@@ -147,42 +145,49 @@ def shape(expression: Expression) -> ExpressionShape:
     )
 
 
-def certain_names(part: Part) -> frozenset[str]:
+def certain_names(part: expression_syntax.Part) -> frozenset[str]:
     """Names that are read whatever the values are: those behind a first `and` or `or` are not."""
     match part:
-        case Name(name=name):
+        case expression_syntax.Name(name=name):
             return frozenset((name,))
-        case Logic(parts=(first, *_)):
+        case expression_syntax.Logic(parts=(first, *_)):
             return certain_names(first)
-        case Conditional(test=test, yes=yes, no=no):
+        case expression_syntax.Conditional(test=test, yes=yes, no=no):
             return certain_names(test) | (certain_names(yes) & certain_names(no))
-        case ComparisonChain(first=first, rest=(second, *_)):
+        case expression_syntax.ComparisonChain(first=first, rest=(second, *_)):
             return certain_names(first) | certain_names(second.operand)
         case _:
-            return frozenset[str]().union(*map(certain_names, parts_of(part)))
+            return frozenset[str]().union(*map(certain_names, expression_syntax.children(part)))
 
 
-def is_total(part: Part) -> bool:
+def is_total(part: expression_syntax.Part) -> bool:
     """Whether nothing in it works on some types only."""
     match part:
-        case LiteralValue() | Name():
+        case expression_syntax.LiteralValue() | expression_syntax.Name():
             return True
-        case ComparisonChain(rest=rest):
-            return all(r.relation in ("==", "!=") for r in rest) and all(map(is_total, parts_of(part)))
-        case Logic() | Not() | Conditional() | ListOf():
-            return all(map(is_total, parts_of(part)))
+        case expression_syntax.ComparisonChain(rest=rest):
+            return all(r.relation in ("==", "!=") for r in rest) and all(
+                map(is_total, expression_syntax.children(part))
+            )
+        case (
+            expression_syntax.Logic()
+            | expression_syntax.Not()
+            | expression_syntax.Conditional()
+            | expression_syntax.ListOf()
+        ):
+            return all(map(is_total, expression_syntax.children(part)))
         case _:
             return False
 
 
-def says_of_hand(part: Part, *, answer: bool) -> bool | None:
+def says_of_hand(part: expression_syntax.Part, *, answer: bool) -> bool | None:
     """Whether something is held when that is the answer; None: it does not tell."""
     match part:
-        case Name(name="holding"):
+        case expression_syntax.Name(name="holding"):
             return answer
-        case Not(operand=operand):
+        case expression_syntax.Not(operand=operand):
             return says_of_hand(operand, answer=not answer)
-        case Logic(symbol=symbol, parts=parts) if (symbol == "and") is answer:
+        case expression_syntax.Logic(symbol=symbol, parts=parts) if (symbol == "and") is answer:
             # All parts of an `and` that holds do, and no part of an `or` that does not.
             known = (says_of_hand(one, answer=answer) for one in parts)
             return next((said for said in known if said is not None), None)

@@ -7,16 +7,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from functools import cached_property, reduce
 
-from ...files.errors import Diagnostic, Mark
-from ...files.expressions import Expression
-from ...files.node_patterns import short_names
-from ...trees.data_flow import PlacedNode, placed_nodes
-from ...trees.declaration import PRECONDITIONS, NodeDeclaration
-from ...trees.flow import FAILURE, RUNNING, SKIPPED, SUCCESS, AtOnce, ChildFlow, CleanUp, Hand, LeafFlow
-from ...trees.loading.loader import SceneNames
-from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec, bottom_up, reachable
-from ...trees.node import Node
-from ...trees.references import Reference
+from picktree.files import Diagnostic, Expression, Mark, short_names
+from picktree.trees import (
+    MAIN,
+    PRECONDITIONS,
+    Mission,
+    Node,
+    NodeDeclaration,
+    NodeSpec,
+    TreeSpec,
+    bottom_up,
+    control_flow,
+    data_flow,
+    reachable,
+    references,
+)
+from picktree.trees.loading import SceneNames
+
 from .child_flow import ChildWalk, ParallelWalk, clean_up_outcomes
 from .flow_walk import FlowWalk, WiredTree
 from .keys import KeyBits, lay_out
@@ -39,7 +46,11 @@ from .outcomes import (
 
 
 def leaf_outcomes(
-    node: NodeDeclaration, spec: NodeSpec, flow: LeafFlow | None, entry: FlowState, walk: FlowWalk
+    node: NodeDeclaration,
+    spec: NodeSpec,
+    flow: control_flow.LeafFlow | None,
+    entry: FlowState,
+    walk: FlowWalk,
 ) -> Outcomes:
     """Return the outcomes of a leaf; without a flow it may end in any way."""
     ends = Outcomes()
@@ -47,15 +58,15 @@ def leaf_outcomes(
         expression = walk.literal(spec, flow.asks)
         assert isinstance(expression, Expression)
         asked = walk.ask(spec, flow.asks, expression, (entry,))
-        ends.add(SUCCESS, asked.yes)
-        ends.add(FAILURE, asked.no, NO_REPORT)
+        ends.add(control_flow.SUCCESS, asked.yes)
+        ends.add(control_flow.FAILURE, asked.no, NO_REPORT)
         ends.fail(asked.failed)
         return ends.tidied()
     success, otherwise = node.hand_with(spec.ports)
     filler = walk.filler(spec) if "full" in (success, *otherwise) else 0
     before = entry.hand if entry.hand & SHARED else 0
     kept = KEPT if entry.hand & ~(EMPTY | SHARED) else 0
-    hands: dict[Hand, int] = {
+    hands: dict[control_flow.Hand, int] = {
         "unchanged": entry.hand,
         "full": before | filler if entry.hand & EMPTY else entry.hand,  # full already: taken by another
         "empty": before | EMPTY,
@@ -63,18 +74,20 @@ def leaf_outcomes(
     }
     outputs = walk.outputs(spec)
     halfway = entry.perhaps(outputs).holding(reduce(int.__or__, (hands[how] for how in otherwise)))
-    if flow is None or SUCCESS in flow.ends:
-        ends.add(SUCCESS, (entry.written(outputs).holding(hands[success]),))
-    if flow is None or FAILURE in flow.ends:
-        ends.add(FAILURE, (halfway,), _reasons(node, spec, flow, walk))
+    if flow is None or control_flow.SUCCESS in flow.ends:
+        ends.add(control_flow.SUCCESS, (entry.written(outputs).holding(hands[success]),))
+    if flow is None or control_flow.FAILURE in flow.ends:
+        ends.add(control_flow.FAILURE, (halfway,), _reasons(node, spec, flow, walk))
     if flow is None or not (flow.instant or flow.steady):
-        ends.add(RUNNING, (halfway,))
+        ends.add(control_flow.RUNNING, (halfway,))
     if flow is None:
-        ends.add(SKIPPED, (entry,))
+        ends.add(control_flow.SKIPPED, (entry,))
     return ends
 
 
-def _reasons(node: NodeDeclaration, spec: NodeSpec, flow: LeafFlow | None, walk: FlowWalk) -> FailureReasons:
+def _reasons(
+    node: NodeDeclaration, spec: NodeSpec, flow: control_flow.LeafFlow | None, walk: FlowWalk
+) -> FailureReasons:
     if flow is not None and len(flow.ends) == 1:
         return NO_REPORT
     looks = walk.causes.of(node.causes) & walk.no_image
@@ -160,22 +173,22 @@ class FlowAnalysis(FlowWalk):
             after, why = self.computed_inputs(spec, state)
             flow = self._call(spec, after)
             if why:
-                flow.add(FAILURE, (state,), joined(why))
+                flow.add(control_flow.FAILURE, (state,), joined(why))
             return flow.tidied() if why else flow
         after, reasons = self.inputs(spec, state)
         flow = self._outcomes(spec, after)
-        flow.add(FAILURE, (state,), reasons)
+        flow.add(control_flow.FAILURE, (state,), reasons)
         return flow.tidied() if reasons.any else flow
 
     def _outcomes(self, spec: NodeSpec, entry: FlowState) -> Outcomes:
         assert spec.node is not None
         node = spec.node.declaration
         match node.flow:
-            case AtOnce() as flow:
+            case control_flow.AtOnce() as flow:
                 return ParallelWalk(spec, flow, self, entry).outcomes()
-            case CleanUp() as flow:
+            case control_flow.CleanUp() as flow:
                 return clean_up_outcomes(spec, flow, entry, self)
-            case ChildFlow() as flow:
+            case control_flow.ChildFlow() as flow:
                 return ChildWalk(spec, flow, self).outcomes(entry)
             case None if spec.children:
                 return any_order_outcomes(node, spec, entry, self)
@@ -190,7 +203,7 @@ class FlowAnalysis(FlowWalk):
         constant = owned = rooted = 0
         for port in layout.tree.ports:
             bit, bound = layout.keys[port.key], spec.ports.get(port.key)
-            if isinstance(bound, Reference):
+            if isinstance(bound, references.Reference):
                 outer = self.bits(bound.key)
                 wired[bit] = outer
                 owned |= bit if bound.attributes or outer & self._frame.owned else 0
@@ -207,7 +220,7 @@ class FlowAnalysis(FlowWalk):
         flow = self._in_frame(layout.tree, twice, owned, rooted, inside)
         for port in layout.tree.ports:
             bound = spec.ports.get(port.key)
-            if isinstance(bound, Reference) and port.direction == "in":
+            if isinstance(bound, references.Reference) and port.direction == "in":
                 unwritten = bool(flow.missing & layout.keys[port.key])
                 self.note_read(spec, port.key, bound.key, state, missing=unwritten)
         # What is written at each start need not be kept from one to the next.
@@ -252,7 +265,13 @@ class FlowAnalysis(FlowWalk):
             asked = self.ask(spec, name, spec.preconditions[name], states)
             ends.fail(asked.failed)
             settled, states = (asked.no, asked.yes) if name == "_while" else (asked.yes, asked.no)
-            ends.add({"_failureIf": FAILURE, "_successIf": SUCCESS}.get(name, SKIPPED), settled, NO_REPORT)
+            ends.add(
+                {"_failureIf": control_flow.FAILURE, "_successIf": control_flow.SUCCESS}.get(
+                    name, control_flow.SKIPPED
+                ),
+                settled,
+                NO_REPORT,
+            )
             if not states and (id(spec) not in self.kept or not (ends.success or ends.failure)):
                 self.unreached(spec, f"its {name} {'never' if name == '_while' else 'always'} holds")
                 break
@@ -267,23 +286,24 @@ class FlowAnalysis(FlowWalk):
                 running = frozenset(state.perhaps(halted) for state in flow.running)
                 asked = self.ask(spec, "_while", spec.preconditions["_while"], running)
                 ends.fail(asked.failed)
-                ends.add(SKIPPED, asked.no)
+                ends.add(control_flow.SKIPPED, asked.no)
         return self._concluded(spec, ends.tidied()) if spec.postconditions else ends.tidied()
 
     def _concluded(self, spec: NodeSpec, flow: Outcomes) -> Outcomes:
         """Return the ends after the assignments; one that has no value makes a success a failure."""
         ends = Outcomes(skipped=flow.skipped)
         ends.add(
-            SUCCESS, self._assigned(spec, (*self._scripts(spec), "_onSuccess", "_post"), flow.success, ends)
+            control_flow.SUCCESS,
+            self._assigned(spec, (*self._scripts(spec), "_onSuccess", "_post"), flow.success, ends),
         )
         for state, reasons in flow.failure.items():
             problems = Outcomes()
             after = self._assigned(spec, ("_onFailure", "_post"), frozenset((state,)), problems)
-            ends.add(FAILURE, after, reasons)
+            ends.add(control_flow.FAILURE, after, reasons)
             for at, missing in problems.tidied().failure.items():
-                ends.add(FAILURE, (at,), joined((reasons.only(~UNREPORTED), missing)))
+                ends.add(control_flow.FAILURE, (at,), joined((reasons.only(~UNREPORTED), missing)))
         halted = self._assigned_keys(spec, "_onHalted")
-        ends.add(RUNNING, (state.perhaps(halted) for state in flow.running))
+        ends.add(control_flow.RUNNING, (state.perhaps(halted) for state in flow.running))
         # No end comes of a halt, but the names are read.
         self._assigned(spec, ("_onHalted",), flow.running, Outcomes())
         return ends.tidied()
@@ -303,7 +323,7 @@ class FlowAnalysis(FlowWalk):
                 ends.fail({state.perhaps(written): reasons for state, reasons in asked.failed.items()})
                 for state in states if not assignment.new else ():
                     _, *missing = self.read(spec, place, assignment.key, bits, state)
-                    ends.add(FAILURE, (state.perhaps(written),), self.fails(spec, *missing))
+                    ends.add(control_flow.FAILURE, (state.perhaps(written),), self.fails(spec, *missing))
                 states = tidy(state.written(bits) for state in states)
         return states
 
@@ -326,7 +346,9 @@ class LintModel:
         for name in reversed(bottom_up(mission.trees)):
             if name not in self.walk.entered and self.own(mission.trees[name].mark):
                 self.walk.enter(mission.trees[name], EMPTY | KEPT)
-        self._places = {id(p.spec): p for tree in mission.trees.values() for p in placed_nodes(tree)}
+        self._places = {
+            id(p.spec): p for tree in mission.trees.values() for p in data_flow.placed_nodes(tree)
+        }
         self.usage = {name: self.walk.layout_of(name).usage for name in mission.trees}
 
     def own(self, mark: Mark) -> bool:
@@ -342,7 +364,7 @@ class LintModel:
         """Those of the mission's own file, in its order."""
         return (tree for tree in self.mission.trees.values() if self.own(tree.mark))
 
-    def places(self) -> Iterator[PlacedNode]:
+    def places(self) -> Iterator[data_flow.PlacedNode]:
         """The nodes of the mission's own file, parents first."""
         for tree in self.trees():
             for spec in tree.root.iterate():

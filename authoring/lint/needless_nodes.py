@@ -6,13 +6,10 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ...files.errors import Diagnostic
-from ...trees.control_nodes import Switch
-from ...trees.data_flow import PlacedNode
-from ...trees.decorators import Decorator, Timeout
-from ...trees.mission import NodeSpec
-from ...trees.references import ATTRIBUTE_TYPES, Constant, Reference
-from ...world.causes import internal, tree
+from picktree.files import Diagnostic
+from picktree.trees import Decorator, NodeSpec, Switch, Timeout, data_flow, references
+from picktree.world import internal, tree
+
 from .mission_survey import LintModel
 from .outcomes import UNREPORTED, joined
 
@@ -135,7 +132,7 @@ def unreachable(survey: LintModel) -> Iterator[Diagnostic]:
         yield survey.fault(spec, message, hint, code="P320")
 
 
-def _is_handler(place: PlacedNode) -> bool:
+def _is_handler(place: data_flow.PlacedNode) -> bool:
     """Whether the place is a handler by cause after which its node may run again: other rules judge those."""
     parent = place.above[-1]
     for slot in parent.node.declaration.slots if parent.node is not None else ():
@@ -145,7 +142,7 @@ def _is_handler(place: PlacedNode) -> bool:
     return False
 
 
-def _following(place: PlacedNode, survey: LintModel) -> list[str] | None:
+def _following(place: data_flow.PlacedNode, survey: LintModel) -> list[str] | None:
     """The names of what is not reached either, behind it in the same list; None: it is itself such a one."""
     parent = place.above[-1]
     slots = parent.node.declaration.slots if parent.node is not None else ()
@@ -203,13 +200,13 @@ def needless_defaults(survey: LintModel) -> Iterator[Diagnostic]:
             yield survey.fault(spec, message, "each of them has a case", code="P326", at="default")
 
 
-def _values(place: PlacedNode) -> tuple[str, ...]:
+def _values(place: data_flow.PlacedNode) -> tuple[str, ...]:
     """All values that the variable of a Switch may have, as its cases would write them; empty: not known."""
     bound = place.spec.ports.get("variable")
-    if not isinstance(bound, Reference):
+    if not isinstance(bound, references.Reference):
         return ()
     if bound.attributes:
-        return _BOOL if ATTRIBUTE_TYPES[bound.attributes[-1]].kind == "bool" else ()
+        return _BOOL if references.ATTRIBUTE_TYPES[bound.attributes[-1]].kind == "bool" else ()
     port = next((port for port in place.tree.ports if port.key == bound.key), None)
     if port is None or port.direction != "in" or port.type.many or port.type.optional:
         return ()
@@ -228,7 +225,7 @@ def short_timeouts(survey: LintModel) -> Iterator[Diagnostic]:
     for spec in survey.nodes(Timeout):
         bound = spec.ports.get("msec")
         if (
-            isinstance(bound, Constant)
+            isinstance(bound, references.Constant)
             and isinstance(bound.text, int | float)
             and bound.text < MIN_BARE_TIMEOUT
         ):
@@ -250,7 +247,12 @@ def unknown_objects(survey: LintModel) -> Iterator[Diagnostic]:
     for spec in survey.nodes():
         for port in spec.node.declaration.ports if spec.node is not None else ():
             bound = spec.ports.get(port.key)
-            if port.type.name != "object" or port.names or not isinstance(bound, Constant) or not bound.value:
+            if (
+                port.type.name != "object"
+                or port.names
+                or not isinstance(bound, references.Constant)
+                or not bound.value
+            ):
                 continue
             name = str(bound.value)
             if not any(re.fullmatch(pattern, name) for pattern in patterns):

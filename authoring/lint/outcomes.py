@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-from ...trees.flow import FAILURE, RUNNING, SKIPPED, SUCCESS, NodeStatus
-from ...world.causes import Cause, Family, all_causes, matches
+from picktree.trees import NodeStatus, control_flow
+from picktree.world import Cause, Family, all_causes, matches
 
 if TYPE_CHECKING:
-    from ...trees.mission import NodeSpec
+    from picktree.trees import NodeSpec
 
 UNREPORTED = 1
 """The bit of a failure without a report: a condition that does not hold."""
@@ -281,20 +281,24 @@ class Outcomes:
         """Inputs of the sub-tree that were read although nothing had surely written them, as bits of keys."""
 
     def __iter__(self) -> Iterator[tuple[NodeStatus, FlowState, FailureReasons | None]]:
-        for status, states in ((SUCCESS, self.success), (SKIPPED, self.skipped), (RUNNING, self.running)):
+        for status, states in (
+            (control_flow.SUCCESS, self.success),
+            (control_flow.SKIPPED, self.skipped),
+            (control_flow.RUNNING, self.running),
+        ):
             for state in states:
                 yield status, state, None
         for state, reasons in self.failure.items():
-            yield FAILURE, state, reasons
+            yield control_flow.FAILURE, state, reasons
 
     def groups(self) -> Iterator[tuple[NodeStatus, States, FailureReasons | None]]:
         """The states of each end but RUNNING, those of failures one by one."""
         if self.skipped:
-            yield SKIPPED, self.skipped, None
+            yield control_flow.SKIPPED, self.skipped, None
         if self.success:
-            yield SUCCESS, self.success, None
+            yield control_flow.SUCCESS, self.success, None
         for state, reasons in self.failure.items():
-            yield FAILURE, frozenset((state,)), reasons
+            yield control_flow.FAILURE, frozenset((state,)), reasons
 
     def add(
         self, status: NodeStatus, states: Iterable[FlowState], reasons: FailureReasons | None = None

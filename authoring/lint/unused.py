@@ -5,13 +5,10 @@ from __future__ import annotations
 import posixpath
 from collections.abc import Iterable, Iterator
 
-from ...files.errors import Diagnostic
-from ...files.value_wording import suggest_name
-from ...files.yaml.document import Document
-from ...trees.data_flow import KeyUse
-from ...trees.mission import IN_LIBRARY, MAIN, TreeSpec, called_by
-from ...trees.ports import PortDeclaration
-from ...trees.references import ROOT_KEY
+from picktree.files import Diagnostic, suggest_name
+from picktree.files.yaml import Document
+from picktree.trees import IN_LIBRARY, MAIN, PortDeclaration, TreeSpec, called_by, data_flow, references
+
 from .flow_walk import KeyRead
 from .keys import KeyUsage
 from .mission_survey import LintModel
@@ -35,14 +32,14 @@ def read_before_written(survey: LintModel) -> Iterator[Diagnostic]:
             yield survey.fault(read.spec, message, hint, code="P301", at=read.place, error=True)
 
 
-def _writer(read: KeyRead, writers: Iterable[KeyUse]) -> str:
+def _writer(read: KeyRead, writers: Iterable[data_flow.KeyUse]) -> str:
     spec = next(iter(writers)).spec
     where = f"{spec.name}, line {spec.mark.line}, writes it"
     before = spec.mark < read.spec.places.get(read.place, read.spec.mark)
     return f"{where}, but may fail or be passed by" if before else f"{where}, further down"
 
 
-def _remedy(survey: LintModel, read: KeyRead, usage: KeyUsage, writers: list[KeyUse]) -> str:
+def _remedy(survey: LintModel, read: KeyRead, usage: KeyUsage, writers: list[data_flow.KeyUse]) -> str:
     if writers:
         return _writer(read, writers)
     inputs = (port.key for port in survey.mission.trees[read.tree].ports)
@@ -56,7 +53,7 @@ def never_read(survey: LintModel) -> Iterator[Diagnostic]:
         usage = survey.usage[tree.name]
         outputs = {port.key for port in tree.ports if port.direction == "out"}
         for key, touches in usage.writes.items():
-            if key in usage.reads or key in outputs or key.startswith(ROOT_KEY):
+            if key in usage.reads or key in outputs or key.startswith(references.ROOT_KEY):
                 continue
             first = touches[0]
             if isinstance(first.what, PortDeclaration) and first.what.remapped:

@@ -7,25 +7,33 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast, get_args
 
-from ...files.errors import Diagnostic, FileError, Location, PicktreeError, Severity, where
-from ...files.node_patterns import node_matches
-from ...files.value_wording import suggest_name
-from ...files.yaml.document import Document, read_document
-from ...files.yaml.document_checker import DocumentChecker
-from ...trees.declaration import NodeDeclaration
-from ...trees.leaves import ConditionNode
-from ...trees.loading.loader import load_mission
-from ...trees.loading.registry import NodeRegistry
-from ...trees.mission import MAIN, Mission, TreeSpec
-from ...trees.ports import convert_literal, show
-from ...trees.references import Reference
-from ...trees.run_settings import parameter_value
-from ...trees.skill import Skill
-from ...world.causes import Cause, all_causes, internal, matches, tree, world
-from ...world.colours import ITEM_COLOURS
-from ...world.journal import Plain
-from ...world.scene.description import Form, SceneDescription
-from ...world.world_facts import ASIDE, FACTS
+from picktree.files import (
+    Diagnostic,
+    FileError,
+    Location,
+    PicktreeError,
+    Severity,
+    node_matches,
+    suggest_name,
+    where,
+)
+from picktree.files.yaml import Document, DocumentChecker, read_document
+from picktree.trees import (
+    MAIN,
+    ConditionNode,
+    Mission,
+    NodeDeclaration,
+    Skill,
+    TreeSpec,
+    convert_literal,
+    parameter_value,
+    references,
+    show,
+)
+from picktree.trees.loading import NodeRegistry, load_mission
+from picktree.world import ITEM_COLOURS, Cause, Plain, all_causes, internal, matches, tree, world, world_facts
+from picktree.world.scene import Form, SceneDescription
+
 from .cases import (
     ANY_LEAVES,
     EMPTY_HAND,
@@ -170,7 +178,7 @@ class CaseNames:
 
     @property
     def places(self) -> tuple[str, ...] | None:
-        return None if self.bins is None else (TABLE, HAND, ASIDE, *self.bins, *self.holes)
+        return None if self.bins is None else (TABLE, HAND, world_facts.ASIDE, *self.bins, *self.holes)
 
     def name(self, loc: Location, value: str | None, what: str, known: Iterable[str] | None) -> None:
         """Report a name that the scene does not have. `known` None: the scene's names are unknown."""
@@ -205,14 +213,14 @@ class WorldChecks:
         """Check facts. `may_set`: the case sets them; null resets a fact, and time cannot be set."""
         for name, value in given.items():
             loc = self._place((*above, key, name))
-            if name not in FACTS or (may_set and name == _SET_BY_CLOCK):
-                known = [one for one in FACTS if not may_set or one != _SET_BY_CLOCK]
+            if name not in world_facts.FACTS or (may_set and name == _SET_BY_CLOCK):
+                known = [one for one in world_facts.FACTS if not may_set or one != _SET_BY_CLOCK]
                 message = f"there is no fact {name!r}"
                 if name == _SET_BY_CLOCK:
                     message = "the time passes by itself, tick by tick"
                 self._fault(loc, message, suggest_name(name, known), "P711", key=True)
-            elif not (may_set and value is None) and not _is(value, FACTS[name]):
-                message = f"the fact {name!r} is {_WORDS[FACTS[name]]}, not {show(value)}"
+            elif not (may_set and value is None) and not _is(value, world_facts.FACTS[name]):
+                message = f"the fact {name!r} is {_WORDS[world_facts.FACTS[name]]}, not {show(value)}"
                 self._fault(loc, message, "", "P711")
 
     def objects(self, given: Objects, above: Location, key: str) -> None:
@@ -368,7 +376,7 @@ def _keys(tree: TreeSpec) -> Iterator[str]:
     """Yield all blackboard keys that a tree's text names."""
     yield from (port.key for port in tree.ports)
     for spec in tree.root.iterate():
-        yield from (bound.key for bound in spec.ports.values() if isinstance(bound, Reference))
+        yield from (bound.key for bound in spec.ports.values() if isinstance(bound, references.Reference))
         for assignments in spec.postconditions.values():
             yield from (one.key for one in assignments)
 
@@ -474,7 +482,7 @@ class LeafChecks:
                 self._worlds.objects_named(converted, loc)
 
     def _unknown_output(self, declaration: NodeDeclaration, key: str, loc: Location) -> None:
-        from ...files.value_wording import suggest_name
+        from picktree.files import suggest_name
 
         known = [port.key for port in declaration.outputs]
         hint = suggest_name(key, known) if known else "it has none"

@@ -12,12 +12,8 @@ from typing import Annotated, Literal, TypeAlias, TypeVar
 
 from pydantic import Field, PlainValidator, Strict
 
-from ...files.errors import Location
-from ...files.value_wording import describe, suggest_name
-from ...files.yaml.document import Document
-from ...files.yaml.document_checker import DocumentChecker
-from ...files.yaml.file_models import Duration, FileModel, Name, Share, UnreadPart, quantity
-from ...files.yaml.reader import Value
+from picktree.files import Location, describe, suggest_name
+from picktree.files.yaml import Document, DocumentChecker, Value, file_models
 
 T = TypeVar("T")
 
@@ -26,7 +22,7 @@ def or_else(read: Callable[[], T], default: T) -> T:
     """Return a part of a model, or the default where it could not be read; the error is reported already."""
     try:
         return read()
-    except UnreadPart:
+    except file_models.UnreadPart:
         return default
 
 
@@ -34,7 +30,7 @@ def entries(mapping: Mapping[str, T]) -> dict[str, T]:
     """Return the entries of a mapping that could be read."""
     found: dict[str, T] = {}
     for key in mapping:
-        with suppress(UnreadPart):
+        with suppress(file_models.UnreadPart):
             found[key] = mapping[key]
     return found
 
@@ -46,12 +42,12 @@ def those_read(found: Iterable[T | None]) -> Iterator[T]:
 Ticks = Annotated[int, Strict(), Field(ge=0, le=100_000)]
 Count = Annotated[int, Strict(), Field(ge=1, le=100_000)]
 Text = Annotated[str, Strict()]
-Mass = Annotated[float, quantity("kg", above=0)]
-Sigma = Annotated[float, quantity("m", least=0)]
-SigmaAngle = Annotated[float, quantity("rad", least=0)]
+Mass = Annotated[float, file_models.quantity("kg", above=0)]
+Sigma = Annotated[float, file_models.quantity("m", least=0)]
+SigmaAngle = Annotated[float, file_models.quantity("rad", least=0)]
 
 
-class ObjectFile(FileModel):
+class ObjectFile(file_models.FileModel):
     """One object as the robot believes it to be. What is left out follows from its kind and the scene."""
 
     kind: Text | None = Field(None, description="Kind of the scene's catalogue; default: unknown.")
@@ -68,13 +64,17 @@ class ObjectFile(FileModel):
         None, description="Where it is believed to lie: table, a bin, hand, or aside. Default: table."
     )
     mass: Mass | None = Field(None, description="Mass as it was weighed, kg. Default: not weighed.")
-    confidence: Share | None = Field(None, description="How sure the belief is, 0 to 1. Default: 1.")
-    last_seen: Duration | None = Field(None, description="Simulated time when it was seen last, s.")
+    confidence: file_models.Share | None = Field(
+        None, description="How sure the belief is, 0 to 1. Default: 1."
+    )
+    last_seen: file_models.Duration | None = Field(
+        None, description="Simulated time when it was seen last, s."
+    )
     sigma_position: Sigma | None = Field(None, description="Standard deviation of its position, m.")
     sigma_angle: SigmaAngle | None = Field(None, description="Standard deviation of its rotation, rad.")
 
 
-class EffectsFile(FileModel):
+class EffectsFile(file_models.FileModel):
     """Changes of the world after a leaf's answer."""
 
     facts: dict[str, object] = Field(
@@ -90,7 +90,7 @@ class EffectsFile(FileModel):
     )
 
 
-class AnswerFile(FileModel):
+class AnswerFile(file_models.FileModel):
     """Answer of a leaf to one start."""
 
     status: Literal["SUCCESS", "FAILURE", "SKIPPED", "RUNNING"] | None = Field(
@@ -107,7 +107,7 @@ class AnswerFile(FileModel):
     then: EffectsFile | None = Field(None, description="What is otherwise in the world after it has ended.")
 
 
-class TurnsFile(FileModel):
+class TurnsFile(file_models.FileModel):
     """Answers in turn, and the one that is given when they are used up."""
 
     answers: Annotated[
@@ -138,7 +138,7 @@ _FACTS = (
 )
 
 
-class HandledFile(FileModel):
+class HandledFile(file_models.FileModel):
     """A failure that some node must take up."""
 
     cause: Text = Field(description="The cause, or a family of causes as grasp.*.")
@@ -149,7 +149,7 @@ class HandledFile(FileModel):
     times: Count | None = Field(None, description="How often exactly. Default: at least once.")
 
 
-class ExpectFile(FileModel):
+class ExpectFile(file_models.FileModel):
     """Expected result of a case."""
 
     status: Literal["SUCCESS", "FAILURE", "SKIPPED", "RUNNING", "IDLE"] | None = Field(
@@ -185,7 +185,7 @@ class ExpectFile(FileModel):
     )
 
 
-class CaseEntry(FileModel):
+class CaseEntry(file_models.FileModel):
     """One case: how the world is, how the leaves answer, what must come of it."""
 
     doc: Text = Field("", description="What the case is about, in a sentence.")
@@ -199,7 +199,7 @@ class CaseEntry(FileModel):
     expect: ExpectFile = Field(description="What must come of it.")
 
 
-class CasesFile(FileModel):
+class CasesFile(file_models.FileModel):
     """A cases file: what its mission does when the leaves answer as each case says."""
 
     mission: Text | None = Field(None, description="The mission file; its path counts from this file.")
@@ -213,7 +213,7 @@ class CasesFile(FileModel):
     leaves: Leaves = Field(
         default_factory=dict[str, object], description=_LEAVES + " A case's own patterns come before these."
     )
-    cases: dict[Name, CaseEntry] = Field(description="The cases by name.")
+    cases: dict[file_models.Name, CaseEntry] = Field(description="The cases by name.")
 
 
 AnswerStatus: TypeAlias = Literal["SUCCESS", "FAILURE", "SKIPPED", "RUNNING"]
@@ -337,7 +337,7 @@ class ExpectationReader:
         loc: Location = (*case, "expect")
         try:
             expect = entry.expect
-        except UnreadPart:
+        except file_models.UnreadPart:
             return Expectation(loc, "SUCCESS")
         order = or_else(lambda: expect.order, None)
         found = Expectation(
@@ -402,7 +402,7 @@ class ExpectationReader:
         entry = self._check.read(HandledFile, loc)
         try:
             return ExpectedHandling(loc, entry.cause, entry.by or "", entry.handler or "", entry.times)
-        except UnreadPart:
+        except file_models.UnreadPart:
             return None
 
 
@@ -461,7 +461,7 @@ class AnswerReader:
         entry = self._check.read(AnswerFile, loc)
         try:
             return self._full_answer(loc, entry)
-        except UnreadPart:
+        except file_models.UnreadPart:
             return None
 
     def _full_answer(self, loc: Location, entry: AnswerFile) -> LeafAnswer | None:

@@ -9,17 +9,23 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from typing import Any, ClassVar, TypeAlias, cast
 
-from ...files.expressions import Attributes, Expression
-from ...trees.flow import LeafFlow, NodeStatus
-from ...trees.mission import Mission, NodeSpec, TreeSpec
-from ...trees.node import Node
-from ...trees.ports import PortDeclaration, convert_literal
-from ...trees.references import Binding, Constant
-from ...trees.runner import BehaviourTree, build
-from ...world.causes import Failure, cause_named
-from ...world.journal import Plain
-from ...world.scene.description import SceneDescription
-from ...world.scene.scene_loading import load_scene
+from picktree.files import Attributes, Expression
+from picktree.trees import (
+    BehaviourTree,
+    Mission,
+    Node,
+    NodeSpec,
+    NodeStatus,
+    PortDeclaration,
+    TreeSpec,
+    build,
+    control_flow,
+    convert_literal,
+    references,
+)
+from picktree.world import Failure, Plain, cause_named
+from picktree.world.scene import SceneDescription, load_scene
+
 from .cases import LeafAnswer, RehearsalCase
 from .rehearsal_world import Contradiction, MissingOutput, RehearsalWorld
 from .trace import NodeRoles, ScriptedAnswers, Trace, follows_from_belief, is_stubbed, roles_of
@@ -93,12 +99,12 @@ class LeafStub(Node, abstract=True):
         # A case that defines the hand's content overrides the leaf's declaration.
         if answer is None or answer.then.hand is None:
             inputs = {port.key: self.input(port.key) for port in self.declaration.inputs}
-            given = {key: Constant(value, None) for key, value in inputs.items()}
+            given = {key: references.Constant(value, None) for key, value in inputs.items()}
             hand, _ = self.declaration.hand_with({**self.wiring.ports, **given})
             given = inputs | (dict(answer.outputs) if answer else {})
             self._stage.belief.succeeded(self.declaration, hand, given, of_itself=answer is None)
             flow = self.declaration.flow
-            emptied, unless = flow.empties if isinstance(flow, LeafFlow) else ("", "")
+            emptied, unless = flow.empties if isinstance(flow, control_flow.LeafFlow) else ("", "")
             if emptied and not inputs.get(unless):
                 self._stage.belief.take_away(str(inputs[emptied]))
         self._write(answer)
@@ -247,10 +253,10 @@ def _node(spec: NodeSpec, above: str, watched: _Watched) -> NodeSpec:
 
     played = spec.node is not None and is_stubbed(spec.node)
 
-    def binding(key: str, bound: Binding) -> Binding:
+    def binding(key: str, bound: references.Binding) -> references.Binding:
         # The expressions of a stubbed leaf are never evaluated.
-        if not played and isinstance(bound, Constant) and isinstance(bound.value, Expression):
-            return Constant(watch(key, bound.value), bound.text)
+        if not played and isinstance(bound, references.Constant) and isinstance(bound.value, Expression):
+            return references.Constant(watch(key, bound.value), bound.text)
         return bound
 
     slots = {

@@ -11,18 +11,23 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from ...files.errors import Diagnostic, FileError, Mark, PicktreeError
-from ...files.fault_codes import apply_suppressions, pages
-from ...files.junit import JunitCase, junit_text
-from ...files.node_patterns import short_names
-from ...files.value_wording import suggest_name
-from ...files.yaml.document import Document, read_document
-from ...trees.flow import NodeStatus
-from ...trees.loading.loader import read_mission
-from ...trees.mission import Mission
-from ...world.causes import all_causes, matches
-from ...world.journal import Plain
-from ..check import check_mission
+from picktree.authoring import check_mission
+from picktree.files import (
+    Diagnostic,
+    FileError,
+    JunitCase,
+    Mark,
+    PicktreeError,
+    fault_codes,
+    junit_text,
+    short_names,
+    suggest_name,
+)
+from picktree.files.yaml import Document, read_document
+from picktree.trees import Mission, NodeStatus
+from picktree.trees.loading import read_mission
+from picktree.world import Plain, all_causes, matches
+
 from .case_checks import examine_cases
 from .cases import CaseFile, RehearsalCase
 from .mission_staging import StubbedMission, play_case, scene_of, stub_mission
@@ -362,8 +367,10 @@ def rehearse_files(
     if found.errors:
         raise FileError(found.errors)
     given = found.cases.document
-    codes = [page.code for page in pages()]
-    warnings = apply_suppressions(found.faults, given.text, str(given.path), codes, complete=False)
+    codes = [page.code for page in fault_codes.pages()]
+    warnings = fault_codes.apply_suppressions(
+        found.faults, given.text, str(given.path), codes, complete=False
+    )
     return replace(rehearse(loaded, found.cases, names), warnings=warnings)
 
 

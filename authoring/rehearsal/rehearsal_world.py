@@ -11,18 +11,28 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NoReturn
 
-from ...trees.declaration import NodeDeclaration, Resource
-from ...trees.flow import Hand
-from ...world.causes import Cause, Failure, matches, safety, world
-from ...world.causes import grasp as grasp_causes
-from ...world.holes import fitting_hole, named_holes
-from ...world.journal import Entry, Journal, JournalEvent
-from ...world.planning_scene import BeliefObject, PlanningScene
-from ...world.scene.description import CatalogueEntry, SceneDescription
-from ...world.scene.destinations import destination_rule, unknown_traits
-from ...world.shapes import Box
-from ...world.values import ObjectId, Pose
-from ...world.world_facts import TAKEN_AWAY, AttemptMemory, facts, items_to_do
+from picktree.trees import NodeDeclaration, Resource, control_flow
+from picktree.world import (
+    BeliefObject,
+    Box,
+    Cause,
+    Entry,
+    Failure,
+    Journal,
+    JournalEvent,
+    ObjectId,
+    PlanningScene,
+    Pose,
+    facts,
+    hole_geometry,
+    matches,
+    safety,
+    world,
+    world_facts,
+)
+from picktree.world import grasp as grasp_causes
+from picktree.world.scene import CatalogueEntry, SceneDescription, destinations
+
 from .cases import EMPTY_HAND, Effects, LeafAnswer, ObjectFile, Objects
 from .trace import ScriptedAnswers, Trace
 
@@ -55,7 +65,7 @@ class Belief:
         self._exhausted = scene is None or not scene.deliveries
         self._done = 0
         self._rules = scene.destinations if scene else ()
-        self._rule = destination_rule(self._rules)
+        self._rule = destinations.destination_rule(self._rules)
         self._catalogue = {entry.kind: entry for entry in scene.catalogue} if scene else {}
         self._known_bins = scene is not None
         self._destinations: dict[str, ObjectId | None] = {}
@@ -80,14 +90,14 @@ class Belief:
     def misplaced_for_want_of(self) -> Iterator[tuple[BeliefObject, tuple[str, ...]]]:
         """Yield items in a bin that is not their destination, with the unknown traits that rules ask for."""
         for item in self.scene.objects:
-            lacking = unknown_traits(self._rules, item)
+            lacking = destinations.unknown_traits(self._rules, item)
             elsewhere = item.place in self.scene.bins and item.place != self._destination(item)
             if elsewhere and lacking and item.id not in self._destinations:
                 yield item, lacking
 
     def to_do(self) -> list[str]:
         """Ids of the items to do, the held one first."""
-        return [o.id for o in sorted(items_to_do(self.scene), key=lambda o: not o.attached)]
+        return [o.id for o in sorted(world_facts.items_to_do(self.scene), key=lambda o: not o.attached)]
 
     # Changes by the case.
 
@@ -126,7 +136,7 @@ class Belief:
     # Consequences of a leaf's answer.
 
     def succeeded(
-        self, leaf: NodeDeclaration, hand: Hand, inputs: Mapping[str, Any], *, of_itself: bool
+        self, leaf: NodeDeclaration, hand: control_flow.Hand, inputs: Mapping[str, Any], *, of_itself: bool
     ) -> None:
         """Apply a leaf's success, with `hand` as declared; `of_itself`: no case has defined the answer.
 
@@ -200,9 +210,13 @@ class Belief:
         """Return the hole for the held object; its destination where no free hole for it is known."""
         named = next((inputs[p.key] for p in leaf.inputs if p.names == "hole" and inputs.get(p.key)), None)
         into = str(named or self.scene.destination(held.id) or TABLE)
-        if self._known_bins and named and named_holes(self.scene.fixtures.values(), into) is None:
+        if (
+            self._known_bins
+            and named
+            and hole_geometry.named_holes(self.scene.fixtures.values(), into) is None
+        ):
             raise Failure(world.UNKNOWN_OBJECT, f"the scene has no hole {into!r}")
-        hole = fitting_hole(self.scene, held.id, into)
+        hole = hole_geometry.fitting_hole(self.scene, held.id, into)
         return into if hole is None else str(hole.id)
 
     def take_away(self, bin_id: str) -> None:
@@ -210,7 +224,7 @@ class Belief:
         self._refuse_unknown(bin_id)
         for belief in self.scene.objects:
             if belief.place == bin_id:
-                self.scene.remove(belief.id, TAKEN_AWAY)
+                self.scene.remove(belief.id, world_facts.TAKEN_AWAY)
 
     def _refuse_unknown(self, bin_id: str) -> None:
         if self._known_bins and bin_id not in self.scene.bins:
@@ -308,7 +322,7 @@ class RehearsalWorld:
         self.prompter = prompter
         self.trace = trace
         self.journal: Journal = _Notes(trace)
-        self.attempts = AttemptMemory()
+        self.attempts = world_facts.AttemptMemory()
         self.contradictions: list[Contradiction] = []
 
     @property

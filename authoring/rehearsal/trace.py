@@ -6,18 +6,20 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
-from ...files.errors import Location
-from ...files.node_patterns import node_matches
-from ...trees.blackboard import BlackboardWrite
-from ...trees.control_nodes import NODES
-from ...trees.declaration import Resource
-from ...trees.flow import NEXT, ChildFlow, CleanUp, NodeStatus, Recovery
-from ...trees.mission import Mission, NodeSpec
-from ...trees.node import Node
-from ...trees.ports import PortDeclaration
-from ...world.causes import Cause, FailureReport, Family, perception
-from ...world.events import HandledEvent, InternalErrorEvent, RecoveryEvent
-from ...world.journal import JournalEvent, Plain
+from picktree.files import Location, node_matches
+from picktree.trees import (
+    NODES,
+    BlackboardWrite,
+    Mission,
+    Node,
+    NodeSpec,
+    NodeStatus,
+    PortDeclaration,
+    Resource,
+    control_flow,
+)
+from picktree.world import Cause, FailureReport, Family, JournalEvent, Plain, event_types, perception
+
 from .cases import LeafAnswer, LeafScript
 
 _LANGUAGE_NODES = frozenset(NODES)
@@ -100,11 +102,11 @@ def _walk(
 def _runs_after_failure(parent: type[Node], slot: str, index: int, count: int) -> bool:
     """Whether that child starts only when another child has failed."""
     flow = parent.flow
-    if isinstance(flow, Recovery):
+    if isinstance(flow, control_flow.Recovery):
         return slot != "do" or index > 0
-    if isinstance(flow, CleanUp):
+    if isinstance(flow, control_flow.CleanUp):
         return index == count - 1
-    return type(flow) is ChildFlow and flow.failure == NEXT and index > 0
+    return type(flow) is control_flow.ChildFlow and flow.failure == control_flow.NEXT and index > 0
 
 
 @dataclass(slots=True)
@@ -309,11 +311,11 @@ class Trace:
 
     def noted(self, entry: JournalEvent) -> None:
         self.flush()
-        if isinstance(entry, RecoveryEvent):
+        if isinstance(entry, event_types.RecoveryEvent):
             self._handlers[entry.node] = entry.handler
-        if isinstance(entry, InternalErrorEvent):
+        if isinstance(entry, event_types.InternalErrorEvent):
             self.faults.append(entry.message)
-        if not isinstance(entry, RecoveryEvent | HandledEvent):
+        if not isinstance(entry, event_types.RecoveryEvent | event_types.HandledEvent):
             self._add(NoteTaken(self.tick, entry.node, entry.kind, entry.message))
 
     def flush(self, also: tuple[BlackboardWrite, ...] = ()) -> None:

@@ -6,15 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from ...files.errors import Location, Mark, where
-from ...files.node_patterns import node_matches
-from ...files.yaml.document import Document
-from ...trees.blackboard import Namespace
-from ...trees.flow import NodeStatus
-from ...trees.ports import show
-from ...trees.references import Reference, attribute
-from ...trees.runner import BehaviourTree, SubTree
-from ...world.causes import FailureReport, matches
+from picktree.files import Location, Mark, node_matches, where
+from picktree.files.yaml import Document
+from picktree.trees import BehaviourTree, Namespace, NodeStatus, references, runner, show
+from picktree.world import FailureReport, matches
+
 from .cases import ANY_LEAVES, OUTCOMES, Expectation, ExpectedHandling, ExpectedStart, RehearsalCase
 from .rehearsal_world import RehearsalWorld
 from .trace import LeafRun
@@ -260,7 +256,7 @@ class _Comparison:
                     yield self._at((*loc, name), f"{name!r} {says}")
                 continue
             for field in sorted(entry.model_fields_set):
-                value, wanted = attribute(scene, name, field), getattr(entry, field)
+                value, wanted = references.attribute(scene, name, field), getattr(entry, field)
                 if not _same(value, wanted):
                     yield self._at((*loc, name, field), f"it is {show(value)}, not {show(wanted)}")
 
@@ -271,7 +267,7 @@ class _Comparison:
         if not written:
             yield self._at(loc, f"nothing has written {name!r}")
         for space in written:
-            value = space.read(Reference(name), self._outcome.world.scene)
+            value = space.read(references.Reference(name), self._outcome.world.scene)
             if not _same(value, wanted):
                 yield self._at(loc, f"it is {show(value)}, not {show(wanted)}")
                 return
@@ -279,8 +275,8 @@ class _Comparison:
 
 def namespaces(tree: BehaviourTree, owner: str) -> list[Namespace]:
     """Return the namespaces of sub-trees that match the pattern; that of `Main` when it is empty."""
-    root = cast("SubTree", tree.root)
-    subtrees = [node for node in tree.nodes if isinstance(node, SubTree)]
+    root = cast("runner.SubTree", tree.root)
+    subtrees = [node for node in tree.nodes if isinstance(node, runner.SubTree)]
     return [node.inside for node in subtrees if node_matches(owner, node.path)] if owner else [root.inside]
 
 

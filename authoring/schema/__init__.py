@@ -1,6 +1,5 @@
-"""JSON Schema (draft-07) of the files that people write, generated from the declarations that check them.
+"""JSON Schemas and references of the files that people write, generated from their declarations."""
 
-Editors use it for completion, documentation and error marks. The checker refuses everything that the schema
-refuses, and more. Where several forms are allowed, each keyword concerns one type of value only, without
-alternatives. A language server can then show which form is meant and what is wrong with it.
-"""
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -6,16 +6,21 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import cast
 
-from ...files.errors import PicktreeError
-from ...files.yaml.document import Document
-from ...trees.loading.loader import IncludeReader, SceneNames, load_surroundings
-from ...trees.loading.port_reader import TreePorts
-from ...trees.loading.registry import NodeRegistry
-from ...trees.mission import MAIN, FilesOnDisk, MissionDiagnostics, MissionFiles
-from ...trees.ports import NAMES_IN_FILES, NameKind, PortDeclaration
-from ...world.causes import OUR_PREFIXES, Cause
-from ...world.planner_names import planner_names
-from ...world.scene.scene_loading import scene_names
+from picktree.files import PicktreeError
+from picktree.files.yaml import Document
+from picktree.trees import (
+    MAIN,
+    NAMES_IN_FILES,
+    FilesOnDisk,
+    MissionDiagnostics,
+    MissionFiles,
+    NameKind,
+    PortDeclaration,
+)
+from picktree.trees.loading import IncludeReader, NodeRegistry, SceneNames, TreePorts, load_surroundings
+from picktree.world import OUR_PREFIXES, Cause, planner_names
+from picktree.world.scene import scene_loading
+
 from .node_reference import required_one_of
 from .node_schema import (
     NodeIds,
@@ -300,11 +305,12 @@ def _with_null(kinds: object) -> list[object]:
 def any_mission() -> MissionSpecifics:
     """Return the context of any mission: names of the shipped scenes as proposals, others allowed."""
     names: dict[NameKind, dict[str, None]] = {}
-    for scene in scene_names():
+    for scene in scene_loading.scene_names():
         for kind, found in load_surroundings(scene).names.items():
             names.setdefault(kind, {}).update(dict.fromkeys(found))
     return MissionSpecifics(
-        scenes=scene_names(), known=ProposedNames({kind: tuple(found) for kind, found in names.items()})
+        scenes=scene_loading.scene_names(),
+        known=ProposedNames({kind: tuple(found) for kind, found in names.items()}),
     )
 
 
@@ -330,8 +336,12 @@ def one_mission(
     # A tree with the name of a node is an error, and no tree.
     trees = {name: ports for name, ports in trees.items() if registry.find(name) is None}
     known = _known(document)
-    names = ProposedNames({**known.names, "planner": planner_names()}, all=True) if known else ProposedNames()
-    return MissionSpecifics(True, scene_names(), trees, names, docs)
+    names = (
+        ProposedNames({**known.names, "planner": planner_names.planner_names()}, all=True)
+        if known
+        else ProposedNames()
+    )
+    return MissionSpecifics(True, scene_loading.scene_names(), trees, names, docs)
 
 
 def mission_files(document: Document, files: MissionFiles | None = None) -> tuple[Document, ...]:

@@ -11,16 +11,21 @@ from dataclasses import dataclass
 from itertools import chain, combinations
 from typing import Final
 
-from ...files.quantities import example
-from ...files.value_wording import listed
-from ...trees.control_nodes import NODES
-from ...trees.declaration import COMMON_KEYS, Kind, NodeDeclaration
-from ...trees.node import Node
-from ...trees.ports import Name, PortDeclaration, PortValues, Required, SlotDeclaration
-from ...trees.skill import Skill
-from ...world.causes import Cause
-from ...world.journal import Plain
-from ...world.world_facts import FACTS
+from picktree.files import example, listed
+from picktree.trees import (
+    COMMON_KEYS,
+    NODES,
+    Kind,
+    Name,
+    Node,
+    NodeDeclaration,
+    PortDeclaration,
+    PortValues,
+    Required,
+    Skill,
+    SlotDeclaration,
+)
+from picktree.world import Cause, Plain, world_facts
 
 _TYPE_WORDS: dict[Name, str] = {
     "string": "text", "int": "whole number", "float": "number", "bool": "true or false",
@@ -96,7 +101,7 @@ def expression_words(port: PortDeclaration) -> str:
     """Return the names that an expression may use; empty for other ports."""
     if port.type.name != "expression":
         return ""
-    return f"of the blackboard's keys and the facts {', '.join(FACTS)}"
+    return f"of the blackboard's keys and the facts {', '.join(world_facts.FACTS)}"
 
 
 def uses_words(node: NodeDeclaration) -> str:

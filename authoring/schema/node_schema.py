@@ -6,17 +6,20 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
-from ...trees.declaration import (
+from picktree.trees import (
     AUTOREMAP,
     BREAKPOINT,
     COMMON_KEYS,
     POSTCONDITIONS,
     PRECONDITIONS,
+    NameKind,
     NodeDeclaration,
+    PortDeclaration,
+    Required,
+    SlotDeclaration,
 )
-from ...trees.ports import NameKind, PortDeclaration, Required, SlotDeclaration
-from ...world.causes import Cause
-from ...world.journal import Plain
+from picktree.world import Cause, Plain
+
 from .node_reference import (
     COMMON_DOCS,
     RequiredOneOf,

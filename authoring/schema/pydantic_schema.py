@@ -12,7 +12,8 @@ from typing import cast, get_args
 
 from pydantic import BaseModel
 
-from ...files.quantities import example
+from picktree.files import quantities
+
 from .schema_parts import DRAFT, Schema, exactly_one, header, model_name, schema, schemas, tidy, unless_null
 
 
@@ -128,7 +129,7 @@ def _number(raw: Schema) -> Schema:
 
 def _unit(raw: Schema) -> str:
     unit = str(_number(raw).get("unit", ""))
-    return f'a bare number is in {unit}; or with a unit, as "{example(unit)}"' if unit else ""
+    return f'a bare number is in {unit}; or with a unit, as "{quantities.example(unit)}"' if unit else ""
 
 
 def _bounds(raw: Schema) -> str:

@@ -7,8 +7,7 @@ from collections.abc import Iterable
 from textwrap import indent
 from typing import Final
 
-from ...trees.declaration import POSTCONDITIONS, PRECONDITIONS, NodeDeclaration
-from ...trees.description import documented, signature_of
+from picktree.trees import POSTCONDITIONS, PRECONDITIONS, NodeDeclaration, documented, signature_of
 
 _HEAD: Final = """\
 # Written by `picktree nodes --stub`: the constructors of the nodes, with their ports.
@@ -17,8 +16,8 @@ from os import PathLike
 from types import ModuleType
 from typing import Any, Literal, TypeAlias, TypedDict, Unpack
 
-from picktree.trees.node import Node
-from picktree.trees.description import TreeDefinition as Tree
+from picktree.trees import Node
+from picktree.trees import TreeDefinition as Tree
 
 Child: TypeAlias = Node | Iterable[Node]
 """

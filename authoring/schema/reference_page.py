@@ -7,9 +7,9 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from ...files.file_system import ROOT
-from ...files.yaml.document import Document, read_document
-from ...files.yaml.reader import Value, YamlNode, resolve
+from picktree.files import file_system
+from picktree.files.yaml import Document, Value, YamlNode, read_document, resolve
+
 from .schema_parts import Schema, schema, schemas
 
 _PATCH = "Patch"
@@ -167,7 +167,7 @@ EXAMPLES: Mapping[str, tuple[str, ...]] = {
 def example_documents(kind: str) -> Iterator[Document]:
     """Yield the files with examples of a kind. A wheel has those of scenes and robots only."""
     for pattern in (*EXAMPLES[kind], f"examples/reference/{kind}.yaml"):
-        for path in sorted(ROOT.glob(pattern)):
+        for path in sorted(file_system.ROOT.glob(pattern)):
             yield read_document(path, kind)
 
 

@@ -7,10 +7,9 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Final, TypeAlias, cast
 
-from ...files.quantities import example, spellings
-from ...files.yaml.document import FORMAT, KINDS
-from ...trees.ports import Range
-from ...trees.references import ATTRIBUTES
+from picktree.files import quantities
+from picktree.files.yaml import FORMAT, KINDS
+from picktree.trees import Range, references
 
 NULL: Schema = {"type": "null"}
 
@@ -37,7 +36,11 @@ def tidy(raw: Schema) -> Schema:
         found |= _tuple([tidy(part) for part in schemas(raw["prefixItems"])])
     if "unit" in raw:
         unit = str(raw["unit"])
-        said = f'in {unit}, or with a unit, as "{example(unit)}"' if unit else f"as {example(unit)}"
+        said = (
+            f'in {unit}, or with a unit, as "{quantities.example(unit)}"'
+            if unit
+            else f"as {quantities.example(unit)}"
+        )
         found |= {"pattern": quantity_pattern(unit), "patternErrorMessage": f"a number {said}"}
     return _with_null(found)
 
@@ -94,13 +97,13 @@ _ID = r"[A-Za-z_][A-Za-z0-9_]*"
 ID_PATTERN: Final = f"^{_ID}{_END}"
 NAME_PATTERN: Final = r"^[^/#\u0000-\u001f]{1,60}" + _END
 """Pattern of a node's name, and of a case."""
-REFERENCE: Final = rf"\{{@?{_ID}(?:\.(?:{'|'.join(ATTRIBUTES)}))*\}}"
+REFERENCE: Final = rf"\{{@?{_ID}(?:\.(?:{'|'.join(references.ATTRIBUTES)}))*\}}"
 _LITERAL = rf"(?!\{{[\s\S]*\}}{_END})"
 """Pattern of a text that is not in braces."""
 _NUMBER = r"\s*[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?\s*"
 REFERENCE_RULE: Final = (
     'a reference is "{key}" or "{key.attribute}", the attribute one of '
-    + ", ".join(ATTRIBUTES)
+    + ", ".join(references.ATTRIBUTES)
     + '; an expression is "{= key + 1}"'
 )
 _READ = rf"(?:{REFERENCE}|\{{=[\s\S]*\S[\s\S]*\}})"
@@ -157,7 +160,7 @@ def key_reference() -> Schema:
 
 def quantity_pattern(unit: str, *, or_reference: bool = False) -> str:
     """Return the pattern of a text that is a number with a unit like `unit`, or a bare number."""
-    units = "|".join(map(escaped, spellings(unit)))
+    units = "|".join(map(escaped, quantities.spellings(unit)))
     form = rf"{_NUMBER}(?:{units})?\s*"
     return f"^(?:{form}|{_READ}){_END}" if or_reference else f"^{form}{_END}"
 
@@ -178,7 +181,7 @@ def quantity(unit: str, *, or_reference: bool = False) -> Schema:
     return {
         "type": ["string", "number"],
         "pattern": quantity_pattern(unit, or_reference=or_reference),
-        "patternErrorMessage": f'a number in {unit}, or with a unit, as "{example(unit)}"',
+        "patternErrorMessage": f'a number in {unit}, or with a unit, as "{quantities.example(unit)}"',
     }
 
 

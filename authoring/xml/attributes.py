@@ -7,12 +7,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-from ...files.errors import Mark
-from ...files.expression_syntax import LiteralValue, Name, walk
-from ...files.value_wording import suggest_name
-from ...files.yaml.writer import MarkedValue, Scalar, from_value
-from ...trees.declaration import POSTCONDITIONS, PRECONDITIONS
-from ...trees.ports import PortType
+from picktree.files import Mark, expression_syntax, suggest_name
+from picktree.files.yaml import MarkedValue, Scalar, from_value
+from picktree.trees import POSTCONDITIONS, PRECONDITIONS, PortType
+
 from . import btcpp_vocabulary
 from .element import Element, one_line
 from .literal_text import is_pointer, read_value
@@ -237,7 +235,7 @@ class ElementReader(ABC):
         except ScriptError as error:
             self.script_fault(element, attribute, error, trail)
             return True
-        if isinstance(part, LiteralValue) and isinstance(part.value, bool):
+        if isinstance(part, expression_syntax.LiteralValue) and isinstance(part.value, bool):
             return part.value
         return expression_text(part)
 
@@ -261,7 +259,11 @@ class ElementReader(ABC):
 
     def _created(self, statement: Statement, element: Element, attribute: str, trail: str) -> Statement:
         """Return a statement that creates its key where only the program could have done so."""
-        names = (part.name for part in walk(statement.value) if isinstance(part, Name))
+        names = (
+            part.name
+            for part in expression_syntax.walk(statement.value)
+            if isinstance(part, expression_syntax.Name)
+        )
         if statement.new or self.is_created(statement.key) or statement.key in names:
             return statement
         message = f"the program makes the key {statement.key!r}; it is made here"

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from typing import Final, NamedTuple
 
-from ...trees.loading.grammar import FOREIGN_WORDS
+from picktree.trees.loading import FOREIGN_WORDS
 
 _ENTRY = re.compile(r"\s*((?:[^\\;=]|\\.)*?)\s*=\s*(\d{1,6})\s*(?:;|$)")
 _SPECIAL = re.compile(r"[\\;=]")

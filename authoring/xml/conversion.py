@@ -7,12 +7,10 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from ...files.errors import FileError, PicktreeError
-from ...files.file_system import is_folder
-from ...files.yaml.document import read_document
-from ...files.yaml.file_text import read_text
-from ...trees.loading.loader import examine
-from ...trees.loading.registry import NodeRegistry
+from picktree.files import FileError, PicktreeError, file_system
+from picktree.files.yaml import file_text, read_document
+from picktree.trees.loading import NodeRegistry, examine
+
 from .mission_export import mission_to_xml
 from .mission_import import ImportedMission, ImportOptions, import_xml
 from .source import XmlText
@@ -22,7 +20,7 @@ _TREES = re.compile(r"<BehaviorTree\b|<TreeNodesModel\b")
 
 def convert(path: Path, registry: NodeRegistry | None = None) -> str:
     """Convert a mission file to XML, or an XML file to a mission. Raises FileError with all its errors."""
-    return convert_text(read_text(path), path, registry)
+    return convert_text(file_text.read_text(path), path, registry)
 
 
 def convert_text(text: str, path: Path, registry: NodeRegistry | None = None) -> str:
@@ -59,7 +57,11 @@ def read_files(paths: Sequence[Path]) -> list[XmlText]:
     """Read files, and of folders all XML files with trees, in the order of their names. Raises FileError."""
     found: dict[str, XmlText] = {}
     for path in paths:
-        inside = list(_trees_in(path)) if is_folder(path) else [XmlText(read_text(path), path)]
+        inside = (
+            list(_trees_in(path))
+            if file_system.is_folder(path)
+            else [XmlText(file_text.read_text(path), path)]
+        )
         if not inside:
             raise PicktreeError(f"there is no XML file with trees in the folder {path}")
         for each in inside:
@@ -73,6 +75,6 @@ def _trees_in(folder: Path) -> Iterator[XmlText]:
         for name in sorted(names):
             if name.endswith(".xml") and not name.startswith("."):
                 path = Path(parent, name)
-                text = read_text(path)
+                text = file_text.read_text(path)
                 if _TREES.search(text):
                     yield XmlText(text, path)

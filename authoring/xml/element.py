@@ -11,7 +11,8 @@ from dataclasses import dataclass, field, replace
 from typing import Final, NoReturn
 from xml.parsers import expat
 
-from ...files.errors import Diagnostic, FileError, Mark
+from picktree.files import Diagnostic, FileError, Mark
+
 from .btcpp_vocabulary import ELEMENTS
 
 _SLOT = re.compile(r" *[a-z_][\w.*]*: *", re.ASCII)

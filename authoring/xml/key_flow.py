@@ -6,11 +6,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias
 
-from ...files.errors import Mark
-from ...files.expression_syntax import ComparisonChain, LiteralValue, Name, Part, walk
-from ...trees.declaration import AUTOREMAP, POSTCONDITIONS, PRECONDITIONS
-from ...trees.ports import PortType
-from ...trees.references import ROOT_KEY, Reference
+from picktree.files import Mark, expression_syntax
+from picktree.trees import AUTOREMAP, POSTCONDITIONS, PRECONDITIONS, PortType, references
+
 from . import btcpp_vocabulary
 from .element import Element
 from .literal_text import is_pointer, type_name
@@ -188,7 +186,11 @@ class KeyFlow:
         except ScriptError:
             return
         for part in (each for each in parts if asked or each.key):
-            for name in (each.name for each in walk(part.value) if isinstance(each, Name)):
+            for name in (
+                each.name
+                for each in expression_syntax.walk(part.value)
+                if isinstance(each, expression_syntax.Name)
+            ):
                 self._read(tree, name, mark)
             for name in _compared_with_text(part.value):
                 self.group(tree, name).compared_with_text = True
@@ -262,9 +264,9 @@ class KeyFlow:
 
     def _home(self, tree: str, key: str) -> tuple[str, str]:
         """Return the tree in which the key is: `@key` is that of the first tree."""
-        if not key.startswith(ROOT_KEY):
+        if not key.startswith(references.ROOT_KEY):
             return tree, key
-        return self._main if self._main in self._uses else tree, key.removeprefix(ROOT_KEY)
+        return self._main if self._main in self._uses else tree, key.removeprefix(references.ROOT_KEY)
 
     def _root(self, tree: str, key: str) -> tuple[str, str]:
         place = self._home(tree, key)
@@ -289,19 +291,22 @@ class KeyFlow:
 def _bare(text: str) -> str:
     """Return the key of a reference; empty for a text that is none."""
     try:
-        reference = Reference.parse(text.strip(" "))
+        reference = references.Reference.parse(text.strip(" "))
     except ValueError:
         return ""
     return reference.key if reference is not None else text.strip(" ") if "{" not in text else ""
 
 
-def _compared_with_text(part: Part) -> Iterator[str]:
+def _compared_with_text(part: expression_syntax.Part) -> Iterator[str]:
     """Yield the names that are compared with a literal text."""
-    for each in walk(part):
-        if isinstance(each, ComparisonChain):
+    for each in expression_syntax.walk(part):
+        if isinstance(each, expression_syntax.ComparisonChain):
             sides = (each.first, *(link.operand for link in each.rest))
-            if any(isinstance(side, LiteralValue) and isinstance(side.value, str) for side in sides):
-                yield from (side.name for side in sides if isinstance(side, Name))
+            if any(
+                isinstance(side, expression_syntax.LiteralValue) and isinstance(side.value, str)
+                for side in sides
+            ):
+                yield from (side.name for side in sides if isinstance(side, expression_syntax.Name))
 
 
 def port_type(text: str) -> PortType:

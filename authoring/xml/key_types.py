@@ -8,11 +8,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Final, cast
 
-from ...files.errors import Diagnostic
-from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec, bottom_up
-from ...trees.node import Node
-from ...trees.ports import PortDeclaration
-from ...trees.references import ROOT_KEY, Constant, Reference
+from picktree.files import Diagnostic
+from picktree.trees import MAIN, Mission, Node, NodeSpec, PortDeclaration, TreeSpec, bottom_up, references
+
 from .btcpp_vocabulary import PORT_TYPES, REPEAT_WHILE, SHARED_NODES
 from .literal_text import ANY_TYPE, JSON, type_text, value_text
 
@@ -87,21 +85,27 @@ class KeyTypes:
             uses: dict[str, list[_KeyUse]] = {}
             order = self._order[name] = list(self._of_node(tree.root, name))
             for key, use in order:
-                uses.setdefault(key.removeprefix(ROOT_KEY) if name == MAIN else key, []).append(use)
+                uses.setdefault(key.removeprefix(references.ROOT_KEY) if name == MAIN else key, []).append(
+                    use
+                )
             self._uses[name] = uses
             found.update(self._numbers(tree))
             inner = () if name == MAIN or self.mission.library else [port.key for port in tree.ports]
             for key, users in uses.items():
-                if key not in inner and not key.startswith(ROOT_KEY):
+                if key not in inner and not key.startswith(references.ROOT_KEY):
                     found.update(self._clash(users))
         return frozenset(found)
 
     def _of_node(self, spec: NodeSpec, above: str) -> Iterator[tuple[str, _KeyUse]]:
         trail = f"{above}/{spec.name}"
-        wired = {key: str(bound)[1:-1] for key, bound in spec.ports.items() if isinstance(bound, Reference)}
+        wired = {
+            key: str(bound)[1:-1]
+            for key, bound in spec.ports.items()
+            if isinstance(bound, references.Reference)
+        }
         if spec.node is None:
             for key, use in self._order[spec.id]:
-                if key in wired or key.startswith(ROOT_KEY):
+                if key in wired or key.startswith(references.ROOT_KEY):
                     yield wired.get(key, key), use
         else:
             yield from ((name, self._use(spec, spec.node, key, trail)) for key, name in wired.items())
@@ -124,7 +128,9 @@ class KeyTypes:
         for spec in tree.root.iterate():
             if spec.node is None:
                 given = spec.ports.items()
-                texts += [(spec.id, key, each.value) for key, each in given if isinstance(each, Constant)]
+                texts += [
+                    (spec.id, key, each.value) for key, each in given if isinstance(each, references.Constant)
+                ]
         for name, key, value in texts:
             if isinstance(value, str) and _stored(value) != _TEXT:
                 uses = self._uses[name].get(key, ())
@@ -156,7 +162,11 @@ class KeyTypes:
                     continue
                 for key, bound in spec.ports.items():
                     port = spec.node.declaration.port(key)
-                    if port is not None and isinstance(bound, Constant) and not _converts(bound, port):
+                    if (
+                        port is not None
+                        and isinstance(bound, references.Constant)
+                        and not _converts(bound, port)
+                    ):
                         yield _model_id(spec), key
 
 
@@ -185,7 +195,7 @@ def _stored(text: str) -> str:
     return "double" if _NUMBER.fullmatch(text) else _TEXT
 
 
-def _converts(bound: Constant, port: PortDeclaration) -> bool:
+def _converts(bound: references.Constant, port: PortDeclaration) -> bool:
     text = value_text(bound.value, port.type)
     if port.type.many and port.type.name in ("int", "float", "bool"):
         return not text.startswith(JSON)  # which 4.7 cannot read

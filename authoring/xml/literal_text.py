@@ -11,10 +11,10 @@ import math
 import re
 from typing import Final, cast
 
-from ...files.expressions import Expression
-from ...files.yaml.reader import Value
-from ...trees.ports import PortDeclaration, PortType
-from ...world.journal import Plain
+from picktree.files import Expression
+from picktree.files.yaml import Value
+from picktree.trees import PortDeclaration, PortType
+from picktree.world import Plain
 
 JSON: Final = "json:"
 ANY_TYPE: Final = "BT::AnyTypeAllowed"

@@ -9,14 +9,21 @@ from functools import cached_property
 from graphlib import CycleError
 from typing import Final, cast
 
-from ...files.errors import Diagnostic, FileError, Mark
-from ...files.expressions import Expression
-from ...trees.data_flow import FACT_TYPES, TreeKeys, ValueFlow
-from ...trees.declaration import AUTOREMAP, POSTCONDITIONS
-from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec
-from ...trees.node import Node
-from ...trees.ports import PortDeclaration, PortType
-from ...trees.references import Assignment, Binding, Constant, PortExpression, Reference
+from picktree.files import Diagnostic, Expression, FileError, Mark
+from picktree.trees import (
+    AUTOREMAP,
+    MAIN,
+    POSTCONDITIONS,
+    Mission,
+    Node,
+    NodeSpec,
+    PortDeclaration,
+    PortType,
+    TreeSpec,
+    data_flow,
+    references,
+)
+
 from . import btcpp_vocabulary, tree_nodes_model
 from .btcpp_vocabulary import SlotRow, indexes_text, table_text
 from .element import Comments, Element, LooseComment, to_text, unfit
@@ -77,10 +84,10 @@ class TruthSwitches:
     def decides(self, spec: NodeSpec) -> bool | None:
         """Return whether a truth value decides a Switch; None where it may be one, or something else."""
         bound = spec.ports["variable"]
-        if isinstance(bound, Constant):
+        if isinstance(bound, references.Constant):
             return isinstance(bound.value, bool)
         keys = self._keys.get(id(spec))
-        if keys is None or not isinstance(bound, Reference):
+        if keys is None or not isinstance(bound, references.Reference):
             return False
         kinds = {source.type.kind for source in keys.reference(bound)}
         if kinds == {"bool"}:
@@ -88,10 +95,10 @@ class TruthSwitches:
         return None if "bool" in kinds else False
 
     @cached_property
-    def _keys(self) -> dict[int, TreeKeys]:
+    def _keys(self) -> dict[int, data_flow.TreeKeys]:
         """Return the keys of a node's tree, by `id` of the node's spec."""
         try:
-            flow = ValueFlow(self._mission.trees, FACT_TYPES)
+            flow = data_flow.ValueFlow(self._mission.trees, data_flow.FACT_TYPES)
         except CycleError:
             return {}
         return {place: keys for keys in flow.keys.values() for place in keys.places}
@@ -228,11 +235,11 @@ class XmlExporter:
             children += (self.node(child, trail) for _, child in filled)
         return Element(identity, attributes, tuple(children))
 
-    def _bound(self, bound: Binding, port: PortDeclaration, spec: NodeSpec, trail: str) -> str:
-        if isinstance(bound, Reference):
+    def _bound(self, bound: references.Binding, port: PortDeclaration, spec: NodeSpec, trail: str) -> str:
+        if isinstance(bound, references.Reference):
             return str(bound)
         mark = spec.places.get(port.key, spec.mark)
-        if isinstance(bound, PortExpression):
+        if isinstance(bound, references.PortExpression):
             message = f"port {port.key!r}: BehaviorTree.CPP has no expressions as values of ports"
             hint = f'set a key before, as "{{{port.key}}}" by SetBlackboard, and give the key'
             self._fault(mark, trail, message, hint, code="P929")
@@ -275,7 +282,7 @@ class XmlExporter:
         return {btcpp_vocabulary.OWN_NAME: name} if name == identity else {"name": name}
 
     def _condition(self, spec: NodeSpec) -> Element:
-        bound = cast("Constant", spec.ports["if"])
+        bound = cast("references.Constant", spec.ports["if"])
         expression = cast("Expression", bound.value)
         try:
             return Element(
@@ -289,17 +296,17 @@ class XmlExporter:
 
     def _set_blackboard(self, spec: NodeSpec, trail: str) -> Element:
         """Export a SetBlackboard. Numbers and truth values keep their type in a Script only."""
-        bound, key = spec.ports["value"], cast("Reference", spec.ports["output_key"]).key
+        bound, key = spec.ports["value"], cast("references.Reference", spec.ports["output_key"]).key
         named = self._named(spec, "SetBlackboard")
-        if isinstance(bound, PortExpression):
+        if isinstance(bound, references.PortExpression):
             with suppress(NotExpressible):
                 return Element(
-                    "Script", {**named, "code": assignments_script([Assignment(key, bound.value)])}
+                    "Script", {**named, "code": assignments_script([references.Assignment(key, bound.value)])}
                 )
             port = cast("type[Node]", spec.node).declaration.port("value")
             assert port is not None
             text = self._bound(bound, port, spec, trail)
-        elif isinstance(bound, Constant):
+        elif isinstance(bound, references.Constant):
             value = bound.value
             text = value_text(value, PortType("any"))
             if text != value:
@@ -438,7 +445,7 @@ def _with(element: Element, attributes: Mapping[str, str]) -> Element:
     return Element(element.name, {**element.attributes, **attributes}, element.children, element.text)
 
 
-def _assignments(assignments: Iterable[Assignment]) -> str:
+def _assignments(assignments: Iterable[references.Assignment]) -> str:
     return "; ".join(f"{a.key} {':=' if a.new else '='} {expression_text(a.value.root)}" for a in assignments)
 
 

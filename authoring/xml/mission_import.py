@@ -9,16 +9,12 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Final, cast
 
-from ...files.errors import Diagnostic, FileError, Mark, PicktreeError
-from ...files.yaml.document import Document, read_document
-from ...files.yaml.reader import Value
-from ...files.yaml.writer import MarkedValue, mission_text
-from ...trees.loading.grammar import foreign_word
-from ...trees.loading.loader import MissionReadResult, examine
-from ...trees.loading.registry import NodeRegistry
-from ...trees.mission import Mission
-from ...trees.references import Reference
-from ..check import check_mission
+from picktree.authoring import check_mission
+from picktree.files import Diagnostic, FileError, Mark, PicktreeError
+from picktree.files.yaml import Document, MarkedValue, Value, mission_text, read_document
+from picktree.trees import Mission, references
+from picktree.trees.loading import MissionReadResult, NodeRegistry, examine, foreign_word
+
 from . import btcpp_vocabulary
 from .attributes import NodeDraft, alone
 from .element import Element, one_line
@@ -45,7 +41,7 @@ def label_switches(
     for keys in reading.circuit.keys.values():
         for placed in keys.places.values():
             table, bound = tables.get(placed.spec.mark), placed.spec.ports.get("variable")
-            if placed.spec.id != "Switch" or table is None or not isinstance(bound, Reference):
+            if placed.spec.id != "Switch" or table is None or not isinstance(bound, references.Reference):
                 continue
             kinds = {source.type.kind for source in keys.reference(bound)}
             if kinds != {"bool"}:

@@ -8,14 +8,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from ...files.errors import Mark
-from ...files.expression_syntax import Not, Part
-from ...files.value_wording import suggest_name
-from ...files.yaml.writer import MarkedValue
-from ...trees.declaration import AUTOREMAP, NodeDeclaration
-from ...trees.loading.registry import NodeRegistry
-from ...trees.node import Node
-from ...trees.ports import PortType, SlotDeclaration
+from picktree.files import Mark, expression_syntax, suggest_name
+from picktree.files.yaml import MarkedValue
+from picktree.trees import AUTOREMAP, Node, NodeDeclaration, PortType, SlotDeclaration
+from picktree.trees.loading import NodeRegistry
+
 from . import btcpp_vocabulary
 from .attributes import COMMON, ElementReader, NodeDraft, alone
 from .btcpp_vocabulary import SlotRow, read_indexes, read_table
@@ -78,7 +75,9 @@ class Translations:
         both.put("do", MarkedValue(element.mark, items=[script.written(), draft.written()]))
         return both
 
-    def _assigned_before(self, element: Element) -> tuple[tuple[Statement, ...], Part] | None:
+    def _assigned_before(
+        self, element: Element
+    ) -> tuple[tuple[Statement, ...], expression_syntax.Part] | None:
         """Return assignments and the condition behind them; None where there is only a condition."""
         try:
             *statements, last = read_parts(element.get("code"), self._enums)
@@ -158,7 +157,9 @@ class Translations:
         except ScriptError as error:
             self._reader.script_fault(element, "if", error, trail)
             return "false"
-        return expression_text(part.operand if isinstance(part, Not) else Not(part.at, part))
+        return expression_text(
+            part.operand if isinstance(part, expression_syntax.Not) else expression_syntax.Not(part.at, part)
+        )
 
     def _child(self, element: Element, trail: str) -> NodeDraft | None:
         self._reader.count(element, element.identity, 1, 1, trail)

@@ -6,12 +6,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from ...files.errors import Mark
-from ...files.yaml.writer import MarkedValue, from_value
-from ...trees.declaration import AUTOREMAP
-from ...trees.mission import MAIN
-from ...trees.ports import PortType
-from ...world.world_facts import FACTS
+from picktree.files import Mark
+from picktree.files.yaml import MarkedValue, from_value
+from picktree.trees import AUTOREMAP, MAIN, PortType
+from picktree.world import world_facts
+
 from . import tree_nodes_model
 from .element import Element
 from .key_flow import TRUE_WORDS, KeyFlow
@@ -224,7 +223,7 @@ class PortsOfTrees:
     def _of_the_program(self, tree: str, known: set[str]) -> Iterator[TreePort]:
         """Yield a port for each key that a tree reads, which no tree calls, and that nothing writes."""
         for key, mark in self._flow.reads(tree).items():
-            written = key in FACTS or self._flow.group(tree, key).written
+            written = key in world_facts.FACTS or self._flow.group(tree, key).written
             if written or key in known or key in self._flow.watched or key.startswith("_"):
                 continue
             main = tree == self._source.main

@@ -10,12 +10,11 @@ import unicodedata
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
-from ...files.errors import Mark
-from ...trees.declaration import IDENTIFIER, POSTCONDITIONS, PRECONDITIONS
-from ...trees.loading.registry import NodeRegistry
-from ...trees.mission import MAIN
-from ...trees.references import ATTRIBUTES
-from ...world.world_facts import FACTS
+from picktree.files import Mark
+from picktree.trees import IDENTIFIER, MAIN, POSTCONDITIONS, PRECONDITIONS, references
+from picktree.trees.loading import NodeRegistry
+from picktree.world import world_facts
+
 from . import btcpp_vocabulary
 from .element import Element
 from .literal_text import is_pointer
@@ -88,7 +87,7 @@ def rename_keys(source: XmlSource, faults: ImportFaults) -> None:
     wrong += [name for name in OUR_WORDS if name in words and name not in used]
     if not wrong:
         return
-    taken = {*used, *words, *FACTS, *OUR_WORDS}
+    taken = {*used, *words, *world_facts.FACTS, *OUR_WORDS}
     names: dict[str, str] = {}
     for key in wrong:
         stem = f"{key}_key" if IDENTIFIER.fullmatch(key) else key
@@ -103,10 +102,10 @@ def rename_keys(source: XmlSource, faults: ImportFaults) -> None:
 def _is_wrong(key: str, scripted: Collection[str]) -> bool:
     stem, *attributes = key.split(".")
     if IDENTIFIER.fullmatch(stem) and attributes:
-        return not all(attribute in ATTRIBUTES for attribute in attributes)
+        return not all(attribute in references.ATTRIBUTES for attribute in attributes)
     if not IDENTIFIER.fullmatch(key):
         return True
-    return key in FACTS or (key in OUR_WORDS and key in scripted)
+    return key in world_facts.FACTS or (key in OUR_WORDS and key in scripted)
 
 
 def _keys(element: Element) -> Iterator[tuple[str, Mark]]:

@@ -9,62 +9,45 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, NoReturn, TypeAlias, cast
 
-from ...files.expression_syntax import (
-    Arithmetic,
-    Attribute,
-    Call,
-    ComparisonChain,
-    ComparisonLink,
-    Conditional,
-    Element,
-    ListOf,
-    LiteralValue,
-    Logic,
-    Name,
-    Not,
-    Part,
-    Relation,
-    Sign,
-)
-from ...files.expressions import Expression
-from ...trees.references import Assignment
-from ...world.world_facts import FACTS
+from picktree.files import Expression, expression_syntax
+from picktree.trees import references
+from picktree.world import world_facts
 
 # Precedence of each kind of part, as in the parser of expressions.
 _CHOICE, _OR, _AND, _NOT, _RELATION, _SUM, _PRODUCT, _SIGN, _VALUE = range(9)
 
 
-def expression_text(part: Part) -> str:
+def expression_text(part: expression_syntax.Part) -> str:
     """Return a text that parses to the same parts."""
     match part:
-        case LiteralValue(value=value):
+        case expression_syntax.LiteralValue(value=value):
             return literal_text(value)
-        case Name(name=name):
+        case expression_syntax.Name(name=name):
             return name
-        case Attribute(owner=owner, name=name):
-            number = isinstance(owner, LiteralValue) and type(owner.value) in (int, float)
+        case expression_syntax.Attribute(owner=owner, name=name):
+            number = isinstance(owner, expression_syntax.LiteralValue) and type(owner.value) in (int, float)
             return f"({expression_text(owner)}).{name}" if number else f"{_within(owner, _VALUE)}.{name}"
-        case Element(owner=owner, index=index):
+        case expression_syntax.Element(owner=owner, index=index):
             return f"{_within(owner, _VALUE)}[{expression_text(index)}]"
-        case Not(operand=operand):
+        case expression_syntax.Not(operand=operand):
             return f"not {_within(operand, _NOT)}"
-        case Sign(symbol=symbol, operand=operand):
+        case expression_syntax.Sign(symbol=symbol, operand=operand):
             return f"{symbol}{_within(operand, _SIGN)}"
-        case Arithmetic(symbol=symbol, left=left, right=right):
+        case expression_syntax.Arithmetic(symbol=symbol, left=left, right=right):
             binding = _binding(part)
             return f"{_within(left, binding)} {symbol} {_within(right, binding + 1)}"
-        case ComparisonChain(first=first, rest=rest):
+        case expression_syntax.ComparisonChain(first=first, rest=rest):
             words = [_within(first, _SUM)]
             for related in rest:
                 words += [related.relation, _within(related.operand, _SUM)]
             return " ".join(words)
-        case Logic(symbol=symbol, parts=parts):
+        case expression_syntax.Logic(symbol=symbol, parts=parts):
             return f" {symbol} ".join(_within(lower, _binding(part) + 1) for lower in parts)
-        case Conditional(test=test, yes=yes, no=no):
+        case expression_syntax.Conditional(test=test, yes=yes, no=no):
             return f"{_within(yes, _OR)} if {_within(test, _OR)} else {_within(no, _CHOICE)}"
-        case ListOf(items=items):
+        case expression_syntax.ListOf(items=items):
             return f"[{', '.join(map(expression_text, items))}]"
-        case Call(function=function, arguments=arguments):
+        case expression_syntax.Call(function=function, arguments=arguments):
             return f"{function}({', '.join(map(expression_text, arguments))})"
 
 
@@ -83,24 +66,24 @@ def literal_text(value: str | int | float | bool | None) -> str:
             return quote + escaped.replace(quote, f"\\{quote}") + quote
 
 
-def _within(part: Part, least: int) -> str:
+def _within(part: expression_syntax.Part, least: int) -> str:
     text = expression_text(part)
     return text if _binding(part) >= least else f"({text})"
 
 
-def _binding(part: Part) -> int:
+def _binding(part: expression_syntax.Part) -> int:
     match part:
-        case Conditional():
+        case expression_syntax.Conditional():
             return _CHOICE
-        case Logic(symbol=symbol):
+        case expression_syntax.Logic(symbol=symbol):
             return _OR if symbol == "or" else _AND
-        case Not():
+        case expression_syntax.Not():
             return _NOT
-        case ComparisonChain():
+        case expression_syntax.ComparisonChain():
             return _RELATION
-        case Arithmetic(symbol=symbol):
+        case expression_syntax.Arithmetic(symbol=symbol):
             return _SUM if symbol in ("+", "-") else _PRODUCT
-        case Sign():
+        case expression_syntax.Sign():
             return _SIGN
         case _:
             return _VALUE
@@ -120,7 +103,7 @@ def script(expression: Expression) -> str:
     return _text(expression.root)
 
 
-def assignments_script(assignments: Iterable[Assignment]) -> str:
+def assignments_script(assignments: Iterable[references.Assignment]) -> str:
     """Return assignments as `a := 1; b = a + 1`. Raises NotExpressible."""
     return "; ".join(_assignment(assignment) for assignment in assignments)
 
@@ -152,85 +135,107 @@ def _literal(value: str | int | float | bool | None) -> str:
             raise NotExpressible("there is no null")
 
 
-def _assignment(assignment: Assignment) -> str:
+def _assignment(assignment: references.Assignment) -> str:
     _check_name(assignment.key)
     return f"{assignment.key} {':=' if assignment.new else '='} {script(assignment.value)}"
 
 
-def _text(part: Part) -> str:
+def _text(part: expression_syntax.Part) -> str:
     match part:
-        case LiteralValue(value=value):
+        case expression_syntax.LiteralValue(value=value):
             return _literal(value)
-        case Name(name=name):
+        case expression_syntax.Name(name=name):
             _check_name(name)
             return name
-        case Not(operand=operand):
+        case expression_syntax.Not(operand=operand):
             return f"!{_atom(operand)}"
-        case Sign(symbol="-", operand=operand):
+        case expression_syntax.Sign(symbol="-", operand=operand):
             return f"-{_atom(operand)}"
-        case Arithmetic(symbol="+", left=left, right=right) if _is_text(part):
+        case expression_syntax.Arithmetic(symbol="+", left=left, right=right) if _is_text(part):
             return f"{_atom(left)} .. {_atom(right)}"
-        case Arithmetic(symbol="+" | "-" | "*" | "/" as symbol, left=left, right=right):
+        case expression_syntax.Arithmetic(symbol="+" | "-" | "*" | "/" as symbol, left=left, right=right):
             return f"{_left_operand(symbol, left)} {symbol} {_operand(symbol, right)}"
-        case ComparisonChain(first=first, rest=rest):
+        case expression_syntax.ComparisonChain(first=first, rest=rest):
             words = [_compared(first)]
             for related in rest:
                 if related.relation in ("in", "not in"):
                     raise NotExpressible(f"there is no {related.relation!r}")
                 words += [related.relation, _compared(related.operand)]
             return " ".join(words)
-        case Logic(symbol=symbol, parts=parts):
+        case expression_syntax.Logic(symbol=symbol, parts=parts):
             return f" {_SCRIPT_LOGIC[symbol]} ".join(_in_logic(lower) for lower in parts)
-        case Conditional(test=test, yes=yes, no=no):
+        case expression_syntax.Conditional(test=test, yes=yes, no=no):
             return f"{_in_logic(test)} ? {_in_logic(yes)} : {_in_logic(no)}"
         case _:
             raise NotExpressible("there are no attributes, lists, functions and other operators")
 
 
-def _is_text(part: Part) -> bool:
+def _is_text(part: expression_syntax.Part) -> bool:
     """Whether a sum certainly is a text: then it is joined, which `+` does not do with a number."""
     match part:
-        case LiteralValue(value=value):
+        case expression_syntax.LiteralValue(value=value):
             return isinstance(value, str)
-        case Arithmetic(symbol="+", left=left, right=right):
+        case expression_syntax.Arithmetic(symbol="+", left=left, right=right):
             return _is_text(left) or _is_text(right)
         case _:
             return False
 
 
 def _check_name(name: str) -> None:
-    if name in FACTS:
+    if name in world_facts.FACTS:
         raise NotExpressible(f"{name!r} is a fact of the world, not a key of the blackboard")
     if name.startswith(("true", "false")):
         raise NotExpressible(f"{name!r} begins like a constant")
 
 
-def _bracketed(part: Part) -> str:
+def _bracketed(part: expression_syntax.Part) -> str:
     return f"({_text(part)})"
 
 
-def _atom(part: Part) -> str:
-    return _text(part) if isinstance(part, LiteralValue | Name) else _bracketed(part)
+def _atom(part: expression_syntax.Part) -> str:
+    return (
+        _text(part)
+        if isinstance(part, expression_syntax.LiteralValue | expression_syntax.Name)
+        else _bracketed(part)
+    )
 
 
-def _operand(symbol: str, part: Part) -> str:
+def _operand(symbol: str, part: expression_syntax.Part) -> str:
     """Return a right operand, in brackets if it could be read as part of the operator's chain."""
-    tighter = symbol in ("+", "-") and isinstance(part, Arithmetic) and part.symbol in ("*", "/")
+    tighter = (
+        symbol in ("+", "-") and isinstance(part, expression_syntax.Arithmetic) and part.symbol in ("*", "/")
+    )
     return _text(part) if tighter else _atom(part)
 
 
-def _left_operand(symbol: str, part: Part) -> str:
+def _left_operand(symbol: str, part: expression_syntax.Part) -> str:
     """Return a left operand; operators of the same kind are evaluated in order, without brackets."""
-    same = isinstance(part, Arithmetic) and (symbol in ("+", "-") or part.symbol in ("*", "/"))
+    same = isinstance(part, expression_syntax.Arithmetic) and (
+        symbol in ("+", "-") or part.symbol in ("*", "/")
+    )
     return _text(part) if same else _atom(part)
 
 
-def _compared(part: Part) -> str:
-    return _text(part) if isinstance(part, Arithmetic | Not | Sign) else _atom(part)
+def _compared(part: expression_syntax.Part) -> str:
+    return (
+        _text(part)
+        if isinstance(part, expression_syntax.Arithmetic | expression_syntax.Not | expression_syntax.Sign)
+        else _atom(part)
+    )
 
 
-def _in_logic(part: Part) -> str:
-    return _text(part) if isinstance(part, ComparisonChain | Arithmetic | Not | Sign) else _atom(part)
+def _in_logic(part: expression_syntax.Part) -> str:
+    return (
+        _text(part)
+        if isinstance(
+            part,
+            expression_syntax.ComparisonChain
+            | expression_syntax.Arithmetic
+            | expression_syntax.Not
+            | expression_syntax.Sign,
+        )
+        else _atom(part)
+    )
 
 
 MAX_SCRIPT_LENGTH: Final = 4000
@@ -276,22 +281,22 @@ class Statement:
 
     key: str
     new: bool
-    value: Part
+    value: expression_syntax.Part
 
     def constant(self) -> str | int | float | bool | None:
         """Literal, or `"{key}"` for a copy, that is written in any case; else None."""
         if not self.new:
             return None
         match self.value:
-            case Name(name=name):
+            case expression_syntax.Name(name=name):
                 return f"{{{name}}}"
-            case LiteralValue(value=str() as text) if "{" in text:
+            case expression_syntax.LiteralValue(value=str() as text) if "{" in text:
                 return None
-            case LiteralValue(value=value):
+            case expression_syntax.LiteralValue(value=value):
                 return value
-            case Sign(symbol="-", operand=LiteralValue(value=int() | float() as number)) if (
-                number is not True
-            ):
+            case expression_syntax.Sign(
+                symbol="-", operand=expression_syntax.LiteralValue(value=int() | float() as number)
+            ) if number is not True:
                 return -number
             case _:
                 return None
@@ -302,7 +307,7 @@ class Statement:
         return f"{self.key} {operator} {expression_text(self.value)}"
 
 
-def read_expression(script: str, enums: Mapping[str, int] | None = None) -> Part:
+def read_expression(script: str, enums: Mapping[str, int] | None = None) -> expression_syntax.Part:
     """Return the script's single expression. Raises ScriptError."""
     statements = _Parser(script, enums or {}).statements()
     if len(statements) != 1 or statements[0].key:
@@ -397,11 +402,11 @@ class _Parser:
         target = self._token
         assigned = target.kind == "name" and self._tokens[self._next + 1].text in (":=", "=")
         # Scripts may write to any word, though expressions cannot name each.
-        left = Name(target.at, self._take().text) if assigned else self._choice()
+        left = expression_syntax.Name(target.at, self._take().text) if assigned else self._choice()
         if not self._is(*_ASSIGNMENTS):
             return Statement("", False, left)
         operator = self._take()
-        if not isinstance(left, Name):
+        if not isinstance(left, expression_syntax.Name):
             raise ScriptError("only a key of the tree can be assigned to", target.at)
         value = self._choice()
         if self._is(*_ASSIGNMENTS):
@@ -409,18 +414,18 @@ class _Parser:
         if operator.text in (":=", "="):
             return Statement(left.name, operator.text == ":=", value)
         symbol = cast("Literal['+', '-', '*', '/']", operator.text[0])
-        return Statement(left.name, False, Arithmetic(operator.at, symbol, left, value))
+        return Statement(left.name, False, expression_syntax.Arithmetic(operator.at, symbol, left, value))
 
-    def _choice(self) -> Part:
+    def _choice(self) -> expression_syntax.Part:
         test = self._logic()
         if not self._is("?"):
             return test
         at = self._take().at
         yes = self._nested()
         self._expect(":")
-        return Conditional(at, test, yes, self._nested())
+        return expression_syntax.Conditional(at, test, yes, self._nested())
 
-    def _nested(self) -> Part:
+    def _nested(self) -> expression_syntax.Part:
         self._deeper()
         part = self._choice()
         self._depth -= 1
@@ -431,52 +436,64 @@ class _Parser:
         if self._depth > MAX_SCRIPT_DEPTH:
             raise ScriptError(f"the script is nested more than {MAX_SCRIPT_DEPTH} deep", self._token.at)
 
-    def _logic(self) -> Part:
+    def _logic(self) -> expression_syntax.Part:
         """Parse `||`, and `&&`, which binds more tightly since BehaviorTree.CPP 4.9."""
         return self._joined("||", lambda: self._joined("&&", self._comparison))
 
-    def _joined(self, symbol: str, operand: Callable[[], Part]) -> Part:
-        first, rest = operand(), list[Part]()
+    def _joined(self, symbol: str, operand: Callable[[], expression_syntax.Part]) -> expression_syntax.Part:
+        first, rest = operand(), list[expression_syntax.Part]()
         at = self._token.at
         while self._is(symbol):
             self._take()
             rest.append(operand())
-        return Logic(at, _EXPRESSION_LOGIC[symbol], (first, *rest)) if rest else first
+        return expression_syntax.Logic(at, _EXPRESSION_LOGIC[symbol], (first, *rest)) if rest else first
 
-    def _comparison(self) -> Part:
-        first, rest = self._sum(), list[ComparisonLink]()
+    def _comparison(self) -> expression_syntax.Part:
+        first, rest = self._sum(), list[expression_syntax.ComparisonLink]()
         at = self._token.at
         while self._is("==", "!=", "<", "<=", ">", ">="):
             token = self._take()
-            rest.append(ComparisonLink(token.at, cast("Relation", token.text), self._sum()))
+            rest.append(
+                expression_syntax.ComparisonLink(
+                    token.at, cast("expression_syntax.Relation", token.text), self._sum()
+                )
+            )
         if self._is(*_NO_COUNTERPART):
             self._unexpected("")
-        return ComparisonChain(at, first, tuple(rest)) if rest else first
+        return expression_syntax.ComparisonChain(at, first, tuple(rest)) if rest else first
 
-    def _sum(self) -> Part:
+    def _sum(self) -> expression_syntax.Part:
         left = self._product()
         while self._is("+", "-", ".."):
             token = self._take()
-            left = Arithmetic(token.at, "-" if token.text == "-" else "+", left, self._product())
+            left = expression_syntax.Arithmetic(
+                token.at, "-" if token.text == "-" else "+", left, self._product()
+            )
         return left
 
-    def _product(self) -> Part:
+    def _product(self) -> expression_syntax.Part:
         left = self._prefixed()
         while self._is("*", "/"):
             token = self._take()
-            left = Arithmetic(token.at, "*" if token.text == "*" else "/", left, self._prefixed())
+            left = expression_syntax.Arithmetic(
+                token.at, "*" if token.text == "*" else "/", left, self._prefixed()
+            )
         return left
 
-    def _prefixed(self) -> Part:
+    def _prefixed(self) -> expression_syntax.Part:
         if self._is("-", "!"):
             token = self._take()
             self._deeper()
             operand = self._prefixed()
             self._depth -= 1
-            return Sign(token.at, "-", operand) if token.text == "-" else Not(token.at, operand)
+            return (
+                expression_syntax.Sign(token.at, "-", operand)
+                if token.text == "-"
+                else expression_syntax.Not(token.at, operand)
+            )
         return self._value()
 
-    def _value(self) -> Part:
+    def _value(self) -> expression_syntax.Part:
         token = self._token
         if self._is("("):
             self._take()
@@ -488,20 +505,22 @@ class _Parser:
         self._take()
         match token.kind:
             case "hex":
-                return LiteralValue(token.at, int(token.text, 16))
+                return expression_syntax.LiteralValue(token.at, int(token.text, 16))
             case "number":
                 whole = token.text.isdigit() and len(token.text) < 20
-                return LiteralValue(token.at, int(token.text) if whole else float(token.text))
+                return expression_syntax.LiteralValue(
+                    token.at, int(token.text) if whole else float(token.text)
+                )
             case "text":
-                return LiteralValue(token.at, token.text[1:-1])
+                return expression_syntax.LiteralValue(token.at, token.text[1:-1])
             case _:
                 return self._name(token)
 
-    def _name(self, token: _Token) -> Part:
+    def _name(self, token: _Token) -> expression_syntax.Part:
         if token.text in ("true", "false"):
-            return LiteralValue(token.at, token.text == "true")
+            return expression_syntax.LiteralValue(token.at, token.text == "true")
         if token.text in self._enums:
-            return LiteralValue(token.at, self._enums[token.text])
+            return expression_syntax.LiteralValue(token.at, self._enums[token.text])
         if token.text in OUR_WORDS:
             raise ScriptError(f"{token.text!r} cannot be the name of a key in an expression", token.at)
-        return Name(token.at, token.text)
+        return expression_syntax.Name(token.at, token.text)

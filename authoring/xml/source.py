@@ -9,11 +9,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ...files.errors import Diagnostic, FileError, Mark
-from ...files.file_system import is_file
-from ...files.value_wording import suggest_name
-from ...files.yaml.file_text import read_text
-from ...trees.mission import MAIN
+from picktree.files import Diagnostic, FileError, Mark, file_system, suggest_name
+from picktree.files.yaml import file_text
+from picktree.trees import MAIN
+
 from . import btcpp_vocabulary
 from .element import Element, read_xml
 from .tree_nodes_model import INCLUDED
@@ -280,7 +279,7 @@ class _Reader:
             self._faults.fault(at, "root", message, code="P912")
         elif len(self._known) >= MAX_FILES:
             self._faults.fault(at, "root", f"more than {MAX_FILES} files are included", code="P912")
-        elif not is_file(found):
+        elif not file_system.is_file(found):
             self._faults.note(at, "root", f"there is no file {name!r} beside this one", code="P912")
         elif place not in self._known:
             self._known[place] = None
@@ -288,7 +287,7 @@ class _Reader:
 
     def _follow(self, path: Path, trail: tuple[str, ...]) -> None:
         try:
-            read = read_xml(read_text(path), str(path), strict=self._faults.strict)
+            read = read_xml(file_text.read_text(path), str(path), strict=self._faults.strict)
         except FileError as error:
             for fault in error.faults:
                 self._faults.add(fault)

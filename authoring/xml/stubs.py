@@ -12,18 +12,33 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias, cast
 
-from ...files.errors import Mark, PicktreeError
-from ...trees.declaration import AUTOREMAP, COMMON_KEYS, IDENTIFIER, NodeDeclaration, reserved_names
-from ...trees.decorators import Decorator
-from ...trees.flow import NodeStatus
-from ...trees.leaves import ConditionNode
-from ...trees.loading.registry import NodeRegistry
-from ...trees.node import ControlNode, Node
-from ...trees.ports import REQUIRED, In, Out, PortType, Takes, children, convert_literal, port
-from ...trees.references import REFERENCE_IN_TEXT
-from ...trees.skill import Skill, Steps
-from ...world.causes import Cause, Failure, register_cause
-from ...world.values import ObjectId
+from picktree.files import Mark, PicktreeError
+from picktree.trees import (
+    AUTOREMAP,
+    COMMON_KEYS,
+    IDENTIFIER,
+    REQUIRED,
+    ConditionNode,
+    ControlNode,
+    Decorator,
+    In,
+    Node,
+    NodeDeclaration,
+    NodeStatus,
+    Out,
+    PortType,
+    Skill,
+    Steps,
+    Takes,
+    children,
+    convert_literal,
+    port,
+    references,
+    reserved_names,
+)
+from picktree.trees.loading import NodeRegistry
+from picktree.world import Cause, Failure, ObjectId, register_cause
+
 from . import btcpp_vocabulary
 from .element import Element, one_line
 from .key_flow import Direction, KeyFlow, PortUse, port_type
@@ -325,7 +340,7 @@ def _reads(text: str, kind: PortType) -> bool:
 
 
 def _has_references(text: str) -> bool:
-    return REFERENCE_IN_TEXT.search(text) is not None
+    return references.REFERENCE_IN_TEXT.search(text) is not None
 
 
 def stub_class(stub: StubNode) -> type[Node]:

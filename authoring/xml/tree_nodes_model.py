@@ -6,9 +6,8 @@ import json
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Final
 
-from ...trees.declaration import NodeDeclaration
-from ...trees.mission import Mission, TreeSpec
-from ...trees.ports import PortDeclaration, PortType
+from picktree.trees import Mission, NodeDeclaration, PortDeclaration, PortType, TreeSpec
+
 from . import btcpp_vocabulary
 from .element import Element
 from .literal_text import JSON, default_text, type_text

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
-from ..errors import Diagnostic, FileError, Location, Mark, Severity, where
-from ..value_wording import describe, suggest_name
+from picktree.files import Diagnostic, FileError, Location, Mark, Severity, describe, suggest_name, where
+
 from .file_text import read_text
 from .reader import Value, YamlNode, read
 

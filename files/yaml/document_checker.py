@@ -10,8 +10,21 @@ from typing import Any, Literal, TypeVar, cast, get_args, get_origin
 import pydantic
 from pydantic import BaseModel
 
-from ..errors import MAX_FAULTS, SPOILING_CODES, CheckedFile, Diagnostic, Location, Severity, too_many
-from ..value_wording import describe, listed, suggest_boolean, suggest_name, suggest_number
+from picktree.files import (
+    MAX_FAULTS,
+    SPOILING_CODES,
+    CheckedFile,
+    Diagnostic,
+    Location,
+    Severity,
+    describe,
+    listed,
+    suggest_boolean,
+    suggest_name,
+    suggest_number,
+    too_many,
+)
+
 from .document import Document
 from .file_models import InvalidValue, UnreadPart, bare, check_name, partial_model
 from .syntax_faults import structure_hint

@@ -37,9 +37,8 @@ from pydantic import (
 )
 from pydantic.fields import FieldInfo
 
-from ..errors import Location
-from ..quantities import NotFinite, dimension, in_unit, parse_quantity, suggested
-from ..value_wording import describe, suggest_number
+from picktree.files import Location, describe, quantities, suggest_number
+
 from .document import Document
 
 
@@ -95,28 +94,34 @@ def quantity(
                 f"{describe(value)} is not a number" + (f" in {unit}" if unit else ""), code="P109"
             )
         try:
-            number = parse_quantity(value, unit)
-        except NotFinite as error:
+            number = quantities.parse_quantity(value, unit)
+        except quantities.NotFinite as error:
             raise InvalidValue(str(error), code="P120") from None
         except ValueError as error:
             meant = suggest_number(value)
             message = f"{describe(value)} is not a number" if meant else str(error)
-            meant = meant or (suggested(value, unit) if isinstance(value, str) else "")
+            meant = meant or (quantities.suggested(value, unit) if isinstance(value, str) else "")
             raise InvalidValue(message, meant, code="P109") from None
         written = value if isinstance(value, str) else f"{value} {unit}".strip()
-        what = dimension(unit) or "it"
+        what = quantities.dimension(unit) or "it"
         if number < 0 and (above == 0 or least == 0):
             hint = f"{what} is {'positive' if above == 0 else '0 or more'} here"
             raise InvalidValue(f"{written} is negative", hint, code="P107")
         if number == 0 and above == 0:
             raise InvalidValue(f"{written} is not positive", code="P107")
         if above is not None and number <= above:
-            raise InvalidValue(f"{written} is not more than {in_unit(above, unit, written)}", code="P107")
+            raise InvalidValue(
+                f"{written} is not more than {quantities.in_unit(above, unit, written)}", code="P107"
+            )
         if least is not None and number < least:
-            raise InvalidValue(f"{written} is less than {in_unit(least, unit, written)}", code="P107")
+            raise InvalidValue(
+                f"{written} is less than {quantities.in_unit(least, unit, written)}", code="P107"
+            )
         if most is not None and number > most:
             meant = _smaller_unit(value, unit, above, least, most)
-            raise InvalidValue(f"{written} is more than {in_unit(most, unit, written)}", meant, code="P107")
+            raise InvalidValue(
+                f"{written} is more than {quantities.in_unit(most, unit, written)}", meant, code="P107"
+            )
         return number
 
     given = {"exclusiveMinimum": above, "minimum": least, "maximum": most}
@@ -135,7 +140,7 @@ def _smaller_unit(
     if isinstance(value, str) or smaller is None:
         return ""
     meant = f"{value} {smaller}"
-    number = parse_quantity(meant, unit)
+    number = quantities.parse_quantity(meant, unit)
     fits = number <= most and (above is None or number > above) and (least is None or number >= least)
     return f"write {meant}" if fits else ""
 

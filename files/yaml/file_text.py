@@ -9,8 +9,7 @@ from bisect import bisect_right
 from pathlib import Path
 from typing import Final, cast
 
-from ..errors import Diagnostic, FileError, Mark, PicktreeError
-from ..value_wording import MOST_NEAR, suggest_name
+from picktree.files import MOST_NEAR, Diagnostic, FileError, Mark, PicktreeError, suggest_name
 
 MAX_BYTES: Final = 1_000_000
 """Maximum size of a YAML file."""

@@ -12,7 +12,8 @@ from typing import NoReturn, TypeAlias
 
 import yaml
 
-from ..errors import MAX_FAULTS, Diagnostic, FileError, Location, Mark, too_many, where
+from picktree.files import MAX_FAULTS, Diagnostic, FileError, Location, Mark, too_many, where
+
 from .file_text import check_characters
 from .syntax_faults import COMMA, PlainText, joined_key, look_alike, spoilt_key, syntax_faults
 

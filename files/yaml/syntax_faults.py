@@ -11,7 +11,8 @@ from typing import Final
 
 import yaml
 
-from ..errors import Diagnostic, Mark
+from picktree.files import Diagnostic, Mark
+
 from .file_text import PositionIndex
 
 LOOK_ALIKE: Final = "P127"

@@ -8,7 +8,8 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from ..errors import Mark
+from picktree.files import Mark
+
 from .reader import Value, YamlNode, resolve
 
 Scalar = str | int | float | bool | None

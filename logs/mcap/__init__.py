@@ -1,1 +1,5 @@
 """MCAP files: writing, reading and salvage of damaged ones."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

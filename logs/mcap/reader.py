@@ -26,7 +26,8 @@ from mcap.summary import Summary
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
-from ...files.errors import PicktreeError
+from picktree.files import PicktreeError
+
 from .salvage import DAMAGE_ERRORS, RecordFile, Salvage, parsed
 from .writer import LIBRARY, MAGIC
 

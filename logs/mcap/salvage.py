@@ -19,7 +19,8 @@ from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.summary import Summary
 
-from ...files.errors import PicktreeError
+from picktree.files import PicktreeError
+
 from .writer import MAGIC
 
 DAMAGE_ERRORS = (

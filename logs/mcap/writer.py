@@ -41,8 +41,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from ...files.errors import PicktreeError
-from ...files.file_system import fitted
+from picktree.files import PicktreeError, file_system
 
 try:
     import fcntl
@@ -117,7 +116,7 @@ class TrailerFile:
         """Bytes of data so far; offset of the ending."""
         self.failure: PicktreeError | None = None
         self._ending = b""
-        self._hidden: Path | None = path.with_name(fitted(f"{path.name}.part"))
+        self._hidden: Path | None = path.with_name(file_system.fitted(f"{path.name}.part"))
         self._syncing = threading.Lock()
         self._unsynced = False
         self._refused: OSError | None = None

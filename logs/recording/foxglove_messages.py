@@ -31,25 +31,9 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3 as VectorMessage
 from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 
-from ...files.errors import PicktreeError
-from ...world.colours import COLOURS, Rgb
-from ...world.protocols import Intrinsics
-from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
-from ...world.values import Pose, Vector3
-from ..binary_gltf import parts_of
-from ..records import (
-    BodyRecord,
-    Joints,
-    LinkMesh,
-    LogLine,
-    PartRecord,
-    Scene,
-    ThingRecord,
-    Transform,
-    decode,
-    encode,
-)
-from ..triangle_meshes import Mesh, part_mesh, shape_mesh
+from picktree.files import PicktreeError
+from picktree.logs import binary_gltf, encode, log_records, triangle_meshes
+from picktree.world import COLOURS, Box, ConvexMesh, Cylinder, Intrinsics, Pose, Rgb, Shape, Sphere, Vector3
 
 _PNG_SETTINGS = (
     *(cv2.IMWRITE_PNG_COMPRESSION, 0),
@@ -161,10 +145,10 @@ class TransformMessages:
         rotation.x, rotation.y, rotation.z, rotation.w = pose.orientation
 
 
-def read_transforms(data: bytes) -> tuple[Transform, ...]:
+def read_transforms(data: bytes) -> tuple[log_records.Transform, ...]:
     message = FrameTransforms.FromString(data)
     return tuple(
-        Transform(
+        log_records.Transform(
             t.parent_frame_id,
             t.child_frame_id,
             Pose(
@@ -193,7 +177,7 @@ class JointMessages:
         self._names: tuple[str, ...] = ()
         self._joints: list[JointState] = []
 
-    def encode(self, time: int, joints: Joints) -> bytes:
+    def encode(self, time: int, joints: log_records.Joints) -> bytes:
         message = self._message
         if joints.names != self._names:
             self._names = joints.names
@@ -208,9 +192,9 @@ class JointMessages:
         return message.SerializeToString(deterministic=True)
 
 
-def read_joints(data: bytes) -> Joints:
+def read_joints(data: bytes) -> log_records.Joints:
     joints = JointStates.FromString(data).joints
-    return Joints(
+    return log_records.Joints(
         tuple(j.name for j in joints),
         tuple(j.position for j in joints),
         tuple(j.velocity for j in joints),
@@ -218,16 +202,16 @@ def read_joints(data: bytes) -> Joints:
     )
 
 
-def encode_log(time: int, line: LogLine) -> bytes:
+def encode_log(time: int, line: log_records.LogLine) -> bytes:
     """Encode a log line. Raises ValueError for a level that does not exist."""
     message = Log(timestamp=stamp(time), message=line.message, name=line.name)
     message.level = Log.Level.Value(line.level)
     return message.SerializeToString(deterministic=True)
 
 
-def read_log(data: bytes) -> LogLine:
+def read_log(data: bytes) -> log_records.LogLine:
     message = Log.FromString(data)
-    return LogLine(Log.Level.Name(message.level), message.message, message.name)
+    return log_records.LogLine(Log.Level.Name(message.level), message.message, message.name)
 
 
 def encode_image(time: int, frame: str, form: str, data: bytes) -> bytes:
@@ -261,7 +245,7 @@ def read_calibration(data: bytes) -> Intrinsics:
     return Intrinsics(message.width, message.height, k[0], k[4], k[2], k[5])
 
 
-def encode_robot(time: int, meshes: Iterable[LinkMesh]) -> bytes:
+def encode_robot(time: int, meshes: Iterable[log_records.LinkMesh]) -> bytes:
     """Encode each link's model, locked to the link's frame."""
     update = SceneUpdate()
     for mesh in meshes:
@@ -278,12 +262,12 @@ def encode_robot(time: int, meshes: Iterable[LinkMesh]) -> bytes:
     return update.SerializeToString(deterministic=True)
 
 
-def read_robot(data: bytes) -> tuple[LinkMesh, ...]:
+def read_robot(data: bytes) -> tuple[log_records.LinkMesh, ...]:
     update = SceneUpdate.FromString(data)
-    return tuple(LinkMesh(e.frame_id, e.models[0].data) for e in update.entities if e.models)
+    return tuple(log_records.LinkMesh(e.frame_id, e.models[0].data) for e in update.entities if e.models)
 
 
-def encode_scene(time: int, scene: Scene, *, locked: bool) -> bytes:
+def encode_scene(time: int, scene: log_records.Scene, *, locked: bool) -> bytes:
     """Encode a single scene. For many scenes use `SceneMessages`."""
     return SceneMessages(locked=locked).encode(time, scene)
 
@@ -297,11 +281,11 @@ class SceneMessages:
 
     def __init__(self, *, locked: bool) -> None:
         self._locked = locked
-        self._fixed: tuple[PartRecord, ...] = ()
+        self._fixed: tuple[log_records.PartRecord, ...] = ()
         self._fixtures: list[SceneEntity] = []
-        self._bodies: dict[str, tuple[BodyRecord, SceneEntity]] = {}
+        self._bodies: dict[str, tuple[log_records.BodyRecord, SceneEntity]] = {}
 
-    def encode(self, time: int, scene: Scene) -> bytes:
+    def encode(self, time: int, scene: log_records.Scene) -> bytes:
         at = stamp(time)
         update = SceneUpdate()
         update.deletions.add(timestamp=at, type=SceneEntityDeletion.Type.ALL)
@@ -318,13 +302,13 @@ class SceneMessages:
             entity.timestamp.CopyFrom(at)
         return update.SerializeToString(deterministic=True)
 
-    def _body(self, body: BodyRecord) -> SceneEntity:
+    def _body(self, body: log_records.BodyRecord) -> SceneEntity:
         locked = self._locked
         entity = SceneEntity(frame_id=body.id if locked else WORLD, id=body.id, frame_locked=True)
         colour = COLOURS.get(body.colour, UNKNOWN_COLOUR)
         alpha = 0.45 if body.role == "obstacle" else 1.0
         frame = Pose() if locked else body.pose
-        for shape, pose in parts_of(body):
+        for shape, pose in binary_gltf.parts_of(body):
             _add_shape(entity, shape, frame @ pose, colour, alpha)
         for key, value in (
             ("kind", body.kind),
@@ -337,42 +321,49 @@ class SceneMessages:
         return entity
 
 
-def _fixtures(parts: Iterable[PartRecord]) -> list[SceneEntity]:
+def _fixtures(parts: Iterable[log_records.PartRecord]) -> list[SceneEntity]:
     entities: dict[str, SceneEntity] = {}
     for part in parts:
         owner = part.id.split("/")[0]
         entity = entities.setdefault(owner, SceneEntity(frame_id=WORLD, id=owner, frame_locked=True))
         colour = COLOURS.get(part.colour, UNKNOWN_COLOUR)
         if part.holes:
-            _add_mesh(entity, part_mesh(part.shape, part.holes), _pose(part.pose), _paint(colour, 1.0))
+            _add_mesh(
+                entity,
+                triangle_meshes.part_mesh(part.shape, part.holes),
+                _pose(part.pose),
+                _paint(colour, 1.0),
+            )
         else:
             _add_shape(entity, part.shape, part.pose, colour, 1.0)
         entity.metadata.append(KeyValuePair(key=_PART_KEY, value=encode(part).decode()))
     return list(entities.values())
 
 
-def read_scene(data: bytes) -> Scene:
+def read_scene(data: bytes) -> log_records.Scene:
     """Decode a scene of picktree; empty for another program's scene. Raises ValueError when a field is
     missing."""
-    bodies: list[BodyRecord] = []
-    fixed: list[PartRecord] = []
+    bodies: list[log_records.BodyRecord] = []
+    fixed: list[log_records.PartRecord] = []
     for entity in SceneUpdate.FromString(data).entities:
         for pair in entity.metadata:
             if pair.key == _PART_KEY:
                 fixed.append(_part_of(pair.value))
             elif pair.key == _BODY_KEY:
                 bodies.append(_body_of(pair.value))
-    return Scene(tuple(bodies), tuple(fixed))
+    return log_records.Scene(tuple(bodies), tuple(fixed))
 
 
 @lru_cache(_MAX_KEPT_RECORDS)
-def _part_of(text: str) -> PartRecord:
-    return decode(PartRecord, text.encode())
+def _part_of(text: str) -> log_records.PartRecord:
+    return log_records.decode(log_records.PartRecord, text.encode())
 
 
 @lru_cache(_MAX_KEPT_RECORDS)
-def _body_of(text: str) -> BodyRecord:
-    return decode(ThingRecord if '"tag":' in text else BodyRecord, text.encode())
+def _body_of(text: str) -> log_records.BodyRecord:
+    return log_records.decode(
+        log_records.ThingRecord if '"tag":' in text else log_records.BodyRecord, text.encode()
+    )
 
 
 def _entity(update: SceneUpdate, time: int, name: str, frame: str, *, locked: bool) -> SceneEntity:
@@ -394,14 +385,14 @@ def _add_shape(entity: SceneEntity, shape: Shape, pose: Pose, colour: Rgb, alpha
             size = _vector((2 * radius, 2 * radius, 2 * radius))
             entity.spheres.append(SpherePrimitive(pose=where, size=size, color=paint))
         case ConvexMesh():
-            _add_mesh(entity, shape_mesh(shape), where, paint)
+            _add_mesh(entity, triangle_meshes.shape_mesh(shape), where, paint)
 
 
 def _paint(colour: Rgb, alpha: float) -> Color:
     return Color(r=colour[0], g=colour[1], b=colour[2], a=alpha)
 
 
-def _add_mesh(entity: SceneEntity, mesh: Mesh, where: PoseMessage, paint: Color) -> None:
+def _add_mesh(entity: SceneEntity, mesh: triangle_meshes.Mesh, where: PoseMessage, paint: Color) -> None:
     entity.triangles.append(
         TriangleListPrimitive(
             pose=where,

@@ -10,43 +10,36 @@ from typing import Final, Protocol
 
 import orjson
 
-from ...simulation.truth import TrueBody as SimulatedBody
-from ...world.journal import CandidateSearchEntry, PlanEntry
-from ...world.planning_scene import BeliefChange, BeliefObject
-from ...world.scene.description import Bin, Fixture, tile_body
-from ...world.shapes import ConvexMesh, Shape, greatest_length
-from ...world.values import GripperState, JointState, ObjectId, Pose
-from ..event_records import BeliefEvent
-from ..records import (
-    FORMAT,
-    BlockRecord,
-    BodyRecord,
-    Candidate,
-    Candidates,
-    Joints,
-    NodeStatusRecord,
-    PartRecord,
-    Plan,
-    RunInfo,
-    StageCount,
-    ThingRecord,
-    Tick,
-    encode,
+from picktree.logs import BeliefEvent, encode, log_records
+from picktree.simulation import TrueBody as SimulatedBody
+from picktree.world import (
+    BeliefChange,
+    BeliefObject,
+    CandidateSearchEntry,
+    ConvexMesh,
+    GripperState,
+    JointState,
+    ObjectId,
+    PlanEntry,
+    Pose,
+    Shape,
+    greatest_length,
 )
+from picktree.world.scene import Bin, Fixture, tile_body
 
-_TICK_FIELDS: Final = tuple(field.name for field in fields(Tick))
+_TICK_FIELDS: Final = tuple(field.name for field in fields(log_records.Tick))
 
 
 class TickMessages:
     """Encoder of `/bt/tick`. Most nodes are the same from tick to tick, so only changed ones are encoded."""
 
     def __init__(self) -> None:
-        self._nodes: tuple[NodeStatusRecord, ...] = ()
+        self._nodes: tuple[log_records.NodeStatusRecord, ...] = ()
         self._json: list[orjson.Fragment] = []
         self._whole = orjson.Fragment(b"[]")
         """All nodes as one list, for a tick in which none has changed."""
 
-    def encode(self, tick: Tick) -> bytes:
+    def encode(self, tick: log_records.Tick) -> bytes:
         """Encode a tick as `json_records.encode` does. A node's record counts as changed when it is another
         object."""
         if tick.nodes is not self._nodes:
@@ -54,7 +47,7 @@ class TickMessages:
         values = {name: getattr(tick, name) for name in _TICK_FIELDS}
         return encode(values | {"nodes": self._whole})
 
-    def _follow(self, nodes: tuple[NodeStatusRecord, ...]) -> None:
+    def _follow(self, nodes: tuple[log_records.NodeStatusRecord, ...]) -> None:
         known, self._nodes = self._nodes, nodes
         if len(known) != len(nodes):
             self._json = [orjson.Fragment(encode(node)) for node in nodes]
@@ -89,9 +82,9 @@ class SpawnedBody(Protocol):
     def role(self) -> str: ...
 
 
-def belief_record(o: BeliefObject, *, measured: bool = False) -> BodyRecord:
+def belief_record(o: BeliefObject, *, measured: bool = False) -> log_records.BodyRecord:
     """Return the record of a body of the planning scene. `measured`: rules ask for measures of items."""
-    record = BodyRecord(
+    record = log_records.BodyRecord(
         id=o.id,
         kind=o.kind,
         form=o.form,
@@ -105,21 +98,25 @@ def belief_record(o: BeliefObject, *, measured: bool = False) -> BodyRecord:
         sigma_position=o.sigma_position,
         sigma_angle=o.sigma_angle,
         last_seen=o.last_seen,
-        blocks=tuple(BlockRecord(block.size, block.at) for block in o.blocks),
+        blocks=tuple(log_records.BlockRecord(block.size, block.at) for block in o.blocks),
     )
     if o.role == "item" and (measured or o.kind == "unknown"):
-        return ThingRecord(**vars(record), mass=o.mass, size=o.size, tag=o.tag)
+        return log_records.ThingRecord(**vars(record), mass=o.mass, size=o.size, tag=o.tag)
     return record
 
 
-def truth_record(body: SpawnedBody, *, measured: bool = False) -> BodyRecord:
+def truth_record(body: SpawnedBody, *, measured: bool = False) -> log_records.BodyRecord:
     """Return the record of a body of the simulation, with its seating when it is at a hole. `measured`: rules
     ask for measures of items."""
     shape = _portable(body.shape)
     seat = body.seat if isinstance(body, SimulatedBody) else None
-    record = BodyRecord(body.id, body.kind, body.form, body.colour, shape, body.pose, body.role, seat=seat)
+    record = log_records.BodyRecord(
+        body.id, body.kind, body.form, body.colour, shape, body.pose, body.role, seat=seat
+    )
     if isinstance(body, SimulatedBody) and (measured or body.kind == "unknown"):
-        return ThingRecord(**vars(record), mass=body.mass, size=greatest_length(body.shape), tag=body.tag)
+        return log_records.ThingRecord(
+            **vars(record), mass=body.mass, size=greatest_length(body.shape), tag=body.tag
+        )
     return record
 
 
@@ -137,9 +134,9 @@ def belief_event(change: BeliefChange) -> BeliefEvent:
     )
 
 
-def plan_record(made: PlanEntry) -> Plan:
+def plan_record(made: PlanEntry) -> log_records.Plan:
     """Return the record of a planning request and its answer."""
-    return Plan(
+    return log_records.Plan(
         made.request,
         made.planner,
         made.checks,
@@ -157,14 +154,14 @@ def plan_record(made: PlanEntry) -> Plan:
     )
 
 
-def candidates_record(choice: CandidateSearchEntry) -> Candidates:
+def candidates_record(choice: CandidateSearchEntry) -> log_records.Candidates:
     """Return the record of a candidate search."""
-    return Candidates(
+    return log_records.Candidates(
         choice.purpose,
         choice.object,
-        tuple(StageCount(name, count) for name, count in choice.stages.items()),
+        tuple(log_records.StageCount(name, count) for name, count in choice.stages.items()),
         tuple(
-            Candidate(
+            log_records.Candidate(
                 c.name,
                 c.pose.position,
                 c.pose.orientation,
@@ -188,7 +185,7 @@ def joints_record(
     fingers: Sequence[str],
     gripper: GripperState | None,
     fingers_at: Sequence[float],
-) -> Joints:
+) -> log_records.Joints:
     """Return the record of the joints of arm and fingers, without fingers when `gripper` is None.
 
     Fingers are at `fingers_at`, or each at half of the gripper's width when that is empty.
@@ -200,34 +197,36 @@ def joints_record(
             velocity.append(gripper.speed)
             effort.append(gripper.force)
         names = (*names, *fingers)
-    return Joints(tuple(names), tuple(position), tuple(velocity), tuple(effort))
+    return log_records.Joints(tuple(names), tuple(position), tuple(velocity), tuple(effort))
 
 
-def failure_origins(failing: Sequence[NodeStatusRecord]) -> list[NodeStatusRecord]:
+def failure_origins(failing: Sequence[log_records.NodeStatusRecord]) -> list[log_records.NodeStatusRecord]:
     """Return the failing nodes without a failing node below: the origins of the failure."""
     return [n for n in failing if not any(other.path.startswith(n.path + "/") for other in failing)]
 
 
-def bin_parts(bins: Iterable[Bin]) -> Iterator[PartRecord]:
+def bin_parts(bins: Iterable[Bin]) -> Iterator[log_records.PartRecord]:
     """Yield the walls and the floor of each bin."""
     for each in bins:
         for k, (box, pose) in enumerate(each.parts()):
-            yield PartRecord(f"{each.id}/{k}", each.colour, box, pose)
+            yield log_records.PartRecord(f"{each.id}/{k}", each.colour, box, pose)
 
 
-def fixture_parts(fixtures: Iterable[Fixture]) -> Iterator[PartRecord]:
+def fixture_parts(fixtures: Iterable[Fixture]) -> Iterator[log_records.PartRecord]:
     """Yield each fixture, and the tiles of its calibration target."""
     for fixture in fixtures:
-        yield PartRecord(fixture.id, fixture.colour, fixture.shape, fixture.pose, fixture.holes)
+        yield log_records.PartRecord(fixture.id, fixture.colour, fixture.shape, fixture.pose, fixture.holes)
         for tile in fixture.tiles:
             box, inner = tile_body(tile, TILE_THICKNESS)
-            yield PartRecord(f"{fixture.id}/{tile.colour}", tile.colour, box, fixture.pose @ inner)
+            yield log_records.PartRecord(
+                f"{fixture.id}/{tile.colour}", tile.colour, box, fixture.pose @ inner
+            )
 
 
-def run_metadata(run: RunInfo) -> dict[str, str]:
+def run_metadata(run: log_records.RunInfo) -> dict[str, str]:
     """Return the run's settings as text, for the metadata record `picktree`."""
     return {
-        "format": str(FORMAT),
+        "format": str(log_records.FORMAT),
         "mission": run.mission,
         "scene": run.scene,
         "robot": run.robot,

@@ -15,33 +15,25 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeAlias
 
-from ...files.errors import PicktreeError
-from ...world.journal import CandidateSearchEntry, Entry, ImageEntry, JournalEvent, PlanEntry
-from ...world.planning_scene import BeliefChange, BeliefObject
-from ...world.protocols import RgbdImage
-from ...world.scene.description import Bin, Fixture
-from ...world.values import GripperState, JointState, Pose, Wrench
-from .. import topics
-from ..event_records import ImageEvent, event_record
-from ..log_files import NEXT_METADATA, NO_ROTATION, PART_METADATA, PartInfo, Rotation, part_path
-from ..mcap.writer import McapFile, require_free_space
-from ..records import (
-    Control,
-    LinkMesh,
-    LogLine,
-    PartRecord,
-    RunInfo,
-    Scene,
-    Tick,
-    Timing,
-    TransitionRecord,
-    Tree,
-    Vector,
-    WrenchReading,
-    WriteRecord,
-    encode,
+from picktree.files import PicktreeError
+from picktree.logs import Digest, ImageEvent, Topic, event_record, log_files, log_records, topics
+from picktree.logs.mcap import McapFile, require_free_space
+from picktree.world import (
+    BeliefChange,
+    BeliefObject,
+    CandidateSearchEntry,
+    Entry,
+    GripperState,
+    ImageEntry,
+    JointState,
+    JournalEvent,
+    PlanEntry,
+    Pose,
+    RgbdImage,
+    Wrench,
 )
-from ..topics import Digest, Topic
+from picktree.world.scene import Bin, Fixture
+
 from . import foxglove_messages, journal_records
 from .foxglove_messages import encode_colour, encode_depth, with_stamp
 from .interrupts import Interrupts
@@ -72,9 +64,9 @@ class RotationState:
         self._metadata: dict[str, Mapping[str, str]] = {}
         self._files: dict[str, CarriedFile] = {}
         self._messages: dict[str, tuple[int, bytes]] = {}
-        self._writes: dict[str, WriteRecord] = {}
-        self._running: dict[str, TransitionRecord] = {}
-        self._tick: Tick | None = None
+        self._writes: dict[str, log_records.WriteRecord] = {}
+        self._running: dict[str, log_records.TransitionRecord] = {}
+        self._tick: log_records.Tick | None = None
         self.time = -1
         """Time of the last tick, simulated ns; negative before the first."""
 
@@ -90,7 +82,7 @@ class RotationState:
         if topic.name in _CARRIED_TOPICS:
             self._messages[topic.name] = (time, data)
 
-    def tick(self, time: int, tick: Tick) -> None:
+    def tick(self, time: int, tick: log_records.Tick) -> None:
         self.time, self._tick = time, tick
         for write in tick.writes:
             self._writes.pop(write.key, None)
@@ -125,7 +117,7 @@ class RotationState:
                 writes=tuple(self._writes.values()),
                 transitions=tuple(self._running.values()),
             )
-            found.append((topics.TICK, encode(whole)))
+            found.append((topics.TICK, log_records.encode(whole)))
         return found
 
 
@@ -172,7 +164,7 @@ class LogFile:
         self,
         path: Path,
         *,
-        rotation: Rotation,
+        rotation: log_files.Rotation,
         checkpoint: float = 1.0,
         chunk_bytes: int = 4 << 20,
         wall: Callable[[], float] = time.monotonic,
@@ -222,7 +214,7 @@ class LogFile:
         if self._carried is not None:
             self._carried.message(topic, at, data)
 
-    def tick(self, at: int, tick: Tick) -> None:
+    def tick(self, at: int, tick: log_records.Tick) -> None:
         """Keep the content of a tick's message for the beginning of a further file."""
         if self._carried is not None:
             self._carried.tick(at, tick)
@@ -271,15 +263,15 @@ class LogFile:
 
     def _rotate(self, carried: RotationState, digest: str) -> None:
         self._file.checkpoint()
-        path = part_path(self._first, self._number + 1)
+        path = log_files.part_path(self._first, self._number + 1)
         channels: dict[str, int] = {}
         file = self._new_file(path, channels)
         again = carried.all_messages()
         repeated = Counter(topic.name for topic, _ in again)
-        part = PartInfo(self._number + 1, carried.time, digest, repeated)
+        part = log_files.PartInfo(self._number + 1, carried.time, digest, repeated)
         for name, words in carried.all_metadata().items():
             file.metadata(name, words)
-        file.metadata(PART_METADATA, part.words())
+        file.metadata(log_files.PART_METADATA, part.words())
         for carry in carried.all_files():
             file.attachment(carry.name, carry.media_type, carry.data)
         for topic, data in again:
@@ -288,7 +280,7 @@ class LogFile:
         before = self._file
         self._file, self._channels = file, channels
         self._number += 1
-        before.metadata(NEXT_METADATA, {"part": path.name, "digest": digest})
+        before.metadata(log_files.NEXT_METADATA, {"part": path.name, "digest": digest})
         before.finish()
 
     def _new_file(self, path: Path, channels: dict[str, int]) -> McapFile:
@@ -338,12 +330,12 @@ class Recorder:
     def __init__(
         self,
         path: Path,
-        run: RunInfo,
+        run: log_records.RunInfo,
         *,
         checkpoint: float = 1.0,
         chunk_bytes: int = 4 << 20,
         wall: Callable[[], float] = time.monotonic,
-        rotation: Rotation = NO_ROTATION,
+        rotation: log_files.Rotation = log_files.NO_ROTATION,
         resumed: RecordingState | None = None,
         listener: Listener | None = None,
         measured: bool = False,
@@ -372,8 +364,8 @@ class Recorder:
         self._states = StateWriter()
         self._part = 0
         """Number of the log's file that holds the last state of the simulation."""
-        self._fixed: tuple[PartRecord, ...] = ()
-        self._standing: tuple[PartRecord, ...] = ()
+        self._fixed: tuple[log_records.PartRecord, ...] = ()
+        self._standing: tuple[log_records.PartRecord, ...] = ()
         self._cameras: dict[str, Pose] = {}  # by frame
         self._believed = self._true = -SCENE_PERIOD
         self._failing: frozenset[str] = frozenset()
@@ -477,19 +469,19 @@ class Recorder:
         with self._interrupts.held():
             self._file.attachment(name, media_type, data, slot)
 
-    def tree(self, tree: Tree, now: float = 0.0) -> None:
+    def tree(self, tree: log_records.Tree, now: float = 0.0) -> None:
         """Write the tree as it was loaded: a message, and a metadata record for readers that seek."""
-        data = encode(tree)
+        data = log_records.encode(tree)
         self._write(topics.TREE, now, data)
         with self._interrupts.held():
             self._file.metadata("picktree.tree", {"json": data.decode()})
             self._file.checkpoint()  # The log of a run that dies at once then still holds its tree.
 
-    def edited_tree(self, now: float, tree: Tree) -> None:
+    def edited_tree(self, now: float, tree: log_records.Tree) -> None:
         """Write the tree of an edited mission, which is ticked from the next tick on."""
-        self._write(topics.TREE, now, encode(tree))
+        self._write(topics.TREE, now, log_records.encode(tree))
 
-    def robot_model(self, meshes: Iterable[LinkMesh], now: float = 0.0) -> None:
+    def robot_model(self, meshes: Iterable[log_records.LinkMesh], now: float = 0.0) -> None:
         """Write the visual meshes of the links, from `link_meshes`."""
         self._write(topics.ROBOT, now, foxglove_messages.encode_robot(_ns(now), meshes))
         self.checkpoint()
@@ -514,7 +506,7 @@ class Recorder:
         with self._interrupts.held():
             self._file.rotate_if_due(_ns(now), self.digest)
 
-    def tick(self, now: float, tick: Tick) -> None:
+    def tick(self, now: float, tick: log_records.Tick) -> None:
         """Write the whole tree after a tick. A failure that begins in this tick also becomes a log line."""
         self._write(topics.TICK, now, self._ticks.encode(tick))
         self._file.tick(_ns(now), tick)
@@ -524,8 +516,8 @@ class Recorder:
                 self.log(now, "ERROR", f"{node.cause}: {node.message}", node.path)
         self._failing = frozenset(n.path for n in failing)
 
-    def timing(self, now: float, timing: Timing) -> None:
-        self._write(topics.TIMING, now, encode(timing))
+    def timing(self, now: float, timing: log_records.Timing) -> None:
+        self._write(topics.TIMING, now, log_records.encode(timing))
 
     def joints(
         self,
@@ -560,12 +552,14 @@ class Recorder:
 
     def wrench(self, now: float, wrench: Wrench) -> None:
         """Write the external wrench at the wrist, in world axes."""
-        reading = WrenchReading(Vector(*wrench.force), Vector(*wrench.torque), wrench.magnitude())
-        self._write(topics.WRENCH, now, encode(reading))
+        reading = log_records.WrenchReading(
+            log_records.Vector(*wrench.force), log_records.Vector(*wrench.torque), wrench.magnitude()
+        )
+        self._write(topics.WRENCH, now, log_records.encode(reading))
 
-    def control(self, now: float, control: Control) -> None:
+    def control(self, now: float, control: log_records.Control) -> None:
         """Write the set point of the arm's servo."""
-        self._write(topics.CONTROL, now, encode(control))
+        self._write(topics.CONTROL, now, log_records.encode(control))
 
     def belief(
         self, now: float, objects: Iterable[BeliefObject], changes: Iterable[BeliefChange] = ()
@@ -578,7 +572,7 @@ class Recorder:
         if changed or now - self._believed >= SCENE_PERIOD - 1e-6:
             self._believed = now
             bodies = tuple(journal_records.belief_record(o, measured=self._measured) for o in objects)
-            scene = Scene(bodies, self._fixed)
+            scene = log_records.Scene(bodies, self._fixed)
             self._write(topics.OBJECTS, now, self._beliefs.encode(_ns(now), scene))
 
     def truth_due(self, now: float) -> bool:
@@ -588,7 +582,7 @@ class Recorder:
     def truth(self, now: float, bodies: Iterable[SpawnedBody]) -> None:
         """Write the ground truth, which only the analyst sees."""
         self._true = now
-        scene = Scene(
+        scene = log_records.Scene(
             tuple(journal_records.truth_record(body, measured=self._measured) for body in bodies),
             self._standing,
         )
@@ -612,9 +606,11 @@ class Recorder:
         """Write an entry of the journal."""
         match entry:
             case PlanEntry():
-                self._write(topics.PLAN, now, encode(journal_records.plan_record(entry)))
+                self._write(topics.PLAN, now, log_records.encode(journal_records.plan_record(entry)))
             case CandidateSearchEntry():
-                self._write(topics.CANDIDATES, now, encode(journal_records.candidates_record(entry)))
+                self._write(
+                    topics.CANDIDATES, now, log_records.encode(journal_records.candidates_record(entry))
+                )
             case ImageEntry(image, findings):
                 self.image(now, image)
                 self._event(now, ImageEvent(f"image from {image.camera}", findings=findings))
@@ -636,10 +632,12 @@ class Recorder:
 
     def log(self, now: float, level: str, message: str, name: str = "") -> None:
         """Write a log line for people; `level` is DEBUG, INFO, WARNING, ERROR or FATAL."""
-        self._write(topics.LOG, now, foxglove_messages.encode_log(_ns(now), LogLine(level, message, name)))
+        self._write(
+            topics.LOG, now, foxglove_messages.encode_log(_ns(now), log_records.LogLine(level, message, name))
+        )
 
     def _event(self, now: float, event: JournalEvent) -> None:
-        self._write(topics.EVENTS, now, encode(event_record(event)))
+        self._write(topics.EVENTS, now, log_records.encode(event_record(event)))
 
     def _write(self, topic: Topic, now: float, data: bytes) -> None:
         at, in_digest = _ns(now), topic.simulated and not self._preamble

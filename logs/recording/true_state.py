@@ -13,7 +13,7 @@ from typing import Any, Final, cast
 
 import orjson
 
-from ..records import TrueState
+from picktree.logs import log_records
 
 STATE_PERIOD: Final = 0.2
 """Period of the messages, simulated s."""
@@ -62,15 +62,15 @@ class StateWriter:
         return data
 
 
-def read_state(data: bytes) -> TrueState:
+def read_state(data: bytes) -> log_records.TrueState:
     """Decode a message. Raises ValueError for something else."""
     said = cast("dict[str, Any]", orjson.loads(data))
     if not isinstance(said.get("whole"), bool) or not isinstance(said.get("state"), dict):
         raise ValueError("no state of a simulation")
-    return TrueState(said["whole"], said["state"])
+    return log_records.TrueState(said["whole"], said["state"])
 
 
-def fold_states(messages: Iterable[TrueState]) -> dict[str, Any] | None:
+def fold_states(messages: Iterable[log_records.TrueState]) -> dict[str, Any] | None:
     """Return the state after all messages, of which the first is whole; None without any."""
     state: dict[str, Any] | None = None
     for message in messages:

@@ -17,17 +17,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.causes import Failure
-from ...world.causes import world as world_causes
-from ...world.scene.description import TargetTile
-from ...world.shapes import Box
-from ...world.values import Array, Pose, Vector3, vector3
+from picktree.world import Array, Box, Failure, Pose, Vector3, vector3
+from picktree.world import world as world_causes
+from picktree.world.scene import TargetTile
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from ...world.robot_model.model import RobotModel
-    from ...world.scene.description import Fixture
+    from picktree.world.robot_model import RobotModel
+    from picktree.world.scene import Fixture
 
 LEAN_ANGLE = math.radians(30.0)
 """Tilt of the hand for touches with the tip ahead, rad."""

@@ -13,9 +13,10 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import least_squares
 
-from ...files.errors import PicktreeError
-from ...world.scene.description import TargetTile
-from ...world.values import Array, Pose, Vector3, vector3
+from picktree.files import PicktreeError
+from picktree.world import Array, Pose, Vector3, vector3
+from picktree.world.scene import TargetTile
+
 from .observations import CalibrationData, TargetImage
 from .target_detection import align_points, area_and_centroid, pixels_of
 

@@ -9,9 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...world.events import CalibrationShotEvent, CalibrationTouchEvent
-from ...world.protocols import Intrinsics
-from ...world.values import Array, Pose, Vector3
+from picktree.world import Array, Intrinsics, Pose, Vector3, event_types
 
 VIEW_TILTS = (0.12, 0.5, 0.68)
 """Angles between line of sight and target normal of successive views, rad."""
@@ -97,9 +95,9 @@ class TargetImage:
     """Believed pose of the optical frame: in the TCP frame, or in the world for a fixed camera."""
     tiles: tuple[DetectedTile, ...]
 
-    def to_event(self, message: str, node: str) -> CalibrationShotEvent:
+    def to_event(self, message: str, node: str) -> event_types.CalibrationShotEvent:
         i = self.intrinsics
-        return CalibrationShotEvent(
+        return event_types.CalibrationShotEvent(
             message,
             node,
             camera=self.camera,
@@ -113,7 +111,7 @@ class TargetImage:
         )
 
     @classmethod
-    def from_event(cls, event: CalibrationShotEvent) -> TargetImage:
+    def from_event(cls, event: event_types.CalibrationShotEvent) -> TargetImage:
         width, height, fx, fy, cx, cy = event.intrinsics
         return cls(
             event.camera,
@@ -140,12 +138,14 @@ class TargetTouch:
     """Force with which the fingers press against the face, N."""
     name: str = ""
 
-    def to_event(self, message: str, node: str) -> CalibrationTouchEvent:
+    def to_event(self, message: str, node: str) -> event_types.CalibrationTouchEvent:
         tcp = _numbers(self.tcp)
-        return CalibrationTouchEvent(message, node, face=self.face, tcp=tcp, force=self.force, name=self.name)
+        return event_types.CalibrationTouchEvent(
+            message, node, face=self.face, tcp=tcp, force=self.force, name=self.name
+        )
 
     @classmethod
-    def from_event(cls, event: CalibrationTouchEvent) -> TargetTouch:
+    def from_event(cls, event: event_types.CalibrationTouchEvent) -> TargetTouch:
         x, y, z = event.face
         return cls((x, y, z), _pose(event.tcp), event.force, event.name)
 

@@ -11,11 +11,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.protocols import Intrinsics, RgbdImage
-from ...world.scene.description import TargetTile
-from ...world.values import Array, Pose
-from ..perception import segmentation
-from ..perception.segmentation import connected_patches
+from picktree.robot.perception import connected_patches, segmentation
+from picktree.world import Array, Intrinsics, Pose, RgbdImage
+from picktree.world.scene import TargetTile
+
 from .observations import DetectedTile
 
 MIN_TILE_AREA = 16

@@ -8,8 +8,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Literal, Protocol, TypeAlias
 
-from ...world.causes import Failure
-from ...world.values import Array, JointState, Vector3
+from picktree.world import Array, Failure, JointState, Vector3
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from ...world.values import Array, Pose, Quaternion, Vector3
+from picktree.world import Array, Pose, Quaternion, Vector3
 
 Frame: TypeAlias = Literal["world", "tool"] | Quaternion
 """Axes of a stiffness: the world's, those of the turning TCP, or of a frame with this orientation in the

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ...world.values import Vector3
+from picktree.world import Vector3
 
 DETECTION_WINDOW = 0.017
 """Time over which readings are averaged, s."""

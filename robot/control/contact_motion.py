@@ -9,10 +9,9 @@ from typing import TypeAlias, TypeVar
 
 import numpy as np
 
-from ...world.causes import Failure, control, safety
-from ...world.protocols import Clock
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, Pose
+from picktree.world import Array, Clock, Failure, Pose, control, safety
+from picktree.world.robot_model import RobotModel
+
 from .compliant_motion import CartesianStiffness, CompliantMotion, GuardedMove, GuardedMoveResult
 from .control_loop import ControlLoop
 from .impedance import CartesianImpedance

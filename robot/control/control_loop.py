@@ -14,12 +14,22 @@ from time import perf_counter
 
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...world.causes import Failure, control, safety
-from ...world.computing_time import Stopwatch
-from ...world.protocols import Hardware
-from ...world.robot_model.model import RobotModel
-from ...world.values import GRAVITY, Array, JointState, Pose, Vector3, Wrench
+from picktree.files import PicktreeError
+from picktree.world import (
+    GRAVITY,
+    Array,
+    Failure,
+    Hardware,
+    JointState,
+    Pose,
+    Stopwatch,
+    Vector3,
+    Wrench,
+    control,
+    safety,
+)
+from picktree.world.robot_model import RobotModel
+
 from .commands import Controller, JointCommand
 from .external_torque import MIN_EXPLAINED_SHARE
 from .impedance import CartesianImpedance, ContactReflex

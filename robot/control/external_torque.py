@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from ...world.robot_model.model import RobotModel, joint_frame
-from ...world.values import GRAVITY, Array, JointState, Wrench
+from picktree.world import GRAVITY, Array, JointState, Wrench
+from picktree.world.robot_model import RobotModel, joint_frame
 
 
 def bare_arm(model: RobotModel) -> pin.Model:

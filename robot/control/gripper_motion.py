@@ -7,10 +7,8 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import TypeAlias, TypeVar
 
-from ...world.causes import Failure, control
-from ...world.protocols import Clock, Gripper
-from ...world.robot_model.description import GripperDescription
-from ...world.values import GripperState
+from picktree.world import Clock, Failure, Gripper, GripperState, control
+from picktree.world.robot_model import GripperDescription
 
 T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]

@@ -17,8 +17,9 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, JointState, Trajectory, Vector3
+from picktree.world import Array, JointState, Trajectory, Vector3
+from picktree.world.robot_model import RobotModel
+
 from .commands import Controller, JointCommand, TorqueCommand
 from .compliant_motion import FIRM_STIFFNESS, CartesianStiffness, CompliantMotion, ContactState
 from .external_torque import ExternalTorqueObserver, static_external_torque

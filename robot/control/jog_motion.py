@@ -17,10 +17,22 @@ from typing import ClassVar, Literal, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from ...files.errors import PicktreeError
-from ...world.causes import Cause, Failure, control, planning, safety, world
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, Bounds, JointState, Pose, Vector3
+from picktree.files import PicktreeError
+from picktree.world import (
+    Array,
+    Bounds,
+    Cause,
+    Failure,
+    JointState,
+    Pose,
+    Vector3,
+    control,
+    planning,
+    safety,
+    world,
+)
+from picktree.world.robot_model import RobotModel
+
 from .commands import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Controller, JointCommand, Twist
 from .control_loop import ControlLoop
 from .motion_lease import ForceGuard, Lease, above_limit

@@ -7,8 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, JointState, Trajectory
+from picktree.world import Array, JointState, Trajectory
+from picktree.world.robot_model import RobotModel
+
 from .commands import Controller, JointCommand
 
 OFFSET_FADE_TIME = 0.25

@@ -8,9 +8,10 @@ from typing import Protocol
 
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, JointState, Vector3, cross
+from picktree.files import PicktreeError
+from picktree.world import Array, JointState, Vector3, cross
+from picktree.world.robot_model import RobotModel
+
 from .commands import Controller
 from .wrist_wrench import WristWrench
 

@@ -13,12 +13,10 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...world.causes import Failure, control
-from ...world.journal import Journal
-from ...world.protocols import Clock
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, Trajectory, Vector3
+from picktree.files import PicktreeError
+from picktree.world import Array, Clock, Failure, Journal, Trajectory, Vector3, control
+from picktree.world.robot_model import RobotModel
+
 from .commands import ContactThresholds, JointImpedanceResult
 from .compliant_motion import FIRM_STIFFNESS, CartesianStiffness, CompliantMotion, GuardedMoveResult
 from .contact_motion import CompliantMotionResult, CompliantMotionRunner

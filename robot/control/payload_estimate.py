@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.values import GRAVITY, Array, Vector3, cross
+from picktree.world import GRAVITY, Array, Vector3, cross
 
 if TYPE_CHECKING:
-    from ...world.robot_model.model import RobotModel
+    from picktree.world.robot_model import RobotModel
 
 CENTRE_PRIOR_SIGMA = 0.03
 """Prior standard deviation of the object's centre from the grasp, m."""

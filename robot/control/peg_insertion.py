@@ -14,7 +14,8 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from ...world.values import Array
+from picktree.world import Array
+
 from .compliant_motion import CompliantMotion, ContactState
 
 

@@ -12,14 +12,22 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ...world.causes import Cause, FailureReport, control, safety
-from ...world.events import SafetyStopEvent
-from ...world.journal import Journal, JournalEvent
-from ...world.protocols import SensorStamps
-from ...world.robot_model.joint_limits import joint_excesses
-from ...world.robot_model.model import RobotModel
-from ...world.scene.description import SafetyLimits
-from ...world.values import Array, JointState, Vector3, workspace_excess
+from picktree.world import (
+    Array,
+    Cause,
+    FailureReport,
+    JointState,
+    Journal,
+    JournalEvent,
+    SensorStamps,
+    Vector3,
+    control,
+    event_types,
+    safety,
+    workspace_excess,
+)
+from picktree.world.robot_model import RobotModel, joint_excesses
+from picktree.world.scene import SafetyLimits
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +133,7 @@ class Latch:
         self.stops += 1
         self._fresh = True
         cause, evidence = report.cause.name, dict(report.evidence)
-        self._journal.note(SafetyStopEvent(report.message, cause=cause, extra=evidence))
+        self._journal.note(event_types.SafetyStopEvent(report.message, cause=cause, extra=evidence))
 
     def state(self) -> LatchState:
         return LatchState(

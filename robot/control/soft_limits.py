@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.values import Array, Bounds, Vector3
+from picktree.world import Array, Bounds, Vector3
 
 if TYPE_CHECKING:
-    from ...world.robot_model.model import RobotModel
+    from picktree.world.robot_model import RobotModel
 
 SOFT_LIMIT_MARGIN = 0.005
 """Distance to its soft limit at which a joint under torque control stops, rad."""

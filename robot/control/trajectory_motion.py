@@ -9,11 +9,10 @@ from typing import Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...world.causes import Failure, FailureReport, control, safety, world
-from ...world.protocols import Clock
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, Trajectory, Vector3
+from picktree.files import PicktreeError
+from picktree.world import Array, Clock, Failure, FailureReport, Trajectory, Vector3, control, safety, world
+from picktree.world.robot_model import RobotModel
+
 from .contact_motion import ZERO_TIME
 from .control_loop import ControlLoop
 from .joint_controllers import TrajectoryController, reversed_trajectory

@@ -13,10 +13,9 @@ from functools import partial
 
 import numpy as np
 
-from ...world.events import WristBiasEvent
-from ...world.protocols import Clock, WrenchSensor
-from ...world.robot_model.model import RobotModel
-from ...world.values import GRAVITY, Array, JointState, Pose, Vector3, Wrench
+from picktree.world import GRAVITY, Array, Clock, JointState, Pose, Vector3, Wrench, WrenchSensor, event_types
+from picktree.world.robot_model import RobotModel
+
 from .contact_detection import ForceSample
 from .external_torque import EffortCheck
 from .payload_estimate import Payload, PayloadEstimator
@@ -402,7 +401,7 @@ class BiasEstimator:
             words = (
                 f"the wrist felt {by:.1f} N that no joint carries: its bias has jumped, and is learnt anew"
             )
-            self._monitor.note(WristBiasEvent(words, force=by))
+            self._monitor.note(event_types.WristBiasEvent(words, force=by))
         return learnt
 
     def zero_empty(self, state: JointState, *, rested: bool) -> bool:

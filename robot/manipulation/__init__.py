@@ -1,1 +1,5 @@
 """Manipulation of objects: grasp, carry, place, insert, push, and retreat."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

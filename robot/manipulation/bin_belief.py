@@ -6,15 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.events import BinEmptiedEvent
-from ...world.scene.description import Bin, Fixture
-from ...world.shapes import Box
-from ...world.values import ObjectId, Pose
-from ...world.world_facts import RODE_ON, TAKEN_AWAY
+from picktree.world import Box, ObjectId, Pose, event_types, world_facts
+from picktree.world.scene import Bin, Fixture
+
 from .release_poses import heap_heights
 
 if TYPE_CHECKING:
-    from ..world import World
+    from picktree.robot import World
 
 
 def apply_bin_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:
@@ -27,14 +25,14 @@ def apply_bin_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:
     for bin_id in bins:
         there = [o for o in world.scene.objects if o.place == bin_id and not o.attached]
         for each in there:
-            world.scene.remove(each.id, TAKEN_AWAY)
+            world.scene.remove(each.id, world_facts.TAKEN_AWAY)
             world.attempts.forget(each.id)
         inside = [each.id for each in there if each.role != "heap"]
         world.vision.bins.pop(bin_id, None)
         world.vision.heaps.pop(str(bin_id), None)
         other = "another" if world.scene.bins[bin_id].is_tote else "an empty one"
         world.journal.note(
-            BinEmptiedEvent(
+            event_types.BinEmptiedEvent(
                 f"{bin_id} is exchanged for {other}; {_items_are(len(inside))} gone with it",
                 node,
                 bin=bin_id,
@@ -53,7 +51,7 @@ def forget_belt_items(world: World) -> tuple[ObjectId, ...]:
         if o.role == "item" and not o.attached and any(_is_over(belt, o.pose) for belt in belts)
     ]
     for object_id in riding:
-        world.scene.remove(object_id, RODE_ON)
+        world.scene.remove(object_id, world_facts.RODE_ON)
         world.attempts.forget(object_id)
     return tuple(riding)
 

@@ -15,12 +15,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.causes import Failure, perception, push
-from ...world.events import PushEvent
-from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, planar, wrap_angle
-from ...world.planning_scene import BeliefObject
-from ...world.values import Array, ObjectId
-from ...world.world_facts import PUSH
+from picktree.world import (
+    Array,
+    BeliefObject,
+    Failure,
+    ObjectId,
+    event_types,
+    perception,
+    planar_geometry,
+    push,
+    world_facts,
+)
+
 from .singulation import SingulationPush, has_room, most_crowded_object, singulation_pushes
 from .stroke_execution import (
     FeasibleStroke,
@@ -37,8 +43,8 @@ from .stroke_planning import PushGoal, PushStroke, push_strokes, turning_room_st
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ..control.trajectory_motion import Doing
-    from ..world import World
+    from picktree.robot import World
+    from picktree.robot.control import Doing
 
 SHARED_PICTURE_ERROR = 3e-4
 """Systematic error that pictures of the same object share, m."""
@@ -58,15 +64,17 @@ def observe_closely(world: World, camera: str, name: ObjectId, pictures: int) ->
         return None
     last = found[-1]
     here = [b for b in found if b.kind == last.kind]
-    places = [planar(b.shape, b.pose) for b in here]
-    turn = outline(last.shape, last.pose).turn
+    places = [planar_geometry.planar(b.shape, b.pose) for b in here]
+    turn = planar_geometry.outline(last.shape, last.pose).turn
     first = places[0]
-    yaw = first.yaw + float(np.median([wrap_angle(p.yaw - first.yaw, turn) for p in places]))
-    mean = PlanarPose(
-        float(np.mean([p.x for p in places])), float(np.mean([p.y for p in places])), wrap_angle(yaw)
+    yaw = first.yaw + float(np.median([planar_geometry.wrap_angle(p.yaw - first.yaw, turn) for p in places]))
+    mean = planar_geometry.PlanarPose(
+        float(np.mean([p.x for p in places])),
+        float(np.mean([p.y for p in places])),
+        planar_geometry.wrap_angle(yaw),
     )
     height = float(np.mean([b.pose.position[2] for b in here]))
-    pose = moved(last.shape, last.pose, mean)
+    pose = planar_geometry.moved(last.shape, last.pose, mean)
     pose = replace(pose, position=(mean.x, mean.y, height))
     sigma = math.hypot(last.sigma_position / math.sqrt(len(here)), SHARED_PICTURE_ERROR)
     mean_belief = replace(
@@ -97,7 +105,7 @@ MAX_AGREEING_SIGMAS = 4.0
 class PlanarEstimate:
     """Estimate of place and heading: covariance (2, 2) m², and standard deviation of the heading, rad."""
 
-    at: PlanarPose
+    at: planar_geometry.PlanarPose
     covariance: Array
     turned: float
 
@@ -107,13 +115,16 @@ class PlanarEstimate:
         return math.sqrt(float(np.linalg.eigvalsh(self.covariance)[-1]))
 
 
-def estimate_from_camera(at: PlanarPose) -> PlanarEstimate:
+def estimate_from_camera(at: planar_geometry.PlanarPose) -> PlanarEstimate:
     """Return the estimate from a camera alone."""
     return PlanarEstimate(at, np.eye(2) * SIGHT_SIGMA**2, SIGHT_ANGLE_SIGMA)
 
 
 def estimate_from_contact(
-    before: PlanarEstimate, stroke: PushStroke, ends: PlanarPose, shape: PlanarOutline
+    before: PlanarEstimate,
+    stroke: PushStroke,
+    ends: planar_geometry.PlanarPose,
+    shape: planar_geometry.PlanarOutline,
 ) -> PlanarEstimate:
     """Return the estimate after a stroke that ended in contact, with the object at `ends` by the tool's
     pose."""
@@ -125,7 +136,10 @@ def estimate_from_contact(
     lateral = float(along @ before.covariance @ along) + SLIP_SIGMA**2 + (SLIP_SIGMA_SHARE * way) ** 2
     covariance = np.outer(normal, normal) * CONTACT_SIGMA**2 + np.outer(along, along) * lateral
     # Pushed at one corner, the object turns until its side is flat against the fingers.
-    askew = abs(wrap_angle(stroke.way.start.yaw - side.carrier(before.at).yaw)) + 2.0 * before.turned
+    askew = (
+        abs(planar_geometry.wrap_angle(stroke.way.start.yaw - side.carrier(before.at).yaw))
+        + 2.0 * before.turned
+    )
     turning = side.half / (shape.inertia() + side.half**2)
     squared = ROTATION_SHARE * turning * max(0.0, way - 2.0 * SIGHT_SIGMA) > askew
     narrow = max(1.0, WIDE_CONTACT_HALF_LENGTH / side.half) ** 2
@@ -138,7 +152,7 @@ def fuse_estimates(touch: PlanarEstimate, sight: PlanarEstimate, turn: float) ->
     `turn`: angle of the object's rotational symmetry, rad; 0: the heading does not count.
     """
     off = np.array([sight.at.x - touch.at.x, sight.at.y - touch.at.y])
-    yaw = wrap_angle(sight.at.yaw - touch.at.yaw, turn)
+    yaw = planar_geometry.wrap_angle(sight.at.yaw - touch.at.yaw, turn)
     both = touch.covariance + sight.covariance
     spread = touch.turned**2 + sight.turned**2
     apart = float(off @ np.linalg.solve(both, off)) + (yaw**2 / spread if turn else 0.0)
@@ -149,7 +163,7 @@ def fuse_estimates(touch: PlanarEstimate, sight: PlanarEstimate, turn: float) ->
     share = touch.turned**2 / spread if turn else 1.0
     covariance = (np.eye(2) - gain) @ touch.covariance
     return PlanarEstimate(
-        PlanarPose(float(x), float(y), touch.at.yaw + share * yaw),
+        planar_geometry.PlanarPose(float(x), float(y), touch.at.yaw + share * yaw),
         (covariance + covariance.T) / 2,
         math.sqrt(1.0 / (1.0 / touch.turned**2 + 1.0 / sight.turned**2)),
     )
@@ -159,7 +173,10 @@ def estimate_after_stroke(
     before: PlanarEstimate, after: BeliefObject, stroke: PushStroke, pushed: PushResult
 ) -> PlanarEstimate:
     """Return the estimate from what was felt during a stroke and what is seen after it."""
-    shape, sight = outline(after.shape, after.pose), estimate_from_camera(planar(after.shape, after.pose))
+    shape, sight = (
+        planar_geometry.outline(after.shape, after.pose),
+        estimate_from_camera(planar_geometry.planar(after.shape, after.pose)),
+    )
     if pushed.blocked or pushed.lost or not pushed.in_contact or stroke.side.rolls:
         return sight
     return fuse_estimates(estimate_from_contact(before, stroke, pushed.ends, shape), sight, shape.turn)
@@ -248,8 +265,8 @@ def push_goal(
 
     `yaw`: wanted heading, rad. None: any. A round object has no heading; along a line it is kept.
     """
-    at = planar(belief.shape, belief.pose)
-    round_ = outline(belief.shape, belief.pose).round
+    at = planar_geometry.planar(belief.shape, belief.pose)
+    round_ = planar_geometry.outline(belief.shape, belief.pose).round
     if to:
         return PushGoal(to[0], to[1], None if round_ else yaw)
     if direction:
@@ -260,8 +277,8 @@ def push_goal(
 
 def check_goal(world: World, belief: BeliefObject, goal: PushGoal) -> None:
     """Raise push.no_stroke when the goal is no possible place for the object."""
-    yaw = planar(belief.shape, belief.pose).yaw if goal.yaw is None else goal.yaw
-    why = pose_refusal(world, belief, [PlanarPose(goal.x, goal.y, yaw)])
+    yaw = planar_geometry.planar(belief.shape, belief.pose).yaw if goal.yaw is None else goal.yaw
+    why = pose_refusal(world, belief, [planar_geometry.PlanarPose(goal.x, goal.y, yaw)])
     if why is not None:
         raise Failure(
             push.NO_STROKE,
@@ -307,7 +324,7 @@ def push_to_goal(
     """
     progress = _Progress()
     off = turned = math.inf
-    known = estimate_from_camera(planar(belief.shape, belief.pose))
+    known = estimate_from_camera(planar_geometry.planar(belief.shape, belief.pose))
     for left in range(task.strokes, -1, -1):
         off, turned = _remaining_error(belief, goal)
         if off <= tolerance.distance and turned <= tolerance.turn:
@@ -320,9 +337,11 @@ def push_to_goal(
         progress.strokes.append(f"{one.stroke.name}: {pushed.told}")
         yield from step_back(world, (task.object,), task.node)
         after = yield from observe_pushed_object(world, task, pushed)
-        travel = known.at.distance(planar(after.shape, after.pose))
+        travel = known.at.distance(planar_geometry.planar(after.shape, after.pose))
         known = estimate_after_stroke(known, after, one.stroke, pushed)
-        belief = replace(after, pose=moved(after.shape, after.pose, known.at), sigma_position=known.sigma)
+        belief = replace(
+            after, pose=planar_geometry.moved(after.shape, after.pose, known.at), sigma_position=known.sigma
+        )
         world.scene.put(belief, "by touch and sight")
         progress.add(one.stroke, pushed, travel)
         progress.check(task.object)
@@ -338,8 +357,8 @@ def push_to_goal(
 
 def _remaining_error(belief: BeliefObject, goal: PushGoal) -> tuple[float, float]:
     """Return distance, m, and heading error, rad, of an object from its goal."""
-    shape = outline(belief.shape, belief.pose)
-    return goal.off(planar(belief.shape, belief.pose), shape.turn)
+    shape = planar_geometry.outline(belief.shape, belief.pose)
+    return goal.off(planar_geometry.planar(belief.shape, belief.pose), shape.turn)
 
 
 def _choose_stroke(
@@ -347,8 +366,8 @@ def _choose_stroke(
 ) -> FeasibleStroke:
     """Return the best stroke that is free and feasible. `left`: number of strokes left. Raises
     push.no_stroke."""
-    at = planar(belief.shape, belief.pose)
-    longest = max(MAX_STROKE_LENGTH, 2.0 * at.distance(PlanarPose(goal.x, goal.y)) / left)
+    at = planar_geometry.planar(belief.shape, belief.pose)
+    longest = max(MAX_STROKE_LENGTH, 2.0 * at.distance(planar_geometry.PlanarPose(goal.x, goal.y)) / left)
     why: list[str] = []
     gripper = world.robot.description.gripper
     helping = [s for s in push_strokes(belief, goal, gripper, longest) if _helps(s, belief, goal)]
@@ -376,7 +395,7 @@ def _choose_stroke(
 
 def _helps(stroke: PushStroke, belief: BeliefObject, goal: PushGoal) -> bool:
     """Return whether the stroke reduces the remaining error."""
-    shape = outline(belief.shape, belief.pose)
+    shape = planar_geometry.outline(belief.shape, belief.pose)
     off, turned = goal.off(stroke.ends, shape.turn)
     before_off, before_turned = _remaining_error(belief, goal)
     before = before_off + HEADING_ERROR_WEIGHT * before_turned
@@ -387,7 +406,7 @@ def _note_goal_reached(
     world: World, task: PushTask, belief: BeliefObject, off: float, turned: float, strokes: list[str]
 ) -> None:
     world.journal.note(
-        PushEvent(
+        event_types.PushEvent(
             f"{task.object}: {len(strokes)} strokes, {_error_words(off, turned)} off",
             task.node,
             object=task.object,
@@ -450,7 +469,7 @@ def _choose_singulation(
     world: World, task: PushTask, target: BeliefObject
 ) -> tuple[SingulationPush, FeasibleStroke]:
     """Return the best feasible push; pushes that were made before come last. Raises push.no_stroke."""
-    refused = world.attempts.refusal(PUSH, target, world.scene)
+    refused = world.attempts.refusal(world_facts.PUSH, target, world.scene)
     if refused is not None:
         message = f"{refused}; nothing has changed around it since"
         raise Failure(push.NO_STROKE, message, object=target.id, unchanged=True)
@@ -464,10 +483,10 @@ def _choose_singulation(
     told = "; ".join(why[:4]) or "no push that is free would do"
     message = f"no stroke makes room for the hand around {target.id}: {told}"
     if not offered:
-        world.attempts.refuse(PUSH, target, world.scene, message)
+        world.attempts.refuse(world_facts.PUSH, target, world.scene, message)
     raise Failure(push.NO_STROKE, message, object=target.id, refused=why)
 
 
 def _note_room(world: World, task: PushTask, name: ObjectId, strokes: list[str]) -> None:
     text = f"{name}: the hand fits around it after {len(strokes)} strokes"
-    world.journal.note(PushEvent(text, task.node, object=name, strokes=tuple(strokes)))
+    world.journal.note(event_types.PushEvent(text, task.node, object=name, strokes=tuple(strokes)))

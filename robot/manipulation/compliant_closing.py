@@ -17,19 +17,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.events import CentredEvent
-from ...world.robot_model.description import GripperDescription
-from ...world.scene.description import MIN_FELT_MASS, CatalogueEntry
-from ...world.values import GRAVITY, Array
-from ..control.compliant_motion import CartesianStiffness, CompliantMotion, ContactState
-from ..control.contact_detection import ContactDetector
-from ..control.gripper_motion import OPENING_FORCE
-from ..planning.requests import CARRYING_ACCELERATION
+from picktree.robot.control import (
+    OPENING_FORCE,
+    CartesianStiffness,
+    CompliantMotion,
+    ContactDetector,
+    ContactState,
+)
+from picktree.robot.planning import CARRYING_ACCELERATION
+from picktree.world import GRAVITY, Array, event_types
+from picktree.world.robot_model import GripperDescription
+from picktree.world.scene import MIN_FELT_MASS, CatalogueEntry
 
 if TYPE_CHECKING:
-    from ..control.gripper_motion import GripperControl
-    from ..control.trajectory_motion import Doing
-    from ..world import World
+    from picktree.robot import World
+    from picktree.robot.control import Doing, GripperControl
 
 
 GRIP_SAFETY_FACTOR = 2.0
@@ -224,7 +226,7 @@ def close(world: World, pressure: GripForce, node: str) -> Doing[ClosingResult]:
     closed = ClosingResult(grip.width, way, float(axis @ left))
     if gave:
         world.journal.note(
-            CentredEvent(
+            event_types.CentredEvent(
                 f"the hand gave way by {abs(way) * 1000:.1f} mm until both fingers touched",
                 node,
                 way=way,

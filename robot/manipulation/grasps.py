@@ -16,16 +16,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.pad_contacts import PadContacts, pad_contacts
-from ...world.planning_scene import BeliefObject
-from ...world.robot_model.description import GripperDescription
-from ...world.robot_model.finger_linkage import fingers_of
-from ...world.shapes import MIN_DIRECTION, Box, CompoundMesh, ConvexMesh, Cylinder, Sphere, corners, extents
-from ...world.values import Array, Pose, cross
-from ..planning.limits import WORKSPACE_MARGIN
+from picktree.robot.planning import WORKSPACE_MARGIN
+from picktree.world import (
+    MIN_DIRECTION,
+    Array,
+    BeliefObject,
+    Box,
+    CompoundMesh,
+    ConvexMesh,
+    Cylinder,
+    PadContacts,
+    Pose,
+    Sphere,
+    corners,
+    cross,
+    extents,
+    pad_contacts,
+)
+from picktree.world.robot_model import GripperDescription, fingers_of
 
 if TYPE_CHECKING:
-    from ..planning.scene_queries import SceneQueries
+    from picktree.robot.planning import SceneQueries
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,10 +15,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.heaps import Heap, HeightMap
-from ...world.robot_model.description import GripperDescription
-from ...world.values import Array, Pose
-from ..perception.segmentation import LABEL_NAMES
+from picktree.robot.perception import LABEL_NAMES
+from picktree.world import Array, Pose, heap_geometry
+from picktree.world.robot_model import GripperDescription
+
 from .grasps import Block, GraspCandidate, HandShape
 from .heap_views import CONTACT_LEVEL, FAR_BELOW, HeapView, Heights, Profile, heap_view, surfaces
 
@@ -129,7 +129,9 @@ class _Graded:
 
 
 def grasps(
-    heap: Heap, gripper: GripperDescription, stages: Sequence[tuple[Tier, Sequence[Approach]]] = STAGES
+    heap: heap_geometry.Heap,
+    gripper: GripperDescription,
+    stages: Sequence[tuple[Tier, Sequence[Approach]]] = STAGES,
 ) -> Iterator[tuple[GraspCandidate, ...]]:
     """Yield the grasps of a heap stage by stage, best first, without those at barred places.
 
@@ -147,7 +149,7 @@ def grasps(
         yield tuple(_distinct(ranked, heap, np.array([0.0, 0.0, gripper.tip])))
 
 
-def colour_between(heap: HeightMap, tcp: Pose, tip: float, width: float) -> str:
+def colour_between(heap: heap_geometry.HeightMap, tcp: Pose, tip: float, width: float) -> str:
     """Return the most frequent colour between the pads; `grey` where there is none.
 
     `tcp`: TCP in the map's frame; `tip`: reach of the finger tips beyond it, m; `width`: opening, m.
@@ -158,7 +160,7 @@ def colour_between(heap: HeightMap, tcp: Pose, tip: float, width: float) -> str:
     return LABEL_NAMES[1 + int(counts.argmax())] if counts.any() else "grey"
 
 
-def _distinct(ranked: Iterable[GraspCandidate], heap: Heap, tip: Array) -> list[GraspCandidate]:
+def _distinct(ranked: Iterable[GraspCandidate], heap: heap_geometry.Heap, tip: Array) -> list[GraspCandidate]:
     """Return the better of each two grasps that are alike, both ways round: half a turn looks the same.
 
     Grasps at barred places are left out.
@@ -180,7 +182,7 @@ def _distinct(ranked: Iterable[GraspCandidate], heap: Heap, tip: Array) -> list[
     return [one for pair in zip(kept, turned, strict=True) for one in pair]
 
 
-def _search(heap: HeightMap, hand: HandShape, approach: Approach) -> list[_Graded]:
+def _search(heap: heap_geometry.HeightMap, hand: HandShape, approach: Approach) -> list[_Graded]:
     """Return the grasps along the approach's directions that meet the loosest demands."""
     found: list[_Graded] = []
     seen = surfaces(heap)
@@ -196,7 +198,13 @@ class _Sweep:
     """Search of one view for one closing direction, in an image whose columns lie along it."""
 
     def __init__(
-        self, view: HeapView, yaw: float, hand: HandShape, name: str, heap: HeightMap, cost: float
+        self,
+        view: HeapView,
+        yaw: float,
+        hand: HandShape,
+        name: str,
+        heap: heap_geometry.HeightMap,
+        cost: float,
     ) -> None:
         self._view, self._yaw, self._hand, self._name, self._heap = view, yaw, hand, name, heap
         self._cost = cost

@@ -9,15 +9,24 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.causes import Failure, grasp, perception
-from ...world.causes import world as world_causes
-from ...world.events import PickEvent
-from ...world.heaps import BarredPlace, Heap, HeightMap, heap_id
-from ...world.planning_scene import BeliefObject
-from ...world.shapes import ConvexMesh, convex_hull, top
-from ...world.values import Array, ObjectId, Pose
-from ..perception.heap_mapping import put_heap
-from ..planning.requests import NamedGoal, OffsetGoal
+from picktree.robot.perception import put_heap
+from picktree.robot.planning import NamedGoal, OffsetGoal
+from picktree.world import (
+    Array,
+    BeliefObject,
+    ConvexMesh,
+    Failure,
+    ObjectId,
+    Pose,
+    convex_hull,
+    event_types,
+    grasp,
+    heap_geometry,
+    perception,
+    top,
+)
+from picktree.world import world as world_causes
+
 from .compliant_closing import GripForce, close, grip_force
 from .heap_grasps import colour_between, grasps
 from .held_object import GripCheck, measure_grip
@@ -28,8 +37,8 @@ from .replanning import plan_after_stop
 from .weighing import register_payload, update_payload_mass
 
 if TYPE_CHECKING:
-    from ..control.trajectory_motion import Doing
-    from ..world import World
+    from picktree.robot import World
+    from picktree.robot.control import Doing
 
 RIM_CLEARANCE = 0.03
 """Clearance of a lifted thing above the rim of its tote, m."""
@@ -64,7 +73,7 @@ def look_into_tote(world: World, task: HeapPickTask) -> Doing[BeliefObject]:
     yield from world.vision.look(task.camera)
     if world.vision.heaps.get(task.tote) is before:
         raise Failure(perception.NOT_FOUND, f"{task.camera} does not show {task.tote}", object=task.tote)
-    found = world.scene.find(heap_id(task.tote))
+    found = world.scene.find(heap_geometry.heap_id(task.tote))
     if found is None:
         raise Failure(grasp.NO_CANDIDATE, f"{task.tote} is empty", object=task.tote, empty=True)
     return found
@@ -184,13 +193,15 @@ def _believe_thing(world: World, task: HeapPickTask, width: float, press: GripFo
     return world.scene.get(thing.id)
 
 
-def _store(world: World, tote: ObjectId, heap: Heap, reason: str) -> None:
+def _store(world: World, tote: ObjectId, heap: heap_geometry.Heap, reason: str) -> None:
     """Replace what is believed of a tote's heap."""
     world.vision.heaps[str(tote)] = heap
     put_heap(world.scene, world.scene.regions[tote], heap.map, world.clock.now, reason)
 
 
-def _cells_between(world: World, heap: HeightMap, width: float) -> tuple[NDArray[np.bool_], float]:
+def _cells_between(
+    world: World, heap: heap_geometry.HeightMap, width: float
+) -> tuple[NDArray[np.bool_], float]:
     """Return the cells (n, m) of the thing between the fingers, and the height of their tips, in the map's
     frame. Cells that hang together without a step belong to it."""
     tcp = world.control.tcp
@@ -216,7 +227,7 @@ def _neighbour(heights: Array, a: int, b: int) -> Array:
     return np.roll(heights, (a, b), axis=(0, 1))
 
 
-def _hull(heap: HeightMap, cells: NDArray[np.bool_], tip: float) -> tuple[ConvexMesh, Pose]:
+def _hull(heap: heap_geometry.HeightMap, cells: NDArray[np.bool_], tip: float) -> tuple[ConvexMesh, Pose]:
     """Return the hull of the seen surface, inflated, and its pose in the world.
 
     It reaches down to the tote's floor: what is below the finger tips is hidden, and may hang on the thing.
@@ -235,7 +246,7 @@ def _hull(heap: HeightMap, cells: NDArray[np.bool_], tip: float) -> tuple[Convex
     return ConvexMesh(vertices, "seen"), Pose((float(middle[0]), float(middle[1]), float(middle[2])))
 
 
-def _tag_on(heap: HeightMap, cells: NDArray[np.bool_]) -> int | None:
+def _tag_on(heap: heap_geometry.HeightMap, cells: NDArray[np.bool_]) -> int | None:
     """Return the number of the tag on a thing's cells (n, m). None: none was read, or different ones."""
     found: set[int] = set()
     for tag in heap.tags:
@@ -245,7 +256,7 @@ def _tag_on(heap: HeightMap, cells: NDArray[np.bool_]) -> int | None:
     return found.pop() if len(found) == 1 else None
 
 
-def _seen_size(heap: HeightMap, cells: NDArray[np.bool_]) -> float:
+def _seen_size(heap: heap_geometry.HeightMap, cells: NDArray[np.bool_]) -> float:
     """Return the greatest distance of two seen points of a thing, m."""
     i, j = np.nonzero(cells & np.isfinite(heap.heights()))
     points = np.column_stack([i * heap.cell, j * heap.cell, heap.heights()[i, j]])
@@ -257,7 +268,7 @@ def _lift_out(world: World, task: HeapPickTask, thing: BeliefObject) -> Doing[No
     """Lift the thing straight up until it is above the rim."""
     bottom = thing.pose.position[2] - (top(thing.shape, thing.pose) - thing.pose.position[2])
     rise = rim_height(world, task.tote) + RIM_CLEARANCE - bottom
-    names = (task.tote, heap_id(task.tote))
+    names = (task.tote, heap_geometry.heap_id(task.tote))
     with world.scene.allow(*((side, name) for side in ("gripper", thing.id) for name in names)):
         yield from lift(world, thing.id, task.node, max(rise, world.handling.approach))
 
@@ -280,7 +291,7 @@ def _clear_view(world: World, task: HeapPickTask) -> Doing[None]:
     yield from world.move.rest()
     if rise > 0.0:
         up = OffsetGoal((0.0, 0.0, rise), least_fraction=0.1)
-        with world.scene.allow(("gripper", task.tote), ("gripper", heap_id(task.tote))):
+        with world.scene.allow(("gripper", task.tote), ("gripper", heap_geometry.heap_id(task.tote))):
             line = yield from world.plan.line(up, scaling=world.handling.slowly, node=task.node)
             yield from world.move.along(line.trajectory, guard=guard, node=task.node)
     scaling = world.handling.scaling(task.speed)
@@ -295,12 +306,12 @@ def rim_height(world: World, tote: ObjectId) -> float:
     return heap.frame.position[2] + top
 
 
-def _barring(world: World, heap: Heap, candidate: PickPlaceCandidate) -> Heap:
+def _barring(world: World, heap: heap_geometry.Heap, candidate: PickPlaceCandidate) -> heap_geometry.Heap:
     """Return the heap with the place of a failed grasp barred, until the depth there changes."""
     tip = world.robot.description.gripper.tip
     point = candidate.grasp.tcp_in_world.apply(np.array([0.0, 0.0, tip]))
     x, y, _ = heap.map.frame.inverse().apply(point)
-    return replace(heap, barred=(*heap.barred, BarredPlace.of(heap.map, float(x), float(y))))
+    return replace(heap, barred=(*heap.barred, heap_geometry.BarredPlace.of(heap.map, float(x), float(y))))
 
 
 def _note(
@@ -308,7 +319,7 @@ def _note(
 ) -> None:
     held = hold.load is not None and hold.held
     world.journal.note(
-        PickEvent(
+        event_types.PickEvent(
             f"{thing.id} from {task.tote}: {'held' if held else 'not held'}",
             task.node,
             object=thing.id,

@@ -19,13 +19,22 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.causes import Failure, grasp, matches, planning, push
-from ...world.events import PushEvent
-from ...world.heaps import HeightMap, heap_id
-from ...world.planar_geometry import PlanarPose
-from ...world.planning_scene import BeliefObject
-from ...world.robot_model.description import GripperDescription
-from ...world.values import Array, ObjectId, Pose
+from picktree.world import (
+    Array,
+    BeliefObject,
+    Failure,
+    ObjectId,
+    Pose,
+    event_types,
+    grasp,
+    heap_geometry,
+    matches,
+    planar_geometry,
+    planning,
+    push,
+)
+from picktree.world.robot_model import GripperDescription
+
 from .grasps import Block, HandShape
 from .heap_pick import RIM_CLEARANCE, HeapPickTask, look_into_tote, rim_height
 from .heap_views import surfaces
@@ -43,8 +52,8 @@ from .stroke_execution import (
 from .stroke_planning import straight
 
 if TYPE_CHECKING:
-    from ..control.trajectory_motion import Doing
-    from ..world import World
+    from picktree.robot import World
+    from picktree.robot.control import Doing
 
 DIRECTIONS = 16
 """Directions of strokes over a whole turn."""
@@ -113,7 +122,7 @@ class HeapStroke:
     """Straight stroke of the fingers through a heap."""
 
     name: str
-    start: PlanarPose
+    start: planar_geometry.PlanarPose
     """Finger tips in the world where the stroke begins, its x axis along the stroke."""
     length: float
     """Length, m."""
@@ -130,7 +139,7 @@ class HeapStroke:
 
         Flipped by half a turn the fingers look the same.
         """
-        at = self.start @ PlanarPose(way, 0.0)
+        at = self.start @ planar_geometry.PlanarPose(way, 0.0)
         yaw, tilt = at.yaw + self.posture.side * math.pi / 2, self.posture.tilt
         lean, up = np.array([math.cos(yaw), math.sin(yaw), 0.0]), np.array([0.0, 0.0, 1.0])
         z = -(math.sin(tilt) * lean + math.cos(tilt) * up)
@@ -139,7 +148,7 @@ class HeapStroke:
         return Pose.from_rotation((x_, y_, z_), np.column_stack([x, np.cross(z, x), z]))
 
 
-def heap_strokes(heap: HeightMap, gripper: GripperDescription) -> list[HeapStroke]:
+def heap_strokes(heap: heap_geometry.HeightMap, gripper: GripperDescription) -> list[HeapStroke]:
     """Return the strokes through a heap for which hand and fingers have room, best first."""
     hand = HandShape.of(gripper)
     there = _Surfaces.of(heap, hand)
@@ -163,12 +172,12 @@ class _Surfaces:
     """Value of a place for a grasp, 0 … 1: the room of the hand there, and the distance from the walls."""
 
     @classmethod
-    def of(cls, heap: HeightMap, hand: HandShape) -> _Surfaces:
+    def of(cls, heap: heap_geometry.HeightMap, hand: HandShape) -> _Surfaces:
         solid, things = surfaces(heap)
         return cls(solid, np.maximum(things, np.float32(heap.floor)), _ease(heap, hand))
 
 
-def _ease(heap: HeightMap, hand: HandShape) -> Heights:
+def _ease(heap: heap_geometry.HeightMap, hand: HandShape) -> Heights:
     """Return the value (n, m) of each place for a grasp: where the palm has room between the walls."""
     walls = heap.walls()
     if not walls.any():
@@ -209,7 +218,7 @@ class _Offer:
 class _Turned:
     """Surfaces of a heap in an image whose columns lie along a stroke."""
 
-    def __init__(self, heap: HeightMap, surfaces: _Surfaces, yaw: float) -> None:
+    def __init__(self, heap: heap_geometry.HeightMap, surfaces: _Surfaces, yaw: float) -> None:
         self._heap, self._yaw = heap, yaw
         n, m = heap.shape
         side = math.ceil(math.hypot(n, m)) + 2
@@ -368,7 +377,7 @@ class _Turned:
         x, y = (self._centre + column * self._along + row * self._across + 0.5) * heap.cell
         point = heap.frame.apply(np.array([x, y, level]))
         ahead = heap.frame.rotation()[:2, :2] @ self._along
-        start = PlanarPose(float(point[0]), float(point[1]), math.atan2(ahead[1], ahead[0]))
+        start = planar_geometry.PlanarPose(float(point[0]), float(point[1]), math.atan2(ahead[1], ahead[0]))
         near = BLOCK * heap.cell * 1000
         name = (
             f"{'drag' if drags else 'push'} {posture.name} to {math.degrees(self._yaw):.0f} deg "
@@ -447,13 +456,13 @@ def stir(world: World, task: HeapPickTask, strokes: int) -> Doing[None]:
         if heap_changed(before, world.vision.heaps[task.tote].map):
             world.attempts.clear(task.node, belief.id)
             text = f"{task.tote} is stirred: {'; '.join(told)}"
-            world.journal.note(PushEvent(text, task.node, object=task.tote, strokes=tuple(told)))
+            world.journal.note(event_types.PushEvent(text, task.node, object=task.tote, strokes=tuple(told)))
             return
     message = f"the heap in {task.tote} is as it was: {'; '.join(told)}"
     raise Failure(push.STALLED, message, object=task.tote, strokes=told)
 
 
-def heap_changed(before: HeightMap, after: HeightMap) -> bool:
+def heap_changed(before: heap_geometry.HeightMap, after: heap_geometry.HeightMap) -> bool:
     """Return whether things lie elsewhere in a later map of the same place."""
     if before.shape != after.shape:
         return True
@@ -501,9 +510,9 @@ def _choose(world: World, task: HeapPickTask) -> tuple[HeapStroke, Array, bool]:
     """Return the best stroke that the arm can follow, with the configuration (n,) above its start, and
     whether the hand is flipped. Strokes that were made in vain come last. Raises push.no_stroke."""
     offered = heap_strokes(world.vision.heaps[task.tote].map, world.robot.description.gripper)
-    fresh = world.attempts.remaining(task.node, heap_id(task.tote), offered)
+    fresh = world.attempts.remaining(task.node, heap_geometry.heap_id(task.tote), offered)
     why: list[str] = []
-    rim, heap = rim_height(world, task.tote) + RIM_CLEARANCE, (heap_id(task.tote),)
+    rim, heap = rim_height(world, task.tote) + RIM_CLEARANCE, (heap_geometry.heap_id(task.tote),)
     for one in fresh[:MAX_TESTED_STROKES]:
         opening, rise = _opening(world, one), max(world.handling.approach, rim - one.tips)
         tip = world.robot.fingers.reach(opening)
@@ -532,13 +541,15 @@ def _opening(world: World, one: HeapStroke) -> float:
 def _execute(world: World, task: HeapPickTask, one: HeapStroke, start: Pose) -> Doing[str]:
     """Make the stroke from its start, and move out of the view. Return what was felt, in words."""
     x, y, _ = start.position
-    path = straight(PlanarPose(x, y, one.start.yaw), one.length)
-    mass, names = world.robot.hand_mass, (heap_id(task.tote),)
+    path = straight(planar_geometry.PlanarPose(x, y, one.start.yaw), one.length)
+    mass, names = world.robot.hand_mass, (heap_geometry.heap_id(task.tote),)
     if one.drags:
         course = DragMotion(path, task.speed, task.force, DRAG_FORCE, mass)
         force = yield from follow_course(world, course, names, task.node, DRAG_STIFFNESS)
     else:
-        course = PushMotion(path, PlanarPose(0.0, 0.0), 0.0, task.speed, task.force, mass, through=True)
+        course = PushMotion(
+            path, planar_geometry.PlanarPose(0.0, 0.0), 0.0, task.speed, task.force, mass, through=True
+        )
         force = yield from follow_course(world, course, names, task.node)
     rise = max(STEP_BACK_HEIGHT, rim_height(world, task.tote) + RIM_CLEARANCE - one.tips)
     yield from step_back(world, names, task.node, rise)

@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.heaps import WALL_SHADOW, HeightMap
-from ...world.values import Array
+from picktree.world import Array, heap_geometry
 
 FAR_BELOW = np.float32(-1.0)
 """Height outside of the map, m: other checks are made there."""
@@ -47,7 +46,7 @@ class HeapView:
         return np.column_stack([np.tile(rows, 2), np.concatenate([first, last])]).astype(np.float64)
 
 
-def surfaces(heap: HeightMap) -> tuple[Heights, Heights]:
+def surfaces(heap: heap_geometry.HeightMap) -> tuple[Heights, Heights]:
     """Return the heights (n, m) of everything, and those of seen things alone, m in the map's frame.
 
     Walls are where the tote has them, because it is known. Depth next to a wall may be the wall's: nothing
@@ -56,7 +55,7 @@ def surfaces(heap: HeightMap) -> tuple[Heights, Heights]:
     heights, walls = heap.heights(), heap.walls()
     unknown, beside = ~np.isfinite(heights), heap.beside_walls()
     heights = np.where(unknown, heap.floor, heights).astype(np.float32)
-    side = 2 * round(WALL_SHADOW / heap.cell) + 1
+    side = 2 * round(heap_geometry.WALL_SHADOW / heap.cell) + 1
     inner = cv2.dilate(np.where(beside, np.float32(heap.floor), heights), np.ones((side, side), np.uint8))
     heights = np.where(beside, np.minimum(heights, inner), heights)
     highest = np.float32(max(heap.rim, float(heights.max())))
@@ -65,7 +64,9 @@ def surfaces(heap: HeightMap) -> tuple[Heights, Heights]:
     return solid, np.where(unknown | walls, np.float32(heap.floor - 0.01), heights)
 
 
-def heap_view(heap: HeightMap, seen: tuple[Heights, Heights], tilt: float, azimuth: float) -> HeapView:
+def heap_view(
+    heap: heap_geometry.HeightMap, seen: tuple[Heights, Heights], tilt: float, azimuth: float
+) -> HeapView:
     """Return a heap with its `surfaces` as seen along an approach that is tilted towards `azimuth`, rad."""
     solid, things = seen
     if tilt == 0.0:

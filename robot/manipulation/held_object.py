@@ -12,19 +12,34 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.causes import Failure, grasp
-from ...world.planning_scene import FALLEN_SIGMA, BeliefObject, PlanningScene
-from ...world.robot_model.description import GripperDescription
-from ...world.scene.description import MIN_FELT_MASS
-from ...world.shapes import Box, CompoundMesh, ConvexMesh, Cylinder, Sphere, bottom, extents, top
-from ...world.values import GRAVITY, ObjectId, Pose
+from picktree.world import (
+    FALLEN_SIGMA,
+    GRAVITY,
+    BeliefObject,
+    Box,
+    CompoundMesh,
+    ConvexMesh,
+    Cylinder,
+    Failure,
+    ObjectId,
+    PlanningScene,
+    Pose,
+    Sphere,
+    bottom,
+    extents,
+    grasp,
+    top,
+)
+from picktree.world.robot_model import GripperDescription
+from picktree.world.scene import MIN_FELT_MASS
+
 from .grasps import contacts_at
 from .pick_place_motions import lift_off
 
 if TYPE_CHECKING:
-    from ...world.causes import Cause
-    from ..control.trajectory_motion import Doing
-    from ..world import World
+    from picktree.robot import World
+    from picktree.robot.control import Doing
+    from picktree.world import Cause
 
 PUT_BACK = "it is a part of the heap again"
 """Reason why a thing leaves the belief when it is put back into a heap."""

@@ -9,20 +9,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.causes import Failure
-from ...world.events import ServoEvent
-from ...world.holes import find_hole
-from ...world.protocols import Intrinsics
-from ...world.shapes import corners
-from ...world.values import Array, ObjectId, Pose
-from ..perception.hole_mouths import detect_hole
-from ..planning.requests import PoseGoal, Request
+from picktree.robot.perception import detect_hole
+from picktree.robot.planning import PoseGoal, Request
+from picktree.world import Array, Failure, Intrinsics, ObjectId, Pose, corners, event_types, hole_geometry
+
 from .replanning import follow_with_replanning
 
 if TYPE_CHECKING:
-    from ...world.scene.description import CameraDescription, Hole
-    from ..control.trajectory_motion import Doing
-    from ..world import World
+    from picktree.robot import World
+    from picktree.robot.control import Doing
+    from picktree.world.scene import CameraDescription, Hole
 
 MAX_MOUTH_OFFSET = 0.008
 """Greatest distance of a mouth from its believed place, m."""
@@ -44,24 +40,26 @@ def look_at_hole(world: World, hole_id: ObjectId, node: str) -> Doing[Pose | Non
     Failures: those of motions; world.unknown_object when there is no such hole.
     """
     camera = next((c for c in world.description.cameras if c.on == "hand"), None)
-    fixture, hole = find_hole(world.scene, hole_id)
+    fixture, hole = hole_geometry.find_hole(world.scene, hole_id)
     if camera is None:
         return None
     believed = fixture.pose @ hole.pose
     if not (yield from _go(world, camera, hole, believed, node)):
         message = f"{hole_id}: nowhere within reach is it seen beside the hand"
-        world.journal.note(ServoEvent(message, node, hole=hole_id))
+        world.journal.note(event_types.ServoEvent(message, node, hole=hole_id))
         return None
     yield from world.control.settle()
     shot = yield from world.vision.shoot(camera.name)
     seen = detect_hole(shot.image, hole, believed, MAX_MOUTH_OFFSET)
     if seen is None:
         message = f"{hole_id}: its mouth is not recognised from the hand"
-        world.journal.note(ServoEvent(message, node, hole=hole_id))
+        world.journal.note(event_types.ServoEvent(message, node, hole=hole_id))
         return None
     off, tilt = believed.distance(seen.pose), believed.angle(seen.pose)
     message = f"{hole_id}: seen {1000 * off:.1f} mm and {math.degrees(tilt):.1f}° from where it should be"
-    world.journal.note(ServoEvent(message, node, hole=hole_id, off=off, turn=tilt, agreement=seen.agreement))
+    world.journal.note(
+        event_types.ServoEvent(message, node, hole=hole_id, off=off, turn=tilt, agreement=seen.agreement)
+    )
     return seen.pose
 
 

@@ -13,30 +13,42 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.causes import Failure, grasp, insert, place, planning
-from ...world.holes import find_hole, fits_hole, fitting_hole, hole_clearance, occupied
-from ...world.scene.description import Fixture, Hole
-from ...world.shapes import Box, Cylinder, Shape, bottom, extents
-from ...world.values import Array, Pose
-from ..control.compliant_motion import CartesianStiffness
-from ..control.peg_insertion import (
+from picktree.robot.control import (
     BelievedHole,
+    CartesianStiffness,
     ExtractionMotion,
     HeldPeg,
     InsertionMotion,
     InsertionParameters,
     Search,
 )
-from ..planning.requests import PoseGoal
+from picktree.robot.planning import PoseGoal
+from picktree.world import (
+    Array,
+    Box,
+    Cylinder,
+    Failure,
+    Pose,
+    Shape,
+    bottom,
+    extents,
+    grasp,
+    hole_geometry,
+    insert,
+    place,
+    planning,
+)
+from picktree.world.scene import Fixture, Hole
+
 from .held_object import fail_as_slipped, measure_grip, release_held_object
 from .replanning import follow_with_replanning
 
 if TYPE_CHECKING:
-    from ...world.planning_scene import BeliefObject
-    from ...world.robot_model.description import GripperDescription
-    from ...world.values import ObjectId
-    from ..control.trajectory_motion import Doing
-    from ..world import World
+    from picktree.robot import World
+    from picktree.robot.control import Doing
+    from picktree.world import BeliefObject, ObjectId
+    from picktree.world.robot_model import GripperDescription
+
     from .grasps import GraspCandidate
 
 SEARCH_HEIGHT = 0.012
@@ -91,7 +103,7 @@ class InsertionTask:
 def fit(fixture: Fixture, hole: Hole, shape: Shape, object_in_tcp: Pose) -> InsertionTask:
     """Return the insertion task. The uncertainty covers the fixture's position, its rotation and the object
     in the hand."""
-    left = hole_clearance(hole, shape)
+    left = hole_geometry.hole_clearance(hole, shape)
     assert left is not None, "it was chosen because it fits"
     doubt = fixture.uncertainty
     arm = math.hypot(*hole.pose.position[:2])
@@ -117,7 +129,7 @@ def poses_over(fit: InsertionTask, above: float) -> tuple[Pose, ...]:
 
 def hover_poses(world: World, hole_id: str, shape: Shape, object_in_tcp: Pose) -> tuple[Pose, ...]:
     """Return `poses_over` for an object in this grasp, at the height where the search begins."""
-    fixture, hole = find_hole(world.scene, hole_id)
+    fixture, hole = hole_geometry.find_hole(world.scene, hole_id)
     return poses_over(fit(fixture, hole, shape, object_in_tcp), SEARCH_HEIGHT)
 
 
@@ -239,18 +251,18 @@ def choose_hole(world: World, held: BeliefObject, into: ObjectId, node: str) -> 
         raise Failure(insert.MISSED, f"no rule says into which hole {held.id} belongs", object=held.id)
     fixture = scene.fixtures.get(into)
     if fixture is None or not fixture.holes:
-        _, hole = find_hole(scene, into)
-        if occupied(scene, hole.id):
+        _, hole = hole_geometry.find_hole(scene, into)
+        if hole_geometry.occupied(scene, hole.id):
             raise Failure(place.OCCUPIED, f"{hole.id} is taken already", object=held.id, hole=hole.id)
-        if not fits_hole(hole, held.shape):
+        if not hole_geometry.fits_hole(hole, held.shape):
             raise Failure(
                 insert.MISSED, f"{held.id} does not fit into {hole.id}", object=held.id, hole=hole.id
             )
-    chosen = fitting_hole(scene, held.id, into)
+    chosen = hole_geometry.fitting_hole(scene, held.id, into)
     if chosen is None:
         raise Failure(place.FULL, f"{into} has no free hole that {held.id} fits", object=held.id, into=into)
     assert held.object_in_tcp is not None
-    fixture, hole = find_hole(scene, chosen.id)
+    fixture, hole = hole_geometry.find_hole(scene, chosen.id)
     task = fit(fixture, hole, held.shape, held.object_in_tcp)
     if all(camera.on != "hand" for camera in world.description.cameras):
         return task

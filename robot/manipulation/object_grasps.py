@@ -10,12 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...world.heaps import Heap, HeightMap
-from ...world.pad_contacts import top_heights
-from ...world.planning_scene import BeliefObject
-from ...world.robot_model.description import GripperDescription
-from ...world.shapes import CompoundMesh, extents
-from ...world.values import Array, Pose
+from picktree.world import Array, BeliefObject, CompoundMesh, Pose, extents, heap_geometry, top_heights
+from picktree.world.robot_model import GripperDescription
+
 from .grasps import GRASP_YAWS, GraspCandidate, contacts_at, grasp_candidates, heading_of, leaning_grasps
 
 CELL = 0.002
@@ -63,7 +60,7 @@ def _by_height(
     upright = ((heaps.STRICT, (heaps.VERTICAL,)), (heaps.LOOSE, (heaps.VERTICAL,)))
     stages = ((heaps.LOOSE, (heaps.TILTED, heaps.MORE_TILTED)),) if leaning else upright
     found: dict[str, GraspCandidate] = {}
-    heap = Heap(_height_map(belief, mesh))
+    heap = heap_geometry.Heap(_height_map(belief, mesh))
     to_object = belief.pose.inverse()
     for stage in heaps.grasps(heap, gripper, stages):
         for one in stage:
@@ -91,7 +88,7 @@ def _met(
     return replace(grasp, tcp_in_world=centred, expected_width=contacts.width)
 
 
-def _height_map(belief: BeliefObject, mesh: CompoundMesh) -> HeightMap:
+def _height_map(belief: BeliefObject, mesh: CompoundMesh) -> heap_geometry.HeightMap:
     """Return the body's heights over its lowest point, on a map that is turned as its longest side is."""
     pose = belief.pose
     level = Pose.from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, heading_of(mesh, pose)))
@@ -107,4 +104,4 @@ def _height_map(belief: BeliefObject, mesh: CompoundMesh) -> HeightMap:
     heights = np.where(np.isfinite(heights), heights - bottom, 0.0)
     frame = level @ Pose((float(corner[0]), float(corner[1]), bottom))
     nothing, one_colour = np.zeros(x.shape, np.bool_), np.ones(x.shape, np.uint8)
-    return HeightMap.of(frame, CELL, (0.0, 0.0), heights, nothing, one_colour)
+    return heap_geometry.HeightMap.of(frame, CELL, (0.0, 0.0), heights, nothing, one_colour)

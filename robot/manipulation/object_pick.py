@@ -8,12 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from ...world.causes import Failure, grasp, planning
-from ...world.causes import world as world_causes
-from ...world.events import PickEvent, RegraspEvent
-from ...world.values import ObjectId
-from ...world.world_facts import GRASP
-from ..world import Handover
+from picktree.robot import Handover
+from picktree.world import Failure, ObjectId, event_types, grasp, planning, world_facts
+from picktree.world import world as world_causes
+
 from .compliant_closing import GripForce, close, grip_force
 from .held_object import GripCheck, measure_grip, release_object
 from .object_grasps import leaning_object_grasps, object_grasps
@@ -32,11 +30,10 @@ from .visual_servoing import servo_to_grasp
 from .weighing import LiftWeighing, payload_force, register_payload, update_payload_mass
 
 if TYPE_CHECKING:
-    from ...world.planning_scene import BeliefObject
-    from ..control.trajectory_motion import Doing
-    from ..planning.lookahead_planning import LookaheadResult
-    from ..planning.requests import MotionPlan
-    from ..world import World
+    from picktree.robot import World
+    from picktree.robot.control import Doing
+    from picktree.robot.planning import LookaheadResult, MotionPlan
+    from picktree.world import BeliefObject
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +89,7 @@ def _approach_or_stop(world: World, task: PickTask, replans: ReplanBudget) -> Do
     moved = TargetWatch(world, belief)
     gripper = world.robot.description.gripper
     ranked, leaning = object_grasps(belief, gripper), False
-    refused = world.attempts.refusal(GRASP, belief, world.scene)
+    refused = world.attempts.refusal(world_facts.GRASP, belief, world.scene)
     if refused is not None:
         raise Failure(
             grasp.NO_CANDIDATE,
@@ -118,7 +115,7 @@ def _approach_or_stop(world: World, task: PickTask, replans: ReplanBudget) -> Do
             failure = _no_candidate(search, task.object, len(ranked), tried_before)
             by_geometry = failure.cause is grasp.NO_CANDIDATE and search.refused is None
             if by_geometry and not tried_before and world.plan.as_usual:
-                world.attempts.refuse(GRASP, belief, world.scene, failure.message)
+                world.attempts.refuse(world_facts.GRASP, belief, world.scene, failure.message)
             raise failure
         candidate, watch = found, moved
         try:
@@ -341,7 +338,7 @@ def _is_clear(world: World, candidate: PickPlaceCandidate) -> bool:
 def _note_pick(world: World, task: PickTask, grip: ClosedGrip, hold: GripCheck) -> None:
     """Record one closing of the fingers, and the measured grip."""
     world.journal.note(
-        PickEvent(
+        event_types.PickEvent(
             f"{task.object}: {'held' if hold.held else 'not held'}",
             task.node,
             object=task.object,
@@ -378,7 +375,7 @@ def relocate_object(world: World, task: PickTask, lost: LostGrasp) -> Doing[Pick
 
 def _note_regrasp(world: World, task: PickTask, lost: LostGrasp, where: str) -> None:
     world.journal.note(
-        RegraspEvent(
+        event_types.RegraspEvent(
             f"{task.object} is grasped once more ({where}): {lost.failure.message}",
             task.node,
             object=task.object,

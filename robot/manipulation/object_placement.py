@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from ...world.causes import Failure, grasp, place, planning
-from ...world.causes import world as world_causes
-from ...world.planning_scene import BeliefObject
-from ...world.scene.description import Bin
-from ...world.shapes import bottom, top
-from ...world.values import ObjectId, Pose
-from ..planning.requests import LegFailure, MotionPlan, PoseGoal, Request, Scaling
+from picktree.robot.planning import LegFailure, MotionPlan, PoseGoal, Request, Scaling
+from picktree.world import BeliefObject, Failure, ObjectId, Pose, bottom, grasp, place, planning, top
+from picktree.world import world as world_causes
+from picktree.world.scene import Bin
+
 from .held_object import check_held_object, confirm_release, drop_held_object, release_held_object
 from .pick_place_motions import lower, lower_request, withdraw
 from .release_poses import bin_target, blocked, levels, opens_freely, place_candidates, put_down_poses
@@ -20,9 +18,9 @@ from .replanning import PlaceWatch, PutDownWatch, ReplanBudget, plan_after_stop
 from .weighing import GripMonitor, is_fragile, payload_force, update_payload_mass
 
 if TYPE_CHECKING:
-    from ...world.values import Trajectory
-    from ..control.trajectory_motion import Doing
-    from ..world import Handover, PlaceCandidate, World
+    from picktree.robot import Handover, PlaceCandidate, World
+    from picktree.robot.control import Doing
+    from picktree.world import Trajectory
 
 PLACE_DEPENDENT_CAUSES = (planning.NO_IK, planning.GOAL_IN_COLLISION, planning.NO_PATH, planning.BUDGET)
 """Causes for which another place may succeed."""

@@ -11,15 +11,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
-from ...world.causes import Failure
-from ...world.journal import CandidateEntry, CandidateSearchEntry
-from ...world.values import Array, ObjectId, Pose
-from ..planning.requests import ContactPair, MotionPlan
-from ..world import PlaceCandidate
+from picktree.robot import PlaceCandidate
+from picktree.robot.planning import ContactPair, MotionPlan
+from picktree.world import Array, CandidateEntry, CandidateSearchEntry, Failure, ObjectId, Pose
+
 from .grasps import GraspCandidate
 
 if TYPE_CHECKING:
-    from ..planning.solver import ReachResult
+    from picktree.robot.planning import ReachResult
 
 RANKED_STAGE = "ranked"
 HAND_STAGE = "hand fits"

@@ -11,13 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.causes import Failure, planning
-from ...world.planning_scene import BeliefObject
-from ...world.scene.description import Bin
-from ...world.shapes import bottom, top
-from ...world.values import Array, ObjectId, Pose
-from ..control.soft_limits import distance_to_workspace_edge
-from ..planning.requests import (
+from picktree.robot.control import distance_to_workspace_edge
+from picktree.robot.planning import (
     HeldObject,
     JointGoal,
     LineGoal,
@@ -27,14 +22,17 @@ from ..planning.requests import (
     Request,
     Scaling,
 )
+from picktree.world import Array, BeliefObject, Failure, ObjectId, Pose, bottom, planning, top
+from picktree.world.scene import Bin
+
 from .grasps import GraspCandidate
 from .pick_candidates import PickPlaceCandidate
 
 if TYPE_CHECKING:
-    from ...world.robot_model.model import RobotModel
-    from ..control.trajectory_motion import Doing
-    from ..planning.lookahead_planning import LookaheadResult
-    from ..world import World
+    from picktree.robot import World
+    from picktree.robot.control import Doing
+    from picktree.robot.planning import LookaheadResult
+    from picktree.world.robot_model import RobotModel
 
 NEIGHBOUR_DISTANCE = 0.02
 """Clearance below which neighbours may be grazed during the lift, m. The open hand has cleared them

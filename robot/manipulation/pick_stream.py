@@ -17,12 +17,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.causes import Failure, planning
-from ...world.holes import fitting_hole
-from ...world.planning_scene import BeliefObject
-from ...world.values import Array, Pose
-from ..planning.requests import HeldObject, PoseGoal, Request
-from ..world import PlaceCandidate
+from picktree.robot import PlaceCandidate
+from picktree.robot.planning import HeldObject, PoseGoal, Request
+from picktree.world import Array, BeliefObject, Failure, Pose, hole_geometry, planning
+
 from . import pick_candidates
 from .grasps import GraspCandidate, widened
 from .insertion import fingertips_too_low, hover_poses
@@ -40,10 +38,10 @@ from .release_poses import (
 from .travel_time import estimated_travel_time, joint_travel_time, known_travel_time
 
 if TYPE_CHECKING:
-    from ...world.scene.description import Hole
-    from ..control.trajectory_motion import Doing
-    from ..planning.solver import ReachResult
-    from ..world import World
+    from picktree.robot import World
+    from picktree.robot.control import Doing
+    from picktree.robot.planning import ReachResult
+    from picktree.world.scene import Hole
 
 GRASP_SCORE_WEIGHT = 3.0
 """Weight of one point of a grasp's score, s: a tight opening costs as much as 1.5 s of travel."""
@@ -129,7 +127,7 @@ class CandidateSearch:
         if into is not None and into in world.scene.bins:
             self._target = bin_target(world, belief, into)
         elif into is not None:
-            self._hole = fitting_hole(world.scene, belief.id)
+            self._hole = hole_geometry.fitting_hole(world.scene, belief.id)
         self.trail = CandidateTrail(f"grasp by {node}", belief.id, into or "")
         self.refused: Failure | None = None
         """Failure of the planner for the last candidate that passed all other tests. None: there was none."""

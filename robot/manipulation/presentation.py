@@ -10,22 +10,30 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.causes import Failure, grasp, perception, planning
-from ...world.events import PresentEvent
-from ...world.planning_scene import BeliefObject
-from ...world.scene.destinations import unknown_traits
-from ...world.shapes import ConvexMesh, convex_hull
-from ...world.values import Array, ObjectId, Pose
-from ..perception import segmentation
-from ..perception.held_thing import HeldView
-from ..planning.requests import MotionPlan, PoseGoal
+from picktree.robot.perception import HeldView, segmentation
+from picktree.robot.planning import MotionPlan, PoseGoal
+from picktree.world import (
+    Array,
+    BeliefObject,
+    ConvexMesh,
+    Failure,
+    ObjectId,
+    Pose,
+    convex_hull,
+    event_types,
+    grasp,
+    perception,
+    planning,
+)
+from picktree.world.scene import destinations
+
 from .held_object import check_held_object
 from .weighing import GripMonitor, payload_force
 
 if TYPE_CHECKING:
-    from ...world.scene.description import CameraDescription
-    from ..control.trajectory_motion import Doing
-    from ..world import World
+    from picktree.robot import World
+    from picktree.robot.control import Doing
+    from picktree.world.scene import CameraDescription
 
 AZIMUTHS = 12
 """Number of directions of the tool across the line of sight."""
@@ -143,7 +151,7 @@ def present(world: World, task: PresentTask) -> Doing[None]:
 def _is_done(world: World, task: PresentTask) -> bool:
     """Return whether the rules of the destinations know what they ask for, and nothing else is wanted."""
     thing, rules = world.scene.get(task.object), world.description.destinations
-    return task.until_classified and not unknown_traits(rules, thing)
+    return task.until_classified and not destinations.unknown_traits(rules, thing)
 
 
 def _camera(world: World, task: PresentTask) -> CameraDescription:
@@ -248,7 +256,7 @@ def _refine(world: World, task: PresentTask, seen: SeenThing, *, whole: bool) ->
             refined = _with_hull(world, refined, seen.points)
         world.scene.put(refined, "looked at in the hand")
     world.journal.note(
-        PresentEvent(
+        event_types.PresentEvent(
             f"{held.id} is looked at in the hand: {', '.join(seen.colours) or 'no colour'}, "
             f"{seen.size * 1000:.0f} mm" + "".join(f", tag {number}" for number in seen.tags),
             task.node,

@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.planning_scene import BeliefObject
-from ...world.scene.description import Bin
-from ...world.shapes import Shape, Sphere, corners, extents, top
-from ...world.values import Array, ObjectId, Pose
-from ..world import PlaceCandidate
+from picktree.robot import PlaceCandidate
+from picktree.world import Array, BeliefObject, ObjectId, Pose, Shape, Sphere, corners, extents, top
+from picktree.world.scene import Bin
+
 from .pick_place_motions import lowering
 
 if TYPE_CHECKING:
-    from ..planning.scene_queries import SceneQueries
-    from ..world import World
+    from picktree.robot import World
+    from picktree.robot.planning import SceneQueries
 
 
 CELLS_PER_SIDE = 3

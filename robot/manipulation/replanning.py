@@ -6,19 +6,17 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
-from ...world.causes import Cause, Failure, place, planning
-from ...world.causes import world as world_causes
-from ...world.events import ReplannedEvent
-from ...world.planning_scene import BeliefObject
-from ...world.values import Pose
-from ..planning.requests import MotionPlan
-from ..world import PlaceCandidate
+from picktree.robot import PlaceCandidate
+from picktree.robot.planning import MotionPlan
+from picktree.world import BeliefObject, Cause, Failure, Pose, event_types, place, planning
+from picktree.world import world as world_causes
+
 from .release_poses import bin_target, blocked, free_drop_height
 from .retreat import escape_contact
 
 if TYPE_CHECKING:
-    from ..control.trajectory_motion import Doing, Watch
-    from ..world import World
+    from picktree.robot import World
+    from picktree.robot.control import Doing, Watch
 
 
 MIN_TARGET_DISPLACEMENT, MIN_TARGET_ROTATION = 0.008, math.radians(12.0)
@@ -176,7 +174,7 @@ class ReplanBudget:
             return False
         self.made += 1
         self._world.journal.note(
-            ReplannedEvent(
+            event_types.ReplannedEvent(
                 f"stopped and planned anew: {failure.message}",
                 self._node,
                 object=self._subject,

@@ -10,13 +10,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from ...world.causes import Failure, place, planning
-from ...world.events import GaveWayEvent, PutDownEvent, SafetyAcknowledgedEvent
-from ...world.planning_scene import BeliefObject
-from ...world.shapes import top
-from ...world.values import GRAVITY, Array, Vector3
-from ..control.commands import ContactThresholds, JointImpedanceResult
-from ..planning.requests import (
+from picktree.robot.control import ContactThresholds, JointImpedanceResult
+from picktree.robot.planning import (
     DIRECTIONS,
     ContactPair,
     Direction,
@@ -26,15 +21,17 @@ from ..planning.requests import (
     Request,
     Scaling,
 )
+from picktree.world import GRAVITY, Array, BeliefObject, Failure, Vector3, event_types, place, planning, top
+
 from .held_object import release_held_object, support_height_at
 from .pick_place_motions import DOWNWARDS
 from .release_poses import blocked, put_down_poses
 
 if TYPE_CHECKING:
-    from ...world.values import Pose, Trajectory
-    from ..control.trajectory_motion import Doing
-    from ..planning.penetration_escape import EscapePath
-    from ..world import World
+    from picktree.robot import World
+    from picktree.robot.control import Doing
+    from picktree.robot.planning import EscapePath
+    from picktree.world import Pose, Trajectory
 
 T = TypeVar("T")
 ESCAPE_SPEED = 0.05
@@ -119,7 +116,7 @@ class RetreatMotion:
             left = yield from self._stopping(world.move.give_way(self.carried, node=self._node), pressed)
             if left < pressed:
                 break
-        from ..control.motion_lease import above_limit  # slow to import, with pinocchio
+        from picktree.robot.control import above_limit  # slow to import, with pinocchio
 
         felt = float(np.linalg.norm(contact))
         above = above_limit(felt, world.control.monitor.limits.force)
@@ -237,10 +234,7 @@ class RetreatMotion:
     def _go(self, way: EscapePath) -> Doing[bool]:
         """Move slowly along an escape path; False: a contact ended it."""
         # The module loads slowly, and few retreats need it.
-        from ..planning.time_parameterization import (
-            time_corners,
-            time_smooth,
-        )
+        from picktree.robot.planning import time_corners, time_smooth
 
         world = self._world
         timed = time_smooth(world.robot, way.path, ESCAPE_SCALING) or time_corners(
@@ -285,7 +279,7 @@ class RetreatMotion:
         if not world.control.monitor.acknowledge(self._node):
             raise Failure(stop.cause, stop.message, **stop.evidence)
         message = f"{stop.cause}: {stop.message}, on the way out"
-        world.journal.note(SafetyAcknowledgedEvent(message, self._node))
+        world.journal.note(event_types.SafetyAcknowledgedEvent(message, self._node))
         return otherwise
 
     def _felt(self, result: JointImpedanceResult) -> None:
@@ -294,7 +288,7 @@ class RetreatMotion:
             self.felt = result.push
 
     def _note(self, message: str, left: float) -> None:
-        self._world.journal.note(GaveWayEvent(message, self._node, left=round(left, 2)))
+        self._world.journal.note(event_types.GaveWayEvent(message, self._node, left=round(left, 2)))
 
 
 def held_mass(world: World) -> float:
@@ -482,7 +476,7 @@ def _lower(world: World, held: BeliefObject, node: str) -> Doing[None]:
     )
     resting = world.scene.get(held.id).pose
     yield from release_held_object(world, held, resting, "table", "put down by a retreat")
-    world.journal.note(PutDownEvent(f"{held.id} is put down", node, object=held.id))
+    world.journal.note(event_types.PutDownEvent(f"{held.id} is put down", node, object=held.id))
 
 
 def _free_spots(world: World, held: BeliefObject) -> Iterator[Vector3]:

@@ -15,22 +15,29 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, outline_distance, planar
-from ...world.planning_scene import BeliefObject
-from ...world.quasi_static_pushing import PlanarPushModel
-from ...world.robot_model.description import tool_outline
-from ...world.scene.description import Fixture
-from ...world.shapes import Shape, bottom, extents, top
-from ...world.values import ObjectId, Pose
-from ...world.world_facts import PUSH
-from ..planning.requests import PoseGoal, Request
+from picktree.robot.planning import PoseGoal, Request
+from picktree.world import (
+    BeliefObject,
+    ObjectId,
+    PlanarPushModel,
+    Pose,
+    Shape,
+    bottom,
+    extents,
+    planar_geometry,
+    top,
+    world_facts,
+)
+from picktree.world.robot_model import tool_outline
+from picktree.world.scene import Fixture
+
 from .grasps import GraspCandidate, distinct_grasps
 from .object_grasps import object_grasps
 from .stroke_execution import SUPPORT_EDGE_MARGIN, placed, support_of, within
 from .stroke_planning import PushSide, PushStroke, height, push_sides, straight, straight_stroke
 
 if TYPE_CHECKING:
-    from ..world import World
+    from picktree.robot import World
 
 PUSHED_INSTEAD_DISTANCE = 0.05
 """Border distance to the target below which an object may be pushed in its place, m."""
@@ -76,7 +83,7 @@ class SingulationPush:
     stroke: PushStroke
     along: tuple[ObjectId, ...]
     """Other objects that the push moves."""
-    there: Mapping[ObjectId, PlanarPose]
+    there: Mapping[ObjectId, planar_geometry.PlanarPose]
     """Expected poses of all moved objects."""
     worth: float
 
@@ -108,11 +115,11 @@ def free_distance(world: World, belief: BeliefObject) -> float:
 
 def _between(one: BeliefObject, other: BeliefObject) -> float:
     """Return the free distance of two objects seen from above, m."""
-    return outline_distance(
-        outline(one.shape, one.pose),
-        planar(one.shape, one.pose),
-        outline(other.shape, other.pose),
-        planar(other.shape, other.pose),
+    return planar_geometry.outline_distance(
+        planar_geometry.outline(one.shape, one.pose),
+        planar_geometry.planar(one.shape, one.pose),
+        planar_geometry.outline(other.shape, other.pose),
+        planar_geometry.planar(other.shape, other.pose),
     )
 
 
@@ -129,14 +136,14 @@ def most_crowded_object(world: World) -> ObjectId | None:
         if o.role == "obstacle"
         and support_of(world, o) is not None
         and top(o.shape, o.pose) - bottom(o.shape, o.pose) < tallest + MAX_EXTRA_HEIGHT
-        and outline(o.shape, o.pose).reach < MAX_UNKNOWN_REACH
+        and planar_geometry.outline(o.shape, o.pose).reach < MAX_UNKNOWN_REACH
     ]
     items = [
         o
         for o in world.to_do()
         if not o.attached
         and support_of(world, o) is not None
-        and world.attempts.refusal(PUSH, o, world.scene) is None
+        and world.attempts.refusal(world_facts.PUSH, o, world.scene) is None
     ]
     for group in (unknown, items):
         for o in sorted(group, key=lambda o: (free_distance(world, o), o.id)):
@@ -189,18 +196,17 @@ class _Case:
         self._target = target
         self._support = support
         self._near = {o.id: o for o in near}
-        self._shapes: dict[ObjectId, tuple[PlanarOutline, PlanarPose]] = {
-            o.id: (outline(o.shape, o.pose), planar(o.shape, o.pose)) for o in near
+        self._shapes: dict[ObjectId, tuple[planar_geometry.PlanarOutline, planar_geometry.PlanarPose]] = {
+            o.id: (planar_geometry.outline(o.shape, o.pose), planar_geometry.planar(o.shape, o.pose))
+            for o in near
         }
         self._supposed = world.scene.supposing()
-        from ..planning.scene_queries import (
-            SceneQueries,  # slow to load, and few pushes part anything
-        )
+        from picktree.robot.planning import SceneQueries
 
         self._queries = SceneQueries(world.robot, self._supposed)
         self._gripper = world.robot.description.gripper
         self._grasps: dict[tuple[ObjectId, Pose], list[GraspCandidate]] = {}
-        self._there: Mapping[ObjectId, PlanarPose] = {}
+        self._there: Mapping[ObjectId, planar_geometry.PlanarPose] = {}
         """Supposed poses of the moved objects."""
         self.checks = 0
         self._now = self._worth()
@@ -249,10 +255,10 @@ class _Case:
         return sum(self._fits(self._supposed.get(o.id), enough=BARE_GRASP_VALUE) > 0.0 for o in others)
 
     @contextmanager
-    def _supposing(self, there: Mapping[ObjectId, PlanarPose]) -> Generator[None]:
+    def _supposing(self, there: Mapping[ObjectId, planar_geometry.PlanarPose]) -> Generator[None]:
         for name, at in there.items():
             o = self._near[name]
-            self._supposed.put(replace(o, pose=moved(o.shape, o.pose, at)), "supposed")
+            self._supposed.put(replace(o, pose=planar_geometry.moved(o.shape, o.pose, at)), "supposed")
         self._there = there
         yield
         self._there = {}
@@ -273,12 +279,12 @@ class _Case:
         tcp = stroke.tcp_at(-stroke.gap, level, flipped=False)
         return not world.queries.hand_contacts(tcp, opening, (pushed.id,), START_HAND_CLEARANCE)
 
-    def _slid(self, stroke: PushStroke) -> dict[float, dict[ObjectId, PlanarPose]]:
+    def _slid(self, stroke: PushStroke) -> dict[float, dict[ObjectId, planar_geometry.PlanarPose]]:
         """Return the poses of the moved objects for each length that keeps the tool over the table."""
         sliding = PlanarPushModel({str(name): both for name, both in self._shapes.items()})
         fingers = tool_outline(self._gripper, stroke.side.opening)
         touched: set[str] = set()
-        found: dict[float, dict[ObjectId, PlanarPose]] = {}
+        found: dict[float, dict[ObjectId, planar_geometry.PlanarPose]] = {}
         begun = -SIMULATION_STEP
         for length in PUSH_LENGTHS:
             steps = math.ceil((length - begun) / SIMULATION_STEP)
@@ -294,7 +300,7 @@ class _Case:
             found[length] = {name: sliding.where(name) for name in self._near if name in touched}
         return found
 
-    def _may_be(self, there: Mapping[ObjectId, PlanarPose]) -> bool:
+    def _may_be(self, there: Mapping[ObjectId, planar_geometry.PlanarPose]) -> bool:
         """Return whether all moved objects stay on their table, and away from fixed bodies."""
         ignore = (*self._near, self._support.id)
         for name, at in there.items():
@@ -302,7 +308,9 @@ class _Case:
             if not within(self._support, placed(shape, at), SUPPORT_EDGE_MARGIN):
                 return False
             self.checks += 1
-            if self._world.queries.free(o.shape, moved(o.shape, o.pose, at), ignore, FIXTURE_CLEARANCE):
+            if self._world.queries.free(
+                o.shape, planar_geometry.moved(o.shape, o.pose, at), ignore, FIXTURE_CLEARANCE
+            ):
                 return False
         return True
 
@@ -323,7 +331,7 @@ class _Case:
             there = self._there.get(other, there)
             reach = shape.reach + their.reach + least
             if other != name and math.hypot(there.x - at.x, there.y - at.y) < reach:
-                least = min(least, outline_distance(shape, at, their, there))
+                least = min(least, planar_geometry.outline_distance(shape, at, their, there))
         return least
 
     def _fits(self, o: BeliefObject, enough: float = SURE_GRASP_VALUE) -> float:
@@ -362,7 +370,7 @@ def _begins(world: World, belief: BeliefObject) -> Iterator[tuple[PushStroke, Pu
     Each pair begins from a comfortable distance, and from the least one.
     """
     gripper = world.robot.description.gripper
-    shape = outline(belief.shape, belief.pose)
+    shape = planar_geometry.outline(belief.shape, belief.pose)
     for side in _all_sides(belief, world):
         variants: list[PushSide] = [side]
         if not shape.round:
@@ -375,7 +383,9 @@ def _begins(world: World, belief: BeliefObject) -> Iterator[tuple[PushStroke, Pu
             )
             variants += [
                 replace(
-                    closed, name=f"{side.name} {aside * 1000:+.0f} mm", tool=PlanarPose(at.x, at.y + aside)
+                    closed,
+                    name=f"{side.name} {aside * 1000:+.0f} mm",
+                    tool=planar_geometry.PlanarPose(at.x, at.y + aside),
                 )
                 for aside in asides
             ]
@@ -386,7 +396,7 @@ def _begins(world: World, belief: BeliefObject) -> Iterator[tuple[PushStroke, Pu
 
 def _all_sides(belief: BeliefObject, world: World) -> Iterator[PushSide]:
     gripper = world.robot.description.gripper
-    if outline(belief.shape, belief.pose).round:
+    if planar_geometry.outline(belief.shape, belief.pose).round:
         for k in range(0, 8, 2):
             yield from push_sides(belief, gripper, k * math.pi / 4)[:1]
         for k in range(1, 8, 2):

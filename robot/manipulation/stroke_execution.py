@@ -12,21 +12,19 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
-from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, outline_distance, planar
-from ...world.planning_scene import BeliefObject
-from ...world.robot_model.description import tool_outline
-from ...world.scene.description import Fixture
-from ...world.shapes import Box, bottom, top
-from ...world.values import Array, ObjectId, Pose
-from ..control.compliant_motion import CartesianStiffness, CompliantMotion, ContactState
-from ..planning.requests import JointGoal, LineGoal, NamedGoal, OffsetGoal, PoseGoal, Request
+from picktree.robot.control import CartesianStiffness, CompliantMotion, ContactState
+from picktree.robot.planning import JointGoal, LineGoal, NamedGoal, OffsetGoal, PoseGoal, Request
+from picktree.world import Array, BeliefObject, Box, ObjectId, Pose, bottom, planar_geometry, top
+from picktree.world.robot_model import tool_outline
+from picktree.world.scene import Fixture
+
 from .replanning import follow_with_replanning
 from .stroke_planning import ArcPath, PushStroke, height
 
 if TYPE_CHECKING:
-    from ..control.trajectory_motion import Doing
-    from ..planning.solver import RequestSolver
-    from ..world import World
+    from picktree.robot import World
+    from picktree.robot.control import Doing
+    from picktree.robot.planning import RequestSolver
 
 Phase: TypeAlias = Literal["pushing", "settling", "leaving", "left"]
 PUSH_ACCELERATION = 0.4
@@ -68,7 +66,7 @@ class PushMotion(CompliantMotion):
     def __init__(
         self,
         way: ArcPath,
-        tool: PlanarPose,
+        tool: planar_geometry.PlanarPose,
         gap: float,
         speed: float,
         force: float,
@@ -102,7 +100,7 @@ class PushMotion(CompliantMotion):
         """Whether the contact lasted to the end."""
         self.reached = -gap
         """Travel of the carrier, m."""
-        self.carrier: PlanarPose = way.at(-gap)
+        self.carrier: planar_geometry.PlanarPose = way.at(-gap)
         """Carrier by the encoders at the end of the push."""
 
     def start(self, position: Array, rotation: Array) -> None:
@@ -218,11 +216,11 @@ class PushMotion(CompliantMotion):
         self.acceleration = np.array([x, y, 0.0]) * acceleration
         return float(np.hypot(*error))
 
-    def _carrier_at(self, felt: ContactState) -> PlanarPose:
+    def _carrier_at(self, felt: ContactState) -> planar_geometry.PlanarPose:
         """Return the carrier for the tool's pose by the encoders."""
         turned = felt.rotation @ self.turn.T
         yaw = self._yaw + math.atan2(float(turned[1, 0]), float(turned[0, 0]))
-        tcp = PlanarPose(float(felt.position[0]), float(felt.position[1]), yaw)
+        tcp = planar_geometry.PlanarPose(float(felt.position[0]), float(felt.position[1]), yaw)
         return tcp @ self._tool.inverse()
 
 
@@ -233,7 +231,9 @@ class DragMotion(PushMotion):
     """
 
     def __init__(self, way: ArcPath, speed: float, force: float, press: float, hand_mass: float) -> None:
-        super().__init__(way, PlanarPose(0.0, 0.0), 0.0, speed, force, hand_mass, through=True)
+        super().__init__(
+            way, planar_geometry.PlanarPose(0.0, 0.0), 0.0, speed, force, hand_mass, through=True
+        )
         self._press, self._sinking = press, True
 
     @property
@@ -311,7 +311,7 @@ class PushResult:
     """Travel of the carrier, m."""
     force: float
     """Greatest force on the tool, N."""
-    ends: PlanarPose
+    ends: planar_geometry.PlanarPose
     """Pose of the object if it has stayed at the tool."""
 
     @property
@@ -345,12 +345,12 @@ def support_of(world: World, belief: BeliefObject) -> Fixture | None:
 def within(fixture: Fixture, points: Array, margin: float) -> bool:
     """Return whether points (n, 2) of the world are over a level box, at least `margin` m from its edges."""
     assert isinstance(fixture.shape, Box)
-    there = planar(fixture.shape, fixture.pose).inverse().apply(points)
+    there = planar_geometry.planar(fixture.shape, fixture.pose).inverse().apply(points)
     half = np.array(fixture.shape.size[:2]) / 2 - margin
     return bool((np.abs(there) <= half).all())
 
 
-def placed(shape: PlanarOutline, at: PlanarPose) -> Array:
+def placed(shape: planar_geometry.PlanarOutline, at: planar_geometry.PlanarPose) -> Array:
     """Return points (n, 2) in the world on the border of an outline."""
     if shape.round:
         ring = np.arange(16) * (2 * math.pi / 16)
@@ -359,7 +359,10 @@ def placed(shape: PlanarOutline, at: PlanarPose) -> Array:
 
 
 def pose_refusal(
-    world: World, belief: BeliefObject, places: Sequence[PlanarPose], touching: Collection[str] = ()
+    world: World,
+    belief: BeliefObject,
+    places: Sequence[planar_geometry.PlanarPose],
+    touching: Collection[str] = (),
 ) -> str | None:
     """Return why the object must not be at one of these places. None: it may.
 
@@ -368,25 +371,32 @@ def pose_refusal(
     support = support_of(world, belief)
     if support is None:
         return f"{belief.id} does not stand on a level fixture"
-    shape = outline(belief.shape, belief.pose)
+    shape = planar_geometry.outline(belief.shape, belief.pose)
     margin = PUSH_CLEARANCE + CLEARANCE_SIGMAS * belief.sigma_position
     others = [o for o in world.scene.objects if o.id != belief.id and o.id not in touching and not o.attached]
-    around = [(o.id, outline(o.shape, o.pose), planar(o.shape, o.pose)) for o in others]
+    around = [
+        (o.id, planar_geometry.outline(o.shape, o.pose), planar_geometry.planar(o.shape, o.pose))
+        for o in others
+    ]
     ignore = (belief.id, support.id, *(o.id for o in world.scene.objects))
     for at in places:
         if not within(support, placed(shape, at), SUPPORT_EDGE_MARGIN):
             return f"it would come to the edge of {support.id}"
         for hole in support.holes:
             middle = (support.pose @ hole.pose).position
-            free = at.distance(PlanarPose(middle[0], middle[1])) - shape.reach
+            free = at.distance(planar_geometry.PlanarPose(middle[0], middle[1])) - shape.reach
             if free < math.hypot(*hole.size) / 2 + hole.chamfer:
                 return f"it would come over {hole.id}"
         hit = next(
-            (name for name, other, there in around if outline_distance(shape, at, other, there) < margin),
+            (
+                name
+                for name, other, there in around
+                if planar_geometry.outline_distance(shape, at, other, there) < margin
+            ),
             None,
         )
         if hit is None:
-            there = moved(belief.shape, belief.pose, at)
+            there = planar_geometry.moved(belief.shape, belief.pose, at)
             hit = next((c.b for c in world.queries.free(belief.shape, there, ignore, margin)), None)
         if hit is not None:
             return f"it would touch {hit}"
@@ -506,7 +516,7 @@ def execute_stroke(
     speed: float,
     force: float,
     node: str,
-    along: Mapping[ObjectId, PlanarPose] | None = None,
+    along: Mapping[ObjectId, planar_geometry.PlanarPose] | None = None,
 ) -> Doing[PushResult]:
     """Execute a stroke; the tool ends beside the object, and the belief is updated to the expected pose.
 
@@ -573,10 +583,10 @@ def follow_course(
     return result.force
 
 
-def _believe(world: World, name: ObjectId, at: PlanarPose) -> None:
+def _believe(world: World, name: ObjectId, at: planar_geometry.PlanarPose) -> None:
     known = world.scene.find(name)
     if known is not None:
-        pose = moved(known.shape, known.pose, at)
+        pose = planar_geometry.moved(known.shape, known.pose, at)
         sigma = max(known.sigma_position, 0.002)
         world.scene.put(replace(known, pose=pose, sigma_position=sigma), "pushed there")
 

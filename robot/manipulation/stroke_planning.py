@@ -8,18 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...world.planar_geometry import (
-    MIN_UPRIGHT_COSINE,
-    PlanarOutline,
-    PlanarPose,
-    outline,
-    planar,
-    wrap_angle,
-)
-from ...world.planning_scene import BeliefObject
-from ...world.robot_model.description import GripperDescription
-from ...world.shapes import Cylinder, Sphere, bottom, top
-from ...world.values import ObjectId, Pose
+from picktree.world import BeliefObject, Cylinder, ObjectId, Pose, Sphere, bottom, planar_geometry, top
+from picktree.world.robot_model import GripperDescription
 
 MIN_SIDE_LENGTH = 0.012
 """Least length of a side to push at, m."""
@@ -48,7 +38,7 @@ class PushSide:
 
     name: str
     heading: float
-    tool: PlanarPose
+    tool: planar_geometry.PlanarPose
     """TCP in the carrier."""
     opening: float
     """Opening of the fingers, m."""
@@ -57,12 +47,12 @@ class PushSide:
     rolls: bool = False
     """Whether the object rolls in front of the fingers: it hardly resists, and no contact is measured."""
 
-    def carrier(self, at: PlanarPose) -> PlanarPose:
+    def carrier(self, at: planar_geometry.PlanarPose) -> planar_geometry.PlanarPose:
         """Return the carrier for a pose of the object."""
-        return at @ PlanarPose(0.0, 0.0, self.heading)
+        return at @ planar_geometry.PlanarPose(0.0, 0.0, self.heading)
 
-    def object(self, carrier: PlanarPose) -> PlanarPose:
-        return carrier @ PlanarPose(0.0, 0.0, -self.heading)
+    def object(self, carrier: planar_geometry.PlanarPose) -> planar_geometry.PlanarPose:
+        return carrier @ planar_geometry.PlanarPose(0.0, 0.0, -self.heading)
 
 
 def push_sides(belief: BeliefObject, gripper: GripperDescription, towards: float) -> tuple[PushSide, ...]:
@@ -70,7 +60,7 @@ def push_sides(belief: BeliefObject, gripper: GripperDescription, towards: float
 
     `towards`: wanted direction in its planar frame, rad. A round object has a side for each direction.
     """
-    shape = outline(belief.shape, belief.pose)
+    shape = planar_geometry.outline(belief.shape, belief.pose)
     depth = _touching_depth(belief, gripper)
     if shape.round:
         return tuple(_cradle(shape.radius, towards + turn, depth, gripper) for turn in ROUND_PUSH_TURNS)
@@ -110,12 +100,14 @@ def curved(belief: BeliefObject) -> bool:
         case Sphere():
             return True
         case Cylinder():
-            return abs(float(belief.pose.rotation()[2, 2])) <= MIN_UPRIGHT_COSINE
+            return abs(float(belief.pose.rotation()[2, 2])) <= planar_geometry.MIN_UPRIGHT_COSINE
         case _:
             return False
 
 
-def _flats(shape: PlanarOutline, depth: float, gripper: GripperDescription) -> Sequence[PushSide]:
+def _flats(
+    shape: planar_geometry.PlanarOutline, depth: float, gripper: GripperDescription
+) -> Sequence[PushSide]:
     thick = gripper.pads[0][0].size[1]
     found: list[PushSide] = []
     for k, (a, b) in enumerate(zip(shape.corners, np.roll(shape.corners, -1, axis=0), strict=True)):
@@ -133,7 +125,9 @@ def _flats(shape: PlanarOutline, depth: float, gripper: GripperDescription) -> S
         half = min(room, opening / 2 + thick)
         yaw = math.atan2(float(inwards[1]), float(inwards[0]))
         # Along the push, the side runs from left to right: `along` is the carrier's -y.
-        found.append(PushSide(f"side {k}", yaw, PlanarPose(-away - depth, -lateral), opening, half))
+        found.append(
+            PushSide(f"side {k}", yaw, planar_geometry.PlanarPose(-away - depth, -lateral), opening, half)
+        )
     return found
 
 
@@ -144,7 +138,7 @@ def _cradle(radius: float, yaw: float, depth: float, gripper: GripperDescription
         - FINGER_EDGE_RADIUS
     )
     name = f"from {math.degrees(yaw + math.pi) % 360:.0f} deg"
-    return PushSide(name, yaw, PlanarPose(-away - depth, 0.0), opening, opening / 2)
+    return PushSide(name, yaw, planar_geometry.PlanarPose(-away - depth, 0.0), opening, opening / 2)
 
 
 MAX_STRAIGHT_CURVATURE = 1e-6
@@ -155,7 +149,7 @@ MAX_STRAIGHT_CURVATURE = 1e-6
 class ArcPath:
     """Path of arcs from `start` along its x axis: lengths, m, and curvatures, 1/m, positive to the left."""
 
-    start: PlanarPose
+    start: planar_geometry.PlanarPose
     pieces: tuple[tuple[float, float], ...]
 
     @property
@@ -172,18 +166,18 @@ class ArcPath:
         """Sum of all absolute rotations, rad."""
         return sum(abs(length * curvature) for length, curvature in self.pieces)
 
-    def at(self, way: float) -> PlanarPose:
+    def at(self, way: float) -> planar_geometry.PlanarPose:
         """Return the frame after `way` m, its x axis along the path. Before the start and after the end it is
         straight."""
         frame = self.start
         if way <= 0.0:
-            return frame @ PlanarPose(way, 0.0)
+            return frame @ planar_geometry.PlanarPose(way, 0.0)
         for length, curvature in self.pieces:
             frame = frame @ _arc_frame(min(way, length), curvature)
             way -= length
             if way <= 0.0:
                 return frame
-        return frame @ PlanarPose(way, 0.0)
+        return frame @ planar_geometry.PlanarPose(way, 0.0)
 
     def curvature(self, way: float) -> float:
         """Return the curvature after `way` m, 1/m, positive to the left."""
@@ -196,20 +190,20 @@ class ArcPath:
         return 0.0
 
 
-def _arc_frame(way: float, curvature: float) -> PlanarPose:
+def _arc_frame(way: float, curvature: float) -> planar_geometry.PlanarPose:
     if abs(curvature) < MAX_STRAIGHT_CURVATURE:
-        return PlanarPose(way, 0.0, 0.0)
+        return planar_geometry.PlanarPose(way, 0.0, 0.0)
     turn = way * curvature
-    return PlanarPose(math.sin(turn) / curvature, (1.0 - math.cos(turn)) / curvature, turn)
+    return planar_geometry.PlanarPose(math.sin(turn) / curvature, (1.0 - math.cos(turn)) / curvature, turn)
 
 
-def straight(start: PlanarPose, length: float) -> ArcPath:
+def straight(start: planar_geometry.PlanarPose, length: float) -> ArcPath:
     return ArcPath(start, ((length, 0.0),))
 
 
-def arc_to(start: PlanarPose, x: float, y: float) -> ArcPath | None:
+def arc_to(start: planar_geometry.PlanarPose, x: float, y: float) -> ArcPath | None:
     """Return the arc that ends in a point. None: the point is beside the start or behind it."""
-    there = start.inverse() @ PlanarPose(x, y)
+    there = start.inverse() @ planar_geometry.PlanarPose(x, y)
     off = math.hypot(there.x, there.y)
     if there.x <= 0.0 or off < 1e-9:
         return None
@@ -219,12 +213,12 @@ def arc_to(start: PlanarPose, x: float, y: float) -> ArcPath | None:
     return ArcPath(start, ((2.0 * math.atan2(there.y, there.x) / curvature, curvature),))
 
 
-def biarc(start: PlanarPose, end: PlanarPose) -> ArcPath | None:
+def biarc(start: planar_geometry.PlanarPose, end: planar_geometry.PlanarPose) -> ArcPath | None:
     """Return two arcs that lead to `end` in its direction. None: the path would begin or end backwards.
 
     The chords of their control polygon are equal (Bolton, "Biarc curves", Computer-Aided Design 7, 1975).
     """
-    goal = start.inverse() @ PlanarPose(end.x, end.y, end.yaw)
+    goal = start.inverse() @ planar_geometry.PlanarPose(end.x, end.y, end.yaw)
     v = np.array([goal.x, goal.y])
     t1, t2 = np.array([1.0, 0.0]), np.array([math.cos(goal.yaw), math.sin(goal.yaw)])
     both = float(v @ (t1 + t2))
@@ -239,14 +233,17 @@ def biarc(start: PlanarPose, end: PlanarPose) -> ArcPath | None:
     if d <= 0.0:
         return None
     joint = (v + d * (t1 - t2)) / 2.0
-    first = arc_to(start, *(start @ PlanarPose(float(joint[0]), float(joint[1]))).apply(np.zeros((1, 2)))[0])
+    first = arc_to(
+        start,
+        *(start @ planar_geometry.PlanarPose(float(joint[0]), float(joint[1]))).apply(np.zeros((1, 2)))[0],
+    )
     if first is None:
         return None
     second = arc_to(first.at(first.length), end.x, end.y)
     if second is None:
         return None
     whole = ArcPath(start, (*first.pieces, *second.pieces))
-    return whole if abs(wrap_angle(whole.at(whole.length).yaw - end.yaw)) < 1e-6 else None
+    return whole if abs(planar_geometry.wrap_angle(whole.at(whole.length).yaw - end.yaw)) < 1e-6 else None
 
 
 def truncated(way: ArcPath, length: float) -> ArcPath:
@@ -290,10 +287,10 @@ class PushGoal:
     y: float
     yaw: float | None = None
 
-    def off(self, at: PlanarPose, turn: float) -> tuple[float, float]:
+    def off(self, at: planar_geometry.PlanarPose, turn: float) -> tuple[float, float]:
         """Return distance, m, and heading error, rad, of an object with rotational symmetry `turn`, rad."""
         away = math.hypot(self.x - at.x, self.y - at.y)
-        return away, 0.0 if self.yaw is None else abs(wrap_angle(self.yaw - at.yaw, turn))
+        return away, 0.0 if self.yaw is None else abs(planar_geometry.wrap_angle(self.yaw - at.yaw, turn))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -304,7 +301,7 @@ class PushStroke:
     side: PushSide
     way: ArcPath
     gap: float
-    ends: PlanarPose
+    ends: planar_geometry.PlanarPose
     """Expected pose of the object at the end."""
     cost: float
     """Cost of remaining error and effort, m; lower is better."""
@@ -314,7 +311,7 @@ class PushStroke:
         x, y = self.way.start.direction
         return f"{self.side.name} {math.degrees(math.atan2(y, x)):.0f} deg {self.way.length * 1000:.0f} mm"
 
-    def object_at(self, way: float) -> PlanarPose:
+    def object_at(self, way: float) -> planar_geometry.PlanarPose:
         """Return the object's pose after `way` m of the carrier."""
         return self.side.object(self.way.at(max(0.0, way)))
 
@@ -324,7 +321,7 @@ class PushStroke:
         return tool_pose(self.way.at(way) @ self.side.tool, height, flipped)
 
 
-def tool_pose(at: PlanarPose, height: float, flipped: bool) -> Pose:
+def tool_pose(at: planar_geometry.PlanarPose, height: float, flipped: bool) -> Pose:
     """Return the TCP pose that points down with its x axis along `at`, or against it."""
     sign = -1.0 if flipped else 1.0
     x = np.array([sign * math.cos(at.yaw), sign * math.sin(at.yaw), 0.0])
@@ -336,7 +333,10 @@ def push_strokes(
     belief: BeliefObject, aim: PushGoal, gripper: GripperDescription, longest: float
 ) -> tuple[PushStroke, ...]:
     """Return strokes towards the goal, best first, each at most `longest` m long."""
-    at, shape = planar(belief.shape, belief.pose), outline(belief.shape, belief.pose)
+    at, shape = (
+        planar_geometry.planar(belief.shape, belief.pose),
+        planar_geometry.outline(belief.shape, belief.pose),
+    )
     towards = math.atan2(aim.y - at.y, aim.x - at.x) - at.yaw
     found: list[PushStroke] = []
     for side in push_sides(belief, gripper, towards):
@@ -348,7 +348,7 @@ def push_strokes(
 def turning_room_strokes(belief: BeliefObject, gripper: GripperDescription) -> tuple[PushStroke, ...]:
     """Return short pushes away from a place that is right while the heading is not: only a push aligns the
     object."""
-    if outline(belief.shape, belief.pose).round:
+    if planar_geometry.outline(belief.shape, belief.pose).round:
         return ()
     return tuple(
         straight_stroke(side, belief, ALIGNING_TRAVEL)
@@ -359,25 +359,31 @@ def turning_room_strokes(belief: BeliefObject, gripper: GripperDescription) -> t
 
 def straight_stroke(side: PushSide, belief: BeliefObject, length: float) -> PushStroke:
     """Return the straight stroke along a side's push."""
-    way = straight(side.carrier(planar(belief.shape, belief.pose)), length)
+    way = straight(side.carrier(planar_geometry.planar(belief.shape, belief.pose)), length)
     gap = START_GAP + START_GAP_SIGMAS * belief.sigma_position
     return PushStroke(belief.id, side, way, gap, side.object(way.at(length)), _effort(way))
 
 
-def _carrier_paths(side: PushSide, at: PlanarPose, aim: PushGoal, shape: PlanarOutline) -> Sequence[ArcPath]:
+def _carrier_paths(
+    side: PushSide, at: planar_geometry.PlanarPose, aim: PushGoal, shape: planar_geometry.PlanarOutline
+) -> Sequence[ArcPath]:
     """Return paths of the carrier to the goal, or as near to it as a push at this side leads."""
     here = side.carrier(at)
     if aim.yaw is None or shape.round:
-        found = [_straight_path(PlanarPose(at.x, at.y, here.yaw), aim)]
+        found = [_straight_path(planar_geometry.PlanarPose(at.x, at.y, here.yaw), aim)]
         if not shape.round and not side.rolls:
             found.append(arc_to(here, aim.x, aim.y))
     else:
-        off = wrap_angle(aim.yaw - at.yaw, shape.turn)
-        there = PlanarPose(aim.x, aim.y, here.yaw + off)
+        off = planar_geometry.wrap_angle(aim.yaw - at.yaw, shape.turn)
+        there = planar_geometry.PlanarPose(aim.x, aim.y, here.yaw + off)
         found = [] if side.rolls else [biarc(here, there), _turning_path(here, off, side, shape, aim)]
         if abs(off) < MAX_ALIGNED_TURN:
             found.append(
-                _straight_path(PlanarPose(at.x, at.y, there.yaw), aim, squares=abs(off) > math.radians(0.3))
+                _straight_path(
+                    planar_geometry.PlanarPose(at.x, at.y, there.yaw),
+                    aim,
+                    squares=abs(off) > math.radians(0.3),
+                )
             )
     sharpest = math.inf if shape.round else side.half / (PATH_RADIUS_FACTOR * shape.inertia())
     return [
@@ -385,7 +391,9 @@ def _carrier_paths(side: PushSide, at: PlanarPose, aim: PushGoal, shape: PlanarO
     ]
 
 
-def _straight_path(start: PlanarPose, aim: PushGoal, *, squares: bool = False) -> ArcPath | None:
+def _straight_path(
+    start: planar_geometry.PlanarPose, aim: PushGoal, *, squares: bool = False
+) -> ArcPath | None:
     """Return the straight path until the goal is abreast. None: too short; a push that aligns the object may
     be shorter."""
     along = float(np.array([aim.x - start.x, aim.y - start.y]) @ start.direction)
@@ -395,7 +403,11 @@ def _straight_path(start: PlanarPose, aim: PushGoal, *, squares: bool = False) -
 
 
 def _turning_path(
-    here: PlanarPose, off: float, side: PushSide, shape: PlanarOutline, aim: PushGoal
+    here: planar_geometry.PlanarPose,
+    off: float,
+    side: PushSide,
+    shape: planar_geometry.PlanarOutline,
+    aim: PushGoal,
 ) -> ArcPath | None:
     """Return the path that turns to the goal's heading as tightly as the object follows, then leads on until
     abreast."""
@@ -411,9 +423,9 @@ def _stroke(
     side: PushSide,
     way: ArcPath,
     belief: BeliefObject,
-    at: PlanarPose,
+    at: planar_geometry.PlanarPose,
     aim: PushGoal,
-    shape: PlanarOutline,
+    shape: planar_geometry.PlanarOutline,
     longest: float,
 ) -> PushStroke:
     """Return the path as one stroke, or its first part if it takes several."""
@@ -421,23 +433,27 @@ def _stroke(
     cost = away + HEADING_ERROR_COST * turned + _effort(way)
     parts = max(1, math.ceil(way.length / longest - 1e-6))
     first = truncated(way, way.length / parts) if parts > 1 else way
-    askew = abs(wrap_angle(way.start.yaw - side.carrier(at).yaw))
+    askew = abs(planar_geometry.wrap_angle(way.start.yaw - side.carrier(at).yaw))
     gap = START_GAP + START_GAP_SIGMAS * belief.sigma_position + side.half * math.sin(min(askew, 1.0))
     return PushStroke(belief.id, side, first, gap, _expected_pose(side, first, at, shape), cost)
 
 
-def _expected_pose(side: PushSide, way: ArcPath, at: PlanarPose, shape: PlanarOutline) -> PlanarPose:
+def _expected_pose(
+    side: PushSide, way: ArcPath, at: planar_geometry.PlanarPose, shape: planar_geometry.PlanarOutline
+) -> planar_geometry.PlanarPose:
     """Return the expected pose of the object.
 
     An object that the path does not meet squarely turns about a corner, and is aligned only by a long enough
     path.
     """
     end = side.object(way.at(way.length))
-    askew = wrap_angle(way.start.yaw - side.carrier(at).yaw)
+    askew = planar_geometry.wrap_angle(way.start.yaw - side.carrier(at).yaw)
     if shape.round or askew == 0.0:
         return end
     turned = way.length * side.half / (shape.inertia() + side.half**2)
-    return PlanarPose(end.x, end.y, end.yaw - math.copysign(max(0.0, abs(askew) - turned), askew))
+    return planar_geometry.PlanarPose(
+        end.x, end.y, end.yaw - math.copysign(max(0.0, abs(askew) - turned), askew)
+    )
 
 
 def _effort(way: ArcPath) -> float:

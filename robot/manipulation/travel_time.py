@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.values import Array, Pose, Vector3
-from ..planning.limits import configuration_cost
+from picktree.robot.planning import configuration_cost
+from picktree.world import Array, Pose, Vector3
 
 if TYPE_CHECKING:
-    from ...world.planning_scene import BeliefObject
-    from ...world.robot_model.model import RobotModel
-    from ..world import World
+    from picktree.robot import World
+    from picktree.world import BeliefObject
+    from picktree.world.robot_model import RobotModel
 
 CONFIGURATION_COST_WEIGHT = 0.4
 """Weight of a configuration's cost (`configuration_cost`), s for each radian."""

@@ -18,19 +18,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from ...world.causes import Failure, perception
-from ...world.events import ServoEvent
-from ...world.planning_scene import BeliefObject
-from ...world.values import ObjectId, Pose
-from ..planning.requests import LineGoal, Request
+from picktree.robot.planning import LineGoal, Request
+from picktree.world import BeliefObject, Failure, ObjectId, Pose, event_types, perception
+
 from .grasps import GraspCandidate
 from .pick_candidates import PickPlaceCandidate
 from .pick_place_motions import descend_request
 
 if TYPE_CHECKING:
-    from ..control.trajectory_motion import Doing, Watch
-    from ..perception.known_object_fitting import TrackedSighting
-    from ..world import World
+    from picktree.robot import World
+    from picktree.robot.control import Doing, Watch
+    from picktree.robot.perception import TrackedSighting
 
 
 UNEXPLAINED_COST = 0.010
@@ -223,7 +221,7 @@ def look_through_hand_camera(
     reading = match_patches(believed, objects, found)
     if reading.target is None:
         what = "ambiguous" if reading.ambiguous else "not recognised"
-        world.journal.note(ServoEvent(f"{target}: {what} from the hand", node, object=target))
+        world.journal.note(event_types.ServoEvent(f"{target}: {what} from the hand", node, object=target))
     if reading.ambiguous:
         raise Failure(
             perception.AMBIGUOUS,
@@ -238,7 +236,7 @@ def look_through_hand_camera(
         seen @ believed.pose.inverse(), believed.pose.distance(seen), believed.pose.angle(seen)
     )
     world.journal.note(
-        ServoEvent(
+        event_types.ServoEvent(
             f"{target}: {1000 * correction.distance:.1f} mm, {math.degrees(correction.turn):.1f}° off",
             node,
             object=target,

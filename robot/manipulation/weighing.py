@@ -13,11 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.causes import Failure, grasp
-from ...world.events import SlipEvent
-from ...world.scene.description import MIN_FELT_MASS, CatalogueEntry
-from ...world.values import GRAVITY, Array, Pose, cross
-from ..control.payload_estimate import (
+from picktree.robot.control import (
     CENTRE_PRIOR_SIGMA,
     MassEstimate,
     Payload,
@@ -26,12 +22,15 @@ from ..control.payload_estimate import (
     estimate_moving_mass,
     wrist_sample,
 )
-from ..planning.requests import CARRYING_ACCELERATION
+from picktree.robot.planning import CARRYING_ACCELERATION
+from picktree.world import GRAVITY, Array, Failure, Pose, cross, event_types, grasp
+from picktree.world.scene import MIN_FELT_MASS, CatalogueEntry
+
 from .compliant_closing import SLIP_GRIP_FACTOR, GripForce, required_force
 from .held_object import MAX_EMPTY_WIDTH, MIN_HELD_LOAD, GripCheck, check_grip
 
 if TYPE_CHECKING:
-    from ..world import World
+    from picktree.robot import World
 
 
 class SlipWatch:
@@ -91,7 +90,7 @@ def tighten_grip(world: World, felt: float, payload: Payload) -> bool:
     if world.gripper.force <= before + 1e-9:
         return False
     world.journal.note(
-        SlipEvent(
+        event_types.SlipEvent(
             f"it slips: the fingers press with {world.gripper.force:.0f} N instead of {before:.0f} N "
             f"({felt * 1000:.0f} g of {payload} are felt)",
             force=world.gripper.force,

@@ -1,1 +1,5 @@
 """Perception: beliefs about items, hidden objects and unknown obstacles from colour and depth images."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

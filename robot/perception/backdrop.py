@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.heaps import HeapRegion
-from ...world.scene.description import NO_UNCERTAINTY, Bin, Fixture, SceneDescription
-from ...world.shapes import Box, Shape, corners, ray_hits, top
-from ...world.values import Array, Pose
+from picktree.world import Array, Box, Pose, Shape, corners, heap_geometry, ray_hits, top
+from picktree.world.scene import NO_UNCERTAINTY, Bin, Fixture, SceneDescription
+
 from . import segmentation
 from .camera_geometry import PosedCamera
 from .hole_mouths import spread
@@ -158,7 +157,10 @@ class SupportSurfaces:
     """Support surfaces of a scene: tops of fixtures, floors of bins."""
 
     def __init__(
-        self, fixtures: tuple[Fixture, ...], bins: tuple[Bin, ...], regions: Mapping[str, HeapRegion]
+        self,
+        fixtures: tuple[Fixture, ...],
+        bins: tuple[Bin, ...],
+        regions: Mapping[str, heap_geometry.HeapRegion],
     ) -> None:
         """`regions`: places of heaps, by tote or fixture."""
         self._piles = [region for name, region in regions.items() if name not in {str(b.id) for b in bins}]

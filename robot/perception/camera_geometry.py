@@ -9,8 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.protocols import Intrinsics
-from ...world.values import Array, Pose
+from picktree.world import Array, Intrinsics, Pose
 
 MIN_CAMERA_DEPTH = 0.02
 """Distance from the camera's plane below which a point is not before the camera, m."""

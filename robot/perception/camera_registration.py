@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.values import Array, cross
+from picktree.world import Array, cross
+
 from .backdrop import BackgroundModel
 from .camera_geometry import PosedCamera, rays_of
 

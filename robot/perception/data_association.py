@@ -10,11 +10,9 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from ...files.library_parts import library_part
-from ...world.planning_scene import FALLEN_SIGMA, BeliefObject, PlanningScene
-from ...world.shapes import inside
-from ...world.values import ObjectId, Pose
-from ...world.world_facts import ASIDE
+from picktree.files import library_parts
+from picktree.world import FALLEN_SIGMA, BeliefObject, ObjectId, PlanningScene, Pose, inside, world_facts
+
 from .obstacle_volumes import (
     Keys,
     cell_centres,
@@ -29,7 +27,9 @@ from .view import Detection, PerceivedView, UnexplainedPatch
 if TYPE_CHECKING:
     from scipy.optimize import linear_sum_assignment
 else:
-    linear_sum_assignment = library_part("scipy.optimize._lsap", "scipy.optimize.linear_sum_assignment")
+    linear_sum_assignment = library_parts.library_part(
+        "scipy.optimize._lsap", "scipy.optimize.linear_sum_assignment"
+    )
 
 MATCH_DISTANCE = 0.04
 """Distance within which a detection is matched to a believed object of its colour, m. Uncertain positions
@@ -263,13 +263,13 @@ def _updated_belief(
 def _is_given_up(item: BeliefObject, detection: Detection) -> bool:
     """Whether the detection shows an item that was given up, where it lay."""
     stayed = item.pose.distance(detection.pose) < _gate(item)
-    return item.place == ASIDE and detection.place == "table" and stayed
+    return item.place == world_facts.ASIDE and detection.place == "table" and stayed
 
 
 def _is_lost(item: BeliefObject, now: float) -> bool:
     """Whether the item was given up where it is merely supposed to lie, and did not show up for a while."""
     unseen = item.sigma_position == FALLEN_SIGMA and now - item.last_seen > MAX_SUPPOSED_TIME
-    return item.place == ASIDE and unseen
+    return item.place == world_facts.ASIDE and unseen
 
 
 def _nearest_orientation(detection: Detection, before: Pose) -> Pose:

@@ -14,12 +14,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.heaps import Heap, HeapRegion, HeightMap, MapTag, heap_id, heap_regions
-from ...world.planning_scene import BeliefObject, ObstacleBlock, PlanningScene
-from ...world.scene.description import Bin, SceneDescription
-from ...world.scene.destinations import asks_for
-from ...world.shapes import Box
-from ...world.values import Array, ObjectId, Pose
+from picktree.world import (
+    Array,
+    BeliefObject,
+    Box,
+    ObjectId,
+    ObstacleBlock,
+    PlanningScene,
+    Pose,
+    heap_geometry,
+)
+from picktree.world.scene import Bin, SceneDescription, destinations
+
 from .camera_geometry import PosedCamera, rays_of
 from .segmentation import SegmentationInput
 from .tag_reading import read_tags
@@ -44,8 +50,8 @@ HEAP_KIND = "heap"
 
 
 def map_heights(
-    picture: SegmentationInput, hidden: NDArray[np.bool_], region: HeapRegion
-) -> HeightMap | None:
+    picture: SegmentationInput, hidden: NDArray[np.bool_], region: heap_geometry.HeapRegion
+) -> heap_geometry.HeightMap | None:
     """Return the height map of a region. `hidden` (h, w) marks pixels of the robot.
 
     None: the picture shows nothing of it.
@@ -67,7 +73,7 @@ def map_heights(
     heights = np.where(heights < region.floor + FLOOR_NOISE, region.floor, heights)
     heights = np.where(seen, heights, np.nan)
     labels = _labels(sight, picture.label, region.frame, cell, heights)
-    return HeightMap.of(region.frame, cell, (region.floor, region.rim), heights, walls, labels)
+    return heap_geometry.HeightMap.of(region.frame, cell, (region.floor, region.rim), heights, walls, labels)
 
 
 def map_heaps(
@@ -75,24 +81,24 @@ def map_heaps(
     hidden: NDArray[np.bool_],
     description: SceneDescription,
     colour: NDArray[np.uint8],
-) -> dict[ObjectId, HeightMap]:
+) -> dict[ObjectId, heap_geometry.HeightMap]:
     """Return the height maps of the heaps' regions that a picture shows.
 
     Tags are read in its colours (h, w, 3) if a rule of the scene asks for them.
     """
-    found: dict[ObjectId, HeightMap] = {}
+    found: dict[ObjectId, heap_geometry.HeightMap] = {}
     tags = (
         tuple(read_tags(picture.sight, picture.depth, colour))
-        if asks_for(description.destinations, "tag")
+        if destinations.asks_for(description.destinations, "tag")
         else ()
     )
-    for region in heap_regions(description).values():
+    for region in heap_geometry.heap_regions(description).values():
         heap = map_heights(picture, hidden, region)
         if heap is None:
             continue
         local = [(n, region.frame.inverse().apply(at)) for n, at in tags if region.covers(at[None])[0]]
         found[region.id] = replace(
-            heap, tags=tuple(MapTag(n, (float(x), float(y))) for n, (x, y, _) in local)
+            heap, tags=tuple(heap_geometry.MapTag(n, (float(x), float(y))) for n, (x, y, _) in local)
         )
     return found
 
@@ -114,26 +120,40 @@ def _labels(
 
 
 def update_heap(
-    scene: PlanningScene, region: HeapRegion, seen: HeightMap, former: Heap | None, now: float
-) -> Heap:
+    scene: PlanningScene,
+    region: heap_geometry.HeapRegion,
+    seen: heap_geometry.HeightMap,
+    former: heap_geometry.Heap | None,
+    now: float,
+) -> heap_geometry.Heap:
     """Merge a new map of a region into the belief, and return its heap. Failed places are forgotten where the
     depth has changed."""
     there = seen.over(None if former is None else former.map)
-    heap = Heap(there, () if former is None else tuple(p for p in former.barred if p.holds(there)))
+    heap = heap_geometry.Heap(
+        there, () if former is None else tuple(p for p in former.barred if p.holds(there))
+    )
     put_heap(scene, region, there, now, "seen")
     return heap
 
 
-def put_heap(scene: PlanningScene, region: HeapRegion, heap: HeightMap, now: float, reason: str) -> None:
+def put_heap(
+    scene: PlanningScene,
+    region: heap_geometry.HeapRegion,
+    heap: heap_geometry.HeightMap,
+    now: float,
+    reason: str,
+) -> None:
     """Replace what is believed of the heap in a region; an empty one is no object."""
     found = heap_object(region, heap, now)
     if found is None:
-        scene.remove(heap_id(region.id), f"{region.id}: nothing is left of the heap")
+        scene.remove(heap_geometry.heap_id(region.id), f"{region.id}: nothing is left of the heap")
     else:
         scene.put(found, reason)
 
 
-def heap_object(region: HeapRegion, heap: HeightMap, now: float) -> BeliefObject | None:
+def heap_object(
+    region: heap_geometry.HeapRegion, heap: heap_geometry.HeightMap, now: float
+) -> BeliefObject | None:
     """Return the heap as an obstacle of merged columns, which are collision geometry. None: it is empty."""
     heights, walls = heap.heights(), heap.beside_walls()
     inner = np.where(walls, heap.floor, np.where(np.isfinite(heights), heights, heap.rim))
@@ -149,12 +169,12 @@ def heap_object(region: HeapRegion, heap: HeightMap, now: float) -> BeliefObject
         ObstacleBlock(b.size, (b.at[0] - middle[0], b.at[1] - middle[1], b.at[2] - middle[2])) for b in blocks
     )
     return BeliefObject(
-        heap_id(region.id), "heap", HEAP_KIND, "unknown", shape, "grey", region.frame @ Pose(middle),
-        0.002, 0.0, 1.0, now, place=str(region.id), blocks=moved,
+        heap_geometry.heap_id(region.id), "heap", HEAP_KIND, "unknown", shape, "grey",
+        region.frame @ Pose(middle), 0.002, 0.0, 1.0, now, place=str(region.id), blocks=moved,
     )  # fmt: skip
 
 
-def _merged_columns(heights: Array, heap: HeightMap) -> Iterator[ObstacleBlock]:
+def _merged_columns(heights: Array, heap: heap_geometry.HeightMap) -> Iterator[ObstacleBlock]:
     """Yield boxes from the floor up in the map's frame: coarse cells of the same rounded height, merged."""
     n, m = (-(-length // COARSE) for length in heights.shape)
     padded = np.full((n * COARSE, m * COARSE), heap.floor)
@@ -177,7 +197,9 @@ def _merged_columns(heights: Array, heap: HeightMap) -> Iterator[ObstacleBlock]:
         yield ObstacleBlock(size, ((i + deep / 2) * side, (j + wide / 2) * side, heap.floor + size[2] / 2))
 
 
-def _points(sight: PosedCamera, depth: Array, hidden: NDArray[np.bool_], region: HeapRegion) -> Array | None:
+def _points(
+    sight: PosedCamera, depth: Array, hidden: NDArray[np.bool_], region: heap_geometry.HeapRegion
+) -> Array | None:
     """Return the points (h, w, 3) of the picture's window about the region, in its frame; NaN: unknown."""
     x, y = region.size
     box = np.array(list(itertools.product((0.0, x), (0.0, y), (0.0, region.floor + region.reach))))
@@ -202,7 +224,7 @@ def _points(sight: PosedCamera, depth: Array, hidden: NDArray[np.bool_], region:
 
 
 def _raise_cells(
-    heights: Array, points: Array, region: HeapRegion, cell: float, shape: tuple[int, int]
+    heights: Array, points: Array, region: heap_geometry.HeapRegion, cell: float, shape: tuple[int, int]
 ) -> None:
     """Raise the cells (n · m,) to the points that lie in them, and to the cliffs between neighbours."""
     _scatter(heights, points.reshape(-1, 3), region, cell, shape)
@@ -226,7 +248,9 @@ def _raise_cells(
         _scatter(heights, between, region, cell, shape)
 
 
-def _scatter(heights: Array, points: Array, region: HeapRegion, cell: float, shape: tuple[int, int]) -> None:
+def _scatter(
+    heights: Array, points: Array, region: heap_geometry.HeapRegion, cell: float, shape: tuple[int, int]
+) -> None:
     x, y, z = points.T
     with np.errstate(invalid="ignore"):
         i, j = np.floor(x / cell), np.floor(y / cell)

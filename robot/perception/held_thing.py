@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.values import Array
+from picktree.world import Array
+
 from . import segmentation
 from .camera_geometry import PosedCamera
 from .robot_mask import RobotMask

@@ -15,16 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.holes import fits_hole
-from ...world.protocols import RgbdImage
-from ...world.scene.description import CatalogueEntry, Fixture, Hole
-from ...world.shapes import (
-    Box,
-    Cylinder,
-    Shape,
-    top,
-)
-from ...world.values import Array, ObjectId, Pose
+from picktree.world import Array, Box, Cylinder, ObjectId, Pose, RgbdImage, Shape, hole_geometry, top
+from picktree.world.scene import CatalogueEntry, Fixture, Hole
+
 from .camera_geometry import PosedCamera
 from .resting_poses import StablePose, stable_poses
 
@@ -105,7 +98,7 @@ def _mouth(fixture: Fixture, hole: Hole, entries: Iterable[CatalogueEntry]) -> H
 
 
 def _protruding_part(entry: CatalogueEntry, hole: Hole) -> ProtrudingPart | None:
-    if not fits_hole(hole, entry.shape):
+    if not hole_geometry.fits_hole(hole, entry.shape):
         return None
     shape: Shape
     match entry.shape:

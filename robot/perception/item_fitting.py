@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.shapes import extents, inside, ray_hits
-from ...world.values import Array, Pose
+from picktree.world import Array, Pose, extents, inside, ray_hits
+
 from .backdrop import SupportSurface
 from .camera_geometry import PosedCamera
 from .resting_poses import StablePose, leaning_poses

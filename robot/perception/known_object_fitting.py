@@ -15,9 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.planning_scene import BeliefObject
-from ...world.values import Array, ObjectId, Pose
-from ...world.world_facts import ASIDE
+from picktree.world import Array, BeliefObject, ObjectId, Pose, world_facts
+
 from .backdrop import SupportSurface
 from .item_fitting import (
     GOOD_MISFIT,
@@ -236,7 +235,7 @@ def known_objects(
         if len(found) == len(tried) or (found and _have_real_outlines(picture, left)):
             return KnownContents(found, left)
         if most == MAX_PARTS:
-            most = cut.most([one.place == ASIDE for one, _ in touching])
+            most = cut.most([one.place == world_facts.ASIDE for one, _ in touching])
         touching = [each for each, one in zip(touching, tried, strict=True) if one is not None]
     picture.give_back(blob.patch)
     return KnownContents(most=most)
@@ -318,7 +317,7 @@ def _confirmed(
     moved = math.dist(found.stand.centre, one.pose.position)
     turned = abs(found.stand.yaw - stand.yaw) if stand.rest.turn else 0.0
     clear = found.misfit < GOOD_MISFIT and found.shown > MIN_TRACKING_SHOWN
-    if not clear and (one.place == ASIDE or one.confidence < MIN_KNOWN_CONFIDENCE):
+    if not clear and (one.place == world_facts.ASIDE or one.confidence < MIN_KNOWN_CONFIDENCE):
         poor = POOR_MISFIT_IN_BIN if floor.in_bin else POOR_MISFIT
         clear = is_clear(found, poor) and not _shows_two_objects(picture, blob, found)
     if clear and moved < KNOWN_DISTANCE and turned < MAX_HEADING_CHANGE:
@@ -327,7 +326,7 @@ def _confirmed(
 
 
 def _is_believed_on(floor: SupportSurface, one: BeliefObject) -> bool:
-    return one.place == floor.place or (one.place == ASIDE and not floor.in_bin)
+    return one.place == floor.place or (one.place == world_facts.ASIDE and not floor.in_bin)
 
 
 def _is_shown_in(picture: SegmentationInput, blob: Blob, stand: StandingPose) -> bool:

@@ -21,10 +21,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.convex_decomposition import hulls_of
-from ...world.planning_scene import BeliefObject, ObstacleBlock, PlanningScene
-from ...world.shapes import Box, Shape, extents, inside
-from ...world.values import Array, ObjectId, Pose
+from picktree.world import (
+    Array,
+    BeliefObject,
+    Box,
+    ObjectId,
+    ObstacleBlock,
+    PlanningScene,
+    Pose,
+    Shape,
+    convex_decomposition,
+    extents,
+    inside,
+)
+
 from . import segmentation
 from .segmentation import Pixels, SegmentationInput, connected_patches
 from .view import PerceivedView, UnexplainedPatch
@@ -122,7 +132,7 @@ def obstacle_from_cells(
 
 def _enclosing_shape(blocks: Sequence[ObstacleBlock]) -> Shape:
     """Return the hull where one stands for all blocks, else their bounding box."""
-    hulls = hulls_of(tuple(blocks))
+    hulls = convex_decomposition.hulls_of(tuple(blocks))
     if len(hulls) == 1:
         return hulls[0][0]
     middles, halves = np.array([block.at for block in blocks]), np.array([block.size for block in blocks]) / 2

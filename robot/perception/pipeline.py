@@ -12,13 +12,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.heaps import heap_regions
-from ...world.planning_scene import BeliefObject
-from ...world.protocols import RgbdImage
-from ...world.scene.description import SceneDescription
-from ...world.scene.destinations import asks_for
-from ...world.shapes import top
-from ...world.values import Array, Pose
+from picktree.world import Array, BeliefObject, Pose, RgbdImage, heap_geometry, top
+from picktree.world.scene import SceneDescription, destinations
+
 from . import segmentation
 from .backdrop import MIN_FRONT_DEPTH, BackgroundModel, SupportSurface, SupportSurfaces, table_of
 from .camera_geometry import PosedCamera
@@ -122,7 +118,7 @@ class Perception:
         self.rests = catalogue_poses(description.catalogue)
         self.tallest = max((rest.height for rest in self.rests), default=0.0)
         """Height of the tallest item in its tallest stable pose, m."""
-        self.regions = heap_regions(description)
+        self.regions = heap_geometry.heap_regions(description)
         self._floors = SupportSurfaces(description.fixtures, description.bins, self.regions)
         self.mouths = HoleMouths(description.fixtures, description.catalogue)
         self.noise = {c.name: max(c.depth_noise, 2e-4) for c in description.cameras}
@@ -187,7 +183,7 @@ class Perception:
         depth = np.where(np.isfinite(image.depth), image.depth, 0.0).astype(np.float64)
         sight = level_camera(believed, depth, backdrop, self._table_z)
         depth[backdrop.depth - depth <= MIN_RAISED_DEPTH] = 0.0
-        tagged = asks_for(self._description.destinations, "tag")
+        tagged = destinations.asks_for(self._description.destinations, "tag")
         return view_held_thing(sight, depth, image.colour, self._robot, (joints, width), tagged=tagged)
 
     def _shot(

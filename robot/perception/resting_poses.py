@@ -13,22 +13,23 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...files.disk_cache import cached_arrays
-from ...world import shapes
-from ...world.pad_contacts import top_heights
-from ...world.scene.description import CatalogueEntry
-from ...world.shapes import (
+from picktree.files import disk_cache
+from picktree.world import (
+    Array,
     Box,
     CompoundMesh,
     ConvexMesh,
     Cylinder,
+    Pose,
     Shape,
     Sphere,
     convex_hull,
     half_spaces,
     inside,
+    shapes,
+    top_heights,
 )
-from ...world.values import Array, Pose
+from picktree.world.scene import CatalogueEntry
 
 CANVAS = 512
 """Pixels of the longer side of the picture in which covered area is counted."""
@@ -118,7 +119,7 @@ def catalogue_poses(catalogue: Iterable[CatalogueEntry]) -> tuple[StablePose, ..
     entries = tuple(catalogue)
     bodies = (e.shape for e in entries)
     inputs = (str(replace(b, source="") if isinstance(b, ConvexMesh) else b) for b in bodies)
-    kept = cached_arrays("stable-poses", inputs, _MAKERS, lambda: _encoded(entries))
+    kept = disk_cache.cached_arrays("stable-poses", inputs, _MAKERS, lambda: _encoded(entries))
     poses: list[StablePose] = []
     for n, (number, *values) in enumerate(kept["values"].tolist()):
         rotation, outline = kept[f"{n} rotation"], kept[f"{n} outline"]

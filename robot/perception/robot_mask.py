@@ -11,18 +11,27 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...files.disk_cache import cached_arrays
-from ...world import shapes, values
-from ...world.planning_scene import BeliefObject
-from ...world.robot_model.link_shapes import LinkShape, fingerprint
-from ...world.scene.description import SceneDescription
-from ...world.shapes import ConvexMesh, Shape, convex_hull, corners, inside
-from ...world.values import Array, Pose
+from picktree.files import disk_cache
+from picktree.world import (
+    Array,
+    BeliefObject,
+    ConvexMesh,
+    Pose,
+    Shape,
+    convex_hull,
+    corners,
+    inside,
+    shapes,
+    values,
+)
+from picktree.world.robot_model import LinkShape, fingerprint
+from picktree.world.scene import SceneDescription
+
 from .camera_geometry import PosedCamera
 from .camera_registration import ConvexFacets
 
 if TYPE_CHECKING:
-    from ...world.robot_model.model import RobotModel
+    from picktree.world.robot_model import RobotModel
 
 MASK_GROWTH_PIXELS = 3
 """Pixels by which the mask is larger than the model."""
@@ -80,7 +89,9 @@ class RobotMask:
     def __init__(self, robot: RobotShape) -> None:
         self._robot = robot
         parts = robot.collision_shapes()
-        kept = cached_arrays("link-hulls", (fingerprint(parts),), _MAKERS, lambda: _link_hulls(parts))
+        kept = disk_cache.cached_arrays(
+            "link-hulls", (fingerprint(parts),), _MAKERS, lambda: _link_hulls(parts)
+        )
         self._hulls: list[tuple[str, _Hull]] = [
             (part.link, _Hull(kept[f"{n} points"], kept[f"{n} equations"])) for n, part in enumerate(parts)
         ]

@@ -10,9 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.colours import ITEM_COLOURS
-from ...world.protocols import Intrinsics, RgbdImage
-from ...world.values import Array
+from picktree.world import ITEM_COLOURS, Array, Intrinsics, RgbdImage
+
 from .camera_geometry import PosedCamera
 from .silhouette_fitting import BlobOutline, support
 

@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.values import Array, cross
+from picktree.world import Array, cross
+
 from .camera_geometry import PosedCamera
 from .resting_poses import CIRCLE_CORNERS, StablePose, covered_area, next_corners
 

@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.values import Array
+from picktree.world import Array
+
 from .camera_geometry import PosedCamera
 
 TAG_MAGNIFICATION = 3

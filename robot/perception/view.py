@@ -12,10 +12,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.heaps import HeightMap
-from ...world.scene.description import Form
-from ...world.shapes import Box, Shape, Sphere, ray_hits
-from ...world.values import Array, ObjectId, Pose
+from picktree.world import Array, Box, ObjectId, Pose, Shape, Sphere, heap_geometry, ray_hits
+from picktree.world.scene import Form
+
 from . import segmentation
 from .camera_geometry import PosedCamera
 from .resting_poses import covered_area, part_points
@@ -130,7 +129,9 @@ class PerceivedView:
     """Support heights below points, see `backdrop.SupportSurfaces.supports`."""
     robot: Callable[[Array, float], NDArray[np.bool_]]
     """Selection of the points (n, 3) of the world within a distance, m, of the robot and of what it holds."""
-    heaps: Mapping[ObjectId, HeightMap] = field(default_factory=dict[ObjectId, HeightMap])
+    heaps: Mapping[ObjectId, heap_geometry.HeightMap] = field(
+        default_factory=dict[ObjectId, heap_geometry.HeightMap]
+    )
     """Height maps of the totes that the picture shows."""
 
     def look(self, shape: Shape, pose: Pose, colour: str) -> BodyVisibility:

@@ -1,2 +1,6 @@
 """Motion planning: requests, collision checks, inverse kinematics, path search, timing and the plan
 service."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

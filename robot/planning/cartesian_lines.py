@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, Pose, Quaternion
+from picktree.world import Array, Pose, Quaternion
+from picktree.world.robot_model import RobotModel
+
 from .inverse_kinematics import InverseKinematics
 from .trajectory_check import StartTolerance
 

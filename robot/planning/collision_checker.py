@@ -14,13 +14,19 @@ from typing import Final
 import numpy as np
 import pinocchio as pin
 
-from ...files.disk_cache import cached_arrays
-from ...world.planning_scene import BeliefObject, PlanningScene
-from ...world.robot_model.link_shapes import LinkShape, fingerprint
-from ...world.robot_model.model import TCP_FRAME, RobotModel, joint_frame, pose_of, se3
-from ...world.scene.description import Bin, Fixture
-from ...world.shapes import corners
-from ...world.values import Array, Bounds
+from picktree.files import disk_cache
+from picktree.world import Array, BeliefObject, Bounds, PlanningScene, corners
+from picktree.world.robot_model import (
+    TCP_FRAME,
+    LinkShape,
+    RobotModel,
+    fingerprint,
+    joint_frame,
+    pose_of,
+    se3,
+)
+from picktree.world.scene import Bin, Fixture
+
 from . import collision_model
 from .collision_model import (
     GRIPPER_OWNERS,
@@ -293,7 +299,9 @@ def robot_geometry(model: RobotModel) -> tuple[pin.GeometryObject, ...]:
     """
     shapes = model.collision_shapes()
     inputs = (fingerprint(shapes), model.full.saveToString())
-    kept = cached_arrays("robot-hulls", inputs, _MAKERS, lambda: {"archive": _hulls(model, shapes)})
+    kept = disk_cache.cached_arrays(
+        "robot-hulls", inputs, _MAKERS, lambda: {"archive": _hulls(model, shapes)}
+    )
     return tuple(o.copy() for o in _unpacked(kept["archive"].tobytes()).geometryObjects)
 
 

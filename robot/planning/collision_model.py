@@ -17,11 +17,21 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from ...world.convex_decomposition import hulls_of
-from ...world.planning_scene import BeliefObject, PlanningScene
-from ...world.robot_model.model import se3
-from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, extents
-from ...world.values import Array, Pose
+from picktree.world import (
+    Array,
+    BeliefObject,
+    Box,
+    ConvexMesh,
+    Cylinder,
+    PlanningScene,
+    Pose,
+    Shape,
+    Sphere,
+    convex_decomposition,
+    extents,
+)
+from picktree.world.robot_model import se3
+
 from .requests import ContactPair
 
 
@@ -179,7 +189,9 @@ def bodies_of(o: BeliefObject) -> tuple[CollisionBody, ...]:
         return (CollisionBody(o.id, o.shape, o.pose),)
     if o.role == "heap":
         return tuple(CollisionBody(o.id, Box(block.size), o.pose @ Pose(block.at)) for block in o.blocks)
-    return tuple(CollisionBody(o.id, shape, o.pose @ Pose(at)) for shape, at in hulls_of(o.blocks))
+    return tuple(
+        CollisionBody(o.id, shape, o.pose @ Pose(at)) for shape, at in convex_decomposition.hulls_of(o.blocks)
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, Trajectory
+from picktree.world import Array, Trajectory
+from picktree.world.robot_model import RobotModel
+
 from .collision_checker import CollisionChecker
 from .joint_planner import CORNER_RADII, IMPROVING_SHARE, FoundPath
 from .limits import configuration_cost

@@ -10,10 +10,10 @@ from itertools import islice
 
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...world.causes import Failure
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, Pose
+from picktree.files import PicktreeError
+from picktree.world import Array, Failure, Pose
+from picktree.world.robot_model import RobotModel
+
 from . import planning_failures
 from .inverse_kinematics import InverseKinematics
 from .limits import configuration_cost

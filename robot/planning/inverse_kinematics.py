@@ -17,15 +17,14 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import pinocchio as pin
 
-from ...files.library_parts import library_part
-from ...world.robot_model.joint_limits import is_hinge
-from ...world.robot_model.model import RobotModel, pose_of
-from ...world.values import Array, Pose
+from picktree.files import library_parts
+from picktree.world import Array, Pose
+from picktree.world.robot_model import RobotModel, is_hinge, pose_of
 
 if TYPE_CHECKING:
     from scipy.linalg.lapack import dposv
 else:
-    dposv = library_part("scipy.linalg._flapack", "scipy.linalg.lapack.dposv")
+    dposv = library_parts.library_part("scipy.linalg._flapack", "scipy.linalg.lapack.dposv")
 
 POSITION_ACCURACY = 1e-5
 """Accuracy of the position, m."""

@@ -13,10 +13,10 @@ from typing import cast
 
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...world.planner_names import BUILT_IN, installed_planners, suggest_planner, unknown_planner
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, Trajectory
+from picktree.files import PicktreeError
+from picktree.world import Array, Trajectory, planner_names
+from picktree.world.robot_model import RobotModel
+
 from .collision_checker import CollisionChecker
 from .limits import configuration_cost
 from .path_search import EdgeFree, PathPlanner, PathSearch, SearchProblem
@@ -257,13 +257,13 @@ def load_planner(name: str) -> PathPlanner:
 
     Raises PicktreeError for an unknown name, and for a plug-in that cannot be imported.
     """
-    if name in BUILT_IN:
+    if name in planner_names.BUILT_IN:
         from .ompl_planners import ompl_search  # imports OMPL
 
         return PathPlanner(name, ompl_search(name))
-    entry = installed_planners().get(name)
+    entry = planner_names.installed_planners().get(name)
     if entry is None:
-        raise PicktreeError(f"{unknown_planner(name)}: {suggest_planner(name)}")
+        raise PicktreeError(f"{planner_names.unknown_planner(name)}: {planner_names.suggest_planner(name)}")
     try:
         search = entry.load()
     except (Exception, SystemExit) as error:

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.robot_model.joint_limits import JointExcess, joint_excesses
-from ...world.values import Array, Bounds, Vector3, WorkspaceExcess, workspace_excess
+from picktree.world import Array, Bounds, Vector3, WorkspaceExcess, workspace_excess
+from picktree.world.robot_model import JointExcess, joint_excesses
 
 if TYPE_CHECKING:
-    from ...world.robot_model.model import RobotModel
+    from picktree.world.robot_model import RobotModel
 
 WORKSPACE_MARGIN = 0.002
 """Distance of the tool to the edges of the workspace that planning keeps, m."""

@@ -20,10 +20,9 @@ from multiprocessing.connection import Connection
 from typing import Literal
 from weakref import WeakKeyDictionary
 
-from ...world.causes import Failure
-from ...world.planning_scene import PlanningScene, SceneSnapshot
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, Bounds, Trajectory
+from picktree.world import Array, Bounds, Failure, PlanningScene, SceneSnapshot, Trajectory
+from picktree.world.robot_model import RobotModel
+
 from .motion_chain import MotionChain, split_into_legs
 from .requests import WIDTH_TOLERANCE, JointGoal, MotionPlan, Request
 from .solver import RequestSolver

@@ -10,8 +10,8 @@ from typing import Literal
 
 import numpy as np
 
-from ...world.causes import Failure, planning
-from ...world.values import Array, Trajectory
+from picktree.world import Array, Failure, Trajectory, planning
+
 from . import planning_failures
 from .joint_planner import CORNER_RADII
 from .path_constraints import PathConstraints

@@ -22,7 +22,8 @@ from ompl import base as ob
 from ompl import geometric as og
 from ompl import util as ou
 
-from ...world.values import Array
+from picktree.world import Array
+
 from .path_search import ConstraintProjection, PathSearch, SearchProblem
 
 if TYPE_CHECKING:

@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, Pose
+from picktree.world import Array, Pose
+from picktree.world.robot_model import RobotModel
+
 from .requests import BoxConstraint, Constraint, UprightConstraint
 
 MIN_TILT = 0.002

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...files.library_parts import library_part
-from ...world.values import Array, quintic
+from picktree.files import library_parts
+from picktree.world import Array, quintic
 
 if TYPE_CHECKING:
     from scipy.linalg.lapack import dgtsv
 else:
-    dgtsv = library_part("scipy.linalg._flapack", "scipy.linalg.lapack.dgtsv")
+    dgtsv = library_parts.library_part("scipy.linalg._flapack", "scipy.linalg.lapack.dgtsv")
 
 POLYNOMIAL_DEGREE = 5
 SAME_WAYPOINT_DISTANCE = 1e-6

@@ -11,8 +11,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...world.values import Array
+from picktree.files import PicktreeError
+from picktree.world import Array
 
 EdgeFree = Callable[[Array, Array], bool]
 """Whether everything between two configurations is free, and the second one, where that is not known

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array
+from picktree.world import Array
+from picktree.world.robot_model import RobotModel
+
 from .collision_checker import CollisionChecker, Separation
 from .requests import Direction
 

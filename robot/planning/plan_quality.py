@@ -11,11 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...world.causes import Failure
-from ...world.computing_time import ComputeTimeAccount
-from ...world.journal import PlanEntry
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, Trajectory
+from picktree.world import Array, ComputeTimeAccount, Failure, PlanEntry, Trajectory
+from picktree.world.robot_model import RobotModel
+
 from . import planning_failures
 from .collision_checker import CollisionChecker
 from .inverse_kinematics import InverseKinematics

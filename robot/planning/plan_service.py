@@ -10,15 +10,22 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ...files.errors import PicktreeError
-from ...world.causes import Failure
-from ...world.computing_time import ComputeTimeAccount, Stopwatch
-from ...world.journal import Journal
-from ...world.planner_names import AUTO
-from ...world.planning_scene import PlanningScene
-from ...world.random_streams import RandomStreams
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, Bounds, Pose, Trajectory
+from picktree.files import PicktreeError
+from picktree.world import (
+    Array,
+    Bounds,
+    ComputeTimeAccount,
+    Failure,
+    Journal,
+    PlanningScene,
+    Pose,
+    RandomStreams,
+    Stopwatch,
+    Trajectory,
+    planner_names,
+)
+from picktree.world.robot_model import RobotModel
+
 from . import planning_failures
 from .goal_configurations import SOLUTIONS_PER_POSE
 from .lookahead_planning import (
@@ -94,7 +101,7 @@ class PlanService:
         width: Callable[[], float],
         now: Callable[[], float] = lambda: math.inf,
         workspace: Bounds | None = None,
-        planner: str = AUTO,
+        planner: str = planner_names.AUTO,
         verify: bool = False,
         worker: bool = False,
         stopwatch: Stopwatch | None = None,

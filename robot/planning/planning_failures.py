@@ -12,10 +12,15 @@ from math import degrees
 
 import numpy as np
 
-from ...world.causes import Failure, planning
-from ...world.robot_model.joint_limits import DEGREES_HINT, format_joint_value, joint_excesses
-from ...world.robot_model.model import LIMIT_RESERVE, RobotModel
-from ...world.values import Array, Bounds, Pose, Vector3, WorkspaceExcess, workspace_excess
+from picktree.world import Array, Bounds, Failure, Pose, Vector3, WorkspaceExcess, planning, workspace_excess
+from picktree.world.robot_model import (
+    DEGREES_HINT,
+    LIMIT_RESERVE,
+    RobotModel,
+    format_joint_value,
+    joint_excesses,
+)
+
 from .cartesian_lines import LineResult, interpolate_pose
 from .collision_checker import CollisionChecker
 from .inverse_kinematics import InverseKinematics, NearestReach

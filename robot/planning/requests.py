@@ -8,13 +8,22 @@ from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...world.causes import Cause, Evidence, Failure
-from ...world.planner_names import is_planner, suggest_planner, unknown_planner
-from ...world.values import Array, Bounds, ObjectId, Pose, Trajectory, Vector3
+from picktree.files import PicktreeError
+from picktree.world import (
+    Array,
+    Bounds,
+    Cause,
+    Evidence,
+    Failure,
+    ObjectId,
+    Pose,
+    Trajectory,
+    Vector3,
+    planner_names,
+)
 
 if TYPE_CHECKING:
-    from ...world.robot_model.model import RobotModel
+    from picktree.world.robot_model import RobotModel
 
 Direction: TypeAlias = Literal["out", "back", "up", "inwards", "left", "right", "outwards", "down"]
 """Direction of an escape path.
@@ -264,8 +273,11 @@ def check_request(model: RobotModel, request: Request) -> None:
         raise PicktreeError(f"a clearance of {request.clearance * 1000:g} mm: it must not be negative")
     if request.budget < 1:
         raise PicktreeError(f"a budget of {request.budget} checks: at least one is needed")
-    if request.planner and not is_planner(request.planner):
-        raise PicktreeError(f"{unknown_planner(request.planner)}: {suggest_planner(request.planner)}")
+    if request.planner and not planner_names.is_planner(request.planner):
+        raise PicktreeError(
+            f"{planner_names.unknown_planner(request.planner)}: "
+            f"{planner_names.suggest_planner(request.planner)}"
+        )
     shares = (request.scaling.velocity, request.scaling.acceleration)
     if not all(0 < share <= 1 for share in shares):
         raise PicktreeError(f"a scaling of {shares[0]:g} and {shares[1]:g}: both must be above 0, at most 1")

@@ -11,8 +11,9 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, Pose
+from picktree.world import Array, Pose
+from picktree.world.robot_model import RobotModel
+
 from .collision_checker import CollisionChecker
 from .inverse_kinematics import InverseKinematics
 from .trajectory_check import MAX_JOINT_STEP, MAX_TCP_STEP, StartTolerance

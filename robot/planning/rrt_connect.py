@@ -16,7 +16,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.values import Array
+from picktree.world import Array
+
 from .path_search import EdgeFree
 
 MAX_EXTENSION = 1.0

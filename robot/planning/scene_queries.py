@@ -18,11 +18,24 @@ import fcl
 import numpy as np
 from numpy.typing import NDArray
 
-from ...files.disk_cache import cached_arrays
-from ...world.planning_scene import BeliefObject, PlanningScene
-from ...world.robot_model.model import RobotModel
-from ...world.shapes import OBSTACLE_VOLUME, Box, ConvexMesh, Cylinder, Shape, Sphere, convex_hull, corners
-from ...world.values import Array, Pose, Vector3
+from picktree.files import disk_cache
+from picktree.world import (
+    OBSTACLE_VOLUME,
+    Array,
+    BeliefObject,
+    Box,
+    ConvexMesh,
+    Cylinder,
+    PlanningScene,
+    Pose,
+    Shape,
+    Sphere,
+    Vector3,
+    convex_hull,
+    corners,
+)
+from picktree.world.robot_model import RobotModel
+
 from .collision_model import (
     MAX_CACHED_SHAPES,
     CoalShapes,
@@ -101,7 +114,7 @@ def hull(points: Array, *, keep: bool = True) -> FclSolid:
     """Return the convex hull of points (m, 3). `keep`: for later processes, in the disk cache."""
     makers = (Path(__file__), "numpy", "scipy")
     found = (
-        cached_arrays("solid-hull", (points.tobytes(),), makers, lambda: _hull(points))
+        disk_cache.cached_arrays("solid-hull", (points.tobytes(),), makers, lambda: _hull(points))
         if keep
         else _hull(points)
     )

@@ -10,11 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...world.causes import Failure, planning
-from ...world.planner_names import AUTO
-from ...world.planning_scene import PlanningScene
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, Bounds, Pose, Trajectory
+from picktree.world import Array, Bounds, Failure, PlanningScene, Pose, Trajectory, planner_names, planning
+from picktree.world.robot_model import RobotModel
+
 from . import planning_failures
 from .cartesian_lines import LineResult, plan_line
 from .collision_checker import CollisionChecker
@@ -69,7 +67,7 @@ class RequestSolver:
         width: Callable[[], float],
         workspace: Bounds | None = None,
         margins: CollisionMargins | None = None,
-        planner: str = AUTO,
+        planner: str = planner_names.AUTO,
     ) -> None:
         """Use `configuration` and `width` for arm (n,) rad and fingers (m), and the planner of that name,
         where a request gives none."""
@@ -206,7 +204,7 @@ class RequestSolver:
     def _chosen(self, request: Request) -> PathPlanner | None:
         """Return the planner of a request; None: `auto`. Raises PicktreeError for an unknown name."""
         name = request.planner or self._usual
-        return None if name == AUTO else load_planner(name)
+        return None if name == planner_names.AUTO else load_planner(name)
 
     def _planner(
         self, begun: _Begun, chosen: PathPlanner | None, *, timed: bool

@@ -19,9 +19,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from ...files.library_parts import bare_packages
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, Trajectory
+from picktree.files import library_parts
+from picktree.world import Array, Trajectory
+from picktree.world.robot_model import RobotModel
+
 from .path_curves import JointCurve, distinct, rounded_polyline, spline_through
 from .requests import Scaling
 
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from toppra.solverwrapper.cy_seidel_solverwrapper import seidelWrapper
 else:
     # Its solver alone: the package also interpolates and draws, with scipy and matplotlib.
-    with bare_packages(
+    with library_parts.bare_packages(
         *("toppra", "toppra.constraint", "toppra.solverwrapper", "toppra.interpolator"),
         toppra_interpolator={"AbstractGeometricPath": object},
     ):

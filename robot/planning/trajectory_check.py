@@ -13,8 +13,9 @@ from typing import Protocol
 
 import numpy as np
 
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, Trajectory
+from picktree.world import Array, Trajectory
+from picktree.world.robot_model import RobotModel
+
 from .collision_checker import CollisionChecker
 from .collision_model import MarginChecker
 from .limits import StartExcess, start_excess

@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...world.causes import Cause, Failure, planning, safety
-from ...world.robot_model.joint_limits import format_joint_value
-from ...world.robot_model.model import RobotModel
-from ...world.values import Array, Bounds, Trajectory, workspace_excess
+from picktree.world import Array, Bounds, Cause, Failure, Trajectory, planning, safety, workspace_excess
+from picktree.world.robot_model import RobotModel, format_joint_value
+
 from . import planning_failures
 from .lookahead_planning import PlanProvenance, without_held_supposition
 from .motion_chain import slice_trajectory

@@ -12,9 +12,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from ...world.planning_scene import BeliefObject, PlanningScene
-from ...world.robot_model.model import TCP_FRAME, RobotModel, joint_frame, link_frame, pose_of
-from ...world.values import Array, Pose, Trajectory
+from picktree.world import Array, BeliefObject, PlanningScene, Pose, Trajectory
+from picktree.world.robot_model import TCP_FRAME, RobotModel, joint_frame, link_frame, pose_of
+
 from .collision_model import CollisionMargins, GeometryOwner, fixed_bodies, movable_bodies
 from .requests import ContactPair
 from .scene_queries import (

@@ -9,33 +9,49 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...world.journal import JournalEvent
-from ...world.protocols import Camera, Feed, NoFeed, SensorStamps
-from ...world.random_streams import RandomStreams
-from ...world.robot_model.description import RobotDescription
-from ...world.robot_model.model import RobotModel
-from ...world.scene.description import Fixture, SceneDescription
-from ...world.shapes import Shape, scaled
-from ...world.values import GRAVITY, ObjectId, Pose, Vector3
-from ..belt_feed import BeltDrive
-from ..checkpoints import GripperCommand, ItemState, KinematicState
-from ..device_faults import DeviceFaults, jam_command
-from ..fault_entries import Ailing, GripperJam, Stall, WrenchDead, counted
-from ..feeder import Feeder, FeederState, has_feeder
-from ..footprints import floor_height
-from ..inventory import Inventory
-from ..planted_obstacles import MIN_OBSTACLE_CLEARANCE, FreeSpaceCheck, HiddenObstacles
-from ..spawn import (
+from picktree.files import PicktreeError
+from picktree.simulation import (
     MIN_ITEM_CLEARANCE,
+    MIN_OBSTACLE_CLEARANCE,
+    BeltDrive,
+    DeviceFaults,
+    Feeder,
+    FeederState,
+    FreeSpaceCheck,
+    HiddenObstacles,
+    HoledFixtures,
+    Inventory,
     SpawnedItem,
+    TrueBody,
+    TrueObstacle,
+    checkpoints,
     displace_fixtures,
     enlarged_item,
+    fault_entries,
+    floor_height,
+    has_feeder,
+    jam_command,
     placed_item,
     spawn_items,
     walls,
 )
-from ..truth import HoledFixtures, TrueBody, TrueObstacle
+from picktree.world import (
+    GRAVITY,
+    Camera,
+    Feed,
+    JournalEvent,
+    NoFeed,
+    ObjectId,
+    Pose,
+    RandomStreams,
+    SensorStamps,
+    Shape,
+    Vector3,
+    scaled,
+)
+from picktree.world.robot_model import RobotDescription, RobotModel
+from picktree.world.scene import Fixture, SceneDescription
+
 from .belts import KinematicBelts, KinematicCell, body_of, true_body
 from .bodies import KinematicBodies, KinematicBody
 from .camera import KinematicCamera, Posture, RenderStage
@@ -122,7 +138,11 @@ class KinematicHardware:
 
     @classmethod
     def resume(
-        cls, scene: SceneDescription, robot: RobotDescription, seed: int, checkpoint: KinematicState
+        cls,
+        scene: SceneDescription,
+        robot: RobotDescription,
+        seed: int,
+        checkpoint: checkpoints.KinematicState,
     ) -> KinematicHardware:
         """Build the hardware from a checkpoint, in this process or another."""
         hardware = cls(scene, robot, seed)
@@ -266,27 +286,29 @@ class KinematicHardware:
         self.bodies.drop(item.id)
         return item.id
 
-    def afflict(self, number: int, fault: Ailing, held: tuple[float, ...] | None = None) -> None:
+    def afflict(
+        self, number: int, fault: fault_entries.Ailing, held: tuple[float, ...] | None = None
+    ) -> None:
         """Begin a fault of a device. `held` is given on restore: the device's state when the fault began."""
         self.ailments.begin(number, fault, self._doing(fault) if held is None else held)
-        if isinstance(fault, Stall) and held is None:
+        if isinstance(fault, fault_entries.Stall) and held is None:
             self.arm.stand()
 
     def relieve(self, number: int) -> None:
         """End a fault of a device."""
         self.ailments.end(number)
 
-    def _doing(self, fault: Ailing) -> tuple[float, ...]:
+    def _doing(self, fault: fault_entries.Ailing) -> tuple[float, ...]:
         """Return the present state of the device that a fault affects, as `DeviceFaults` keeps it."""
         match fault:
-            case GripperJam():
-                told = GripperCommand(self.gripper.target, self.gripper.force)
+            case fault_entries.GripperJam():
+                told = checkpoints.GripperCommand(self.gripper.target, self.gripper.force)
                 return jam_command(told, self.gripper.width, self.robot.gripper.max_force)
-            case WrenchDead():
+            case fault_entries.WrenchDead():
                 said = self.wrench.read()
                 return (*said.force, *said.torque, self.stamps.wrench)
             case _:
-                return (0.0,) if counted(fault) else ()
+                return (0.0,) if fault_entries.counted(fault) else ()
 
     def put_obstacle(self, body: Fixture) -> ObjectId:
         """Carry out a fault: add an obstacle and return its name."""
@@ -299,16 +321,16 @@ class KinematicHardware:
     def _restand(self) -> None:
         self.bodies.stand(self._obstacles.here)
 
-    def checkpoint(self) -> KinematicState:
+    def checkpoint(self) -> checkpoints.KinematicState:
         """Save the state and continue from it, as a resumed run would."""
         saved = self.snapshot()
         self.restore(saved)
         return saved
 
-    def snapshot(self) -> KinematicState:
+    def snapshot(self) -> checkpoints.KinematicState:
         """Return the state at any moment, without side effects."""
         gripper, bodies = self.gripper, self.bodies
-        return KinematicState(
+        return checkpoints.KinematicState(
             self.seed,
             self.clock.periods,
             tuple(self.arm.position.tolist()),
@@ -326,7 +348,7 @@ class KinematicHardware:
             self._obstacles.here,
         )
 
-    def restore(self, saved: KinematicState) -> None:
+    def restore(self, saved: checkpoints.KinematicState) -> None:
         """Restore a checkpoint of the same scene, robot and seed, taken with the arm at rest. Raises
         PicktreeError when seed or items differ."""
         if saved.seed != self.seed:
@@ -352,10 +374,10 @@ class KinematicHardware:
         self._forces.forget()
         self._forces.sense(still=True)
 
-    def _item_state(self, body: KinematicBody) -> ItemState:
+    def _item_state(self, body: KinematicBody) -> checkpoints.ItemState:
         """Return the item's state with its own friction, not a temporary one."""
         own = self._lent.get(body.id, (body.friction, 0.0))[0]
-        return ItemState(body.id, body.pose, own, body.entry.mass, body.present, body.scale)
+        return checkpoints.ItemState(body.id, body.pose, own, body.entry.mass, body.present, body.scale)
 
     def _known(self, item: str) -> KinematicBody:
         if self._inventory.has_left(item):
@@ -373,7 +395,7 @@ class KinematicHardware:
         return Posture(q, self.gripper.width, self.model.tcp(q), self._believed.tcp(q))
 
 
-def _restored_body(item: SpawnedItem, saved: ItemState) -> KinematicBody:
+def _restored_body(item: SpawnedItem, saved: checkpoints.ItemState) -> KinematicBody:
     entry = replace(item.entry, mass=saved.mass)
     if saved.scale != 1.0:
         entry = replace(entry, shape=scaled(entry.shape, saved.scale))

@@ -9,16 +9,20 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ...world.protocols import Clock
-from ...world.robot_model.model import RobotModel
-from ...world.scene.description import Belt, Fixture, SceneDescription
-from ...world.shapes import ray_span
-from ...world.values import ObjectId, Vector3
-from ..belt_feed import BeltDrive, BeltState, check_belts
-from ..feed_cell import LightCurtain, Zone
-from ..inventory import Inventory
-from ..spawn import SpawnedItem
-from ..truth import TrueBody
+from picktree.simulation import (
+    BeltDrive,
+    BeltState,
+    Inventory,
+    LightCurtain,
+    SpawnedItem,
+    TrueBody,
+    Zone,
+    check_belts,
+)
+from picktree.world import Clock, ObjectId, Vector3, ray_span
+from picktree.world.robot_model import RobotModel
+from picktree.world.scene import Belt, Fixture, SceneDescription
+
 from .bodies import KinematicBodies, KinematicBody, Prism
 from .camera import Posture
 

@@ -8,12 +8,23 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import TypeAlias
 
-from ...world.holes import Slack, hole_clearance
-from ...world.planar_geometry import PlanarOutline, PlanarPose, outline, planar
-from ...world.scene.description import CatalogueEntry, Fixture, Hole, SceneDescription
-from ...world.shapes import Box, CompoundMesh, Shape, bottom, convex_parts, extents
-from ...world.values import Array, ObjectId, Pose, Vector3
-from ..footprints import Footprint, distance, footprint
+from picktree.simulation import Footprint, distance, footprint
+from picktree.world import (
+    Array,
+    Box,
+    CompoundMesh,
+    ObjectId,
+    Pose,
+    Shape,
+    Vector3,
+    bottom,
+    convex_parts,
+    extents,
+    hole_geometry,
+    outline,
+    planar_geometry,
+)
+from picktree.world.scene import CatalogueEntry, Fixture, Hole, SceneDescription
 
 MAX_ENTRY_TILT = math.radians(3.0)
 """Largest tilt with which an item enters a hole, rad."""
@@ -55,7 +66,7 @@ class KinematicHoles:
 
 
 def _under(fixture: ObjectId, hole: Hole, mouth: Pose, shape: Shape, pose: Pose) -> HoleBelow | None:
-    left = hole_clearance(hole, shape)
+    left = hole_geometry.hole_clearance(hole, shape)
     if left is None or min(left) <= 0.0:
         return None
     item = mouth.inverse() @ pose
@@ -92,7 +103,7 @@ def _turn(hole: Hole, shape: Shape, rotation: Array) -> float:
     return (yaw + period / 2) % period - period / 2
 
 
-def _seated(hole: Hole, left: Slack, item: Pose, turn: float) -> Pose:
+def _seated(hole: Hole, left: hole_geometry.Slack, item: Pose, turn: float) -> Pose:
     """Return the item's pose in the hole's frame: upright, between the walls, at its present height."""
     x, y, z = item.position
     rotation = item.rotation()
@@ -216,7 +227,7 @@ class Prism:
         return set(self._outline().polygon) == {(x, y) for x in xs for y in ys}
 
 
-Placed: TypeAlias = tuple[PlanarOutline, PlanarPose]
+Placed: TypeAlias = tuple[planar_geometry.PlanarOutline, planar_geometry.PlanarPose]
 """Outline from above in its own frame, and its pose in the plane."""
 Top: TypeAlias = tuple[float, float, float, float, float, Prism]
 """Box around a level top: low x and y, high x and y, height, m; and its body."""
@@ -283,7 +294,7 @@ class KinematicBodies:
         body, known = self._items[item], self._outlines.get(item)
         if known is None or known[0] is not body:
             shape, pose = body.entry.shape, body.pose
-            known = self._outlines[item] = body, (outline(shape, pose), planar(shape, pose))
+            known = self._outlines[item] = body, (outline(shape, pose), planar_geometry.planar(shape, pose))
         return known[1]
 
     def shift(self, items: Iterable[ObjectId], way: Vector3) -> None:

@@ -8,19 +8,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...world.protocols import Clock, NoImage, RgbdImage
-from ...world.random_streams import RandomStreams
-from ...world.robot_model.description import RobotDescription
-from ...world.scene.description import CameraDescription, Fixture, SceneDescription
-from ...world.shapes import Shape
-from ...world.values import Array, ObjectId, Pose
-from ..device_faults import DeviceFaults
-from ..physics.bodies import ItemShapes, add_item, add_obstacle
-from ..physics.engine import Client, pb
-from ..physics.rgbd_camera import CameraRenderer, RenderedImage, StaticScene, in_front
-from ..physics.robot_body import RobotBody
-from ..sensor_noise import mislabelled, noisy_colour, noisy_depth
-from ..spawn import SpawnedItem
+from picktree.simulation import DeviceFaults, SpawnedItem, mislabelled, noisy_colour, noisy_depth
+from picktree.simulation.physics import (
+    CameraRenderer,
+    Client,
+    ItemShapes,
+    RenderedImage,
+    RobotBody,
+    StaticScene,
+    add_item,
+    add_obstacle,
+    in_front,
+    pb,
+)
+from picktree.world import Array, Clock, NoImage, ObjectId, Pose, RandomStreams, RgbdImage, Shape
+from picktree.world.robot_model import RobotDescription
+from picktree.world.scene import CameraDescription, Fixture, SceneDescription
+
 from .bodies import KinematicBodies, KinematicBody
 
 

@@ -12,11 +12,9 @@ from collections.abc import Iterable
 import numpy as np
 import pinocchio as pin
 
-from ...world.planar_geometry import PlanarOutline, PlanarPose, moved
-from ...world.quasi_static_pushing import PlanarPushModel
-from ...world.robot_model.description import GripperDescription, tool_outline
-from ...world.robot_model.model import RobotModel, pose_of
-from ...world.values import GRAVITY, Array, ObjectId, Wrench
+from picktree.world import GRAVITY, Array, ObjectId, PlanarPushModel, Wrench, planar_geometry
+from picktree.world.robot_model import GripperDescription, RobotModel, pose_of, tool_outline
+
 from .bodies import KinematicBodies, KinematicBody, Prism
 from .devices import KinematicArm, KinematicGripper, KinematicWrench
 
@@ -107,7 +105,7 @@ class KinematicPushing:
             and prism.low[2] < low + self._high
             and self._bodies.in_hole(body) is None
         ]
-        at = PlanarPose(
+        at = planar_geometry.PlanarPose(
             float(position[0]), float(position[1]), math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
         )
         fingers = [(finger, at) for finger in tool_outline(self._gripper, width)]
@@ -125,14 +123,14 @@ class KinematicPushing:
         force = 0.0
         for body in here:
             if body.id in pushed:
-                there = moved(body.entry.shape, body.pose, sliding.where(body.id))
+                there = planar_geometry.moved(body.entry.shape, body.pose, sliding.where(body.id))
                 self._bodies.put(body.at(there))
                 force += body.friction * body.entry.mass * GRAVITY
         if pushed:
             self._settle(pushed)
         return -force * along[0], -force * along[1]
 
-    def _in_reach(self, body: KinematicBody, at: PlanarPose, reach: float) -> bool:
+    def _in_reach(self, body: KinematicBody, at: planar_geometry.PlanarPose, reach: float) -> bool:
         """Return whether the circles around body and fingers meet. The fingers are at `at`."""
         away = math.dist(body.pose.position[:2], (at.x, at.y))
         return away <= reach + self._bodies.outline(body.id)[0].reach + 1e-9
@@ -148,10 +146,12 @@ class KinematicPushing:
                 return
 
 
-def _static_outline(prism: Prism) -> tuple[PlanarOutline, PlanarPose]:
+def _static_outline(prism: Prism) -> tuple[planar_geometry.PlanarOutline, planar_geometry.PlanarPose]:
     """Return a static prism's outline and its pose in the plane."""
     x, y = prism.outline.centre
-    return PlanarOutline(np.array(prism.outline.polygon), prism.outline.radius), PlanarPose(x, y)
+    return planar_geometry.PlanarOutline(
+        np.array(prism.outline.polygon), prism.outline.radius
+    ), planar_geometry.PlanarPose(x, y)
 
 
 CONTACT_STIFFNESS = 2.0e4

@@ -6,13 +6,22 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ...world.pad_contacts import pad_contacts
-from ...world.robot_model.description import GripperDescription
-from ...world.robot_model.model import RobotModel
-from ...world.shapes import CompoundMesh, extents
-from ...world.values import GRAVITY, Array, GripperState, JointState, ObjectId, Pose, Quaternion, Wrench
-from ..checkpoints import GripperCommand
-from ..device_faults import DeviceFaults
+from picktree.simulation import DeviceFaults, checkpoints
+from picktree.world import (
+    GRAVITY,
+    Array,
+    CompoundMesh,
+    GripperState,
+    JointState,
+    ObjectId,
+    Pose,
+    Quaternion,
+    Wrench,
+    extents,
+    pad_contacts,
+)
+from picktree.world.robot_model import GripperDescription, RobotModel
+
 from .bodies import KinematicBodies, KinematicBody
 
 MIN_FINGER_STEP = 1e-9
@@ -55,12 +64,12 @@ class KinematicGripper:
         return self.width != self._drive.width
 
     @property
-    def _drive(self) -> GripperCommand:
+    def _drive(self) -> checkpoints.GripperCommand:
         """Command that the drives carry out: the received one, unless a fault changes it."""
         ailments = self._ailments
         if ailments.jam is not None:
-            return GripperCommand(self.width, ailments.jam.force)
-        return GripperCommand(self.target, self.force * ailments.grip_share)
+            return checkpoints.GripperCommand(self.width, ailments.jam.force)
+        return checkpoints.GripperCommand(self.target, self.force * ailments.grip_share)
 
     def command(self, width: float, force: float, speed: float | None = None) -> None:
         self.most_speed = min(speed or self._description.speed, self._description.speed)

@@ -8,25 +8,46 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...files.library_parts import library_version
-from ...world.journal import JournalEvent
-from ...world.protocols import Camera, Clock, Feed, NoFeed, SensorStamps
-from ...world.random_streams import RandomStreams
-from ...world.robot_model.description import RobotDescription
-from ...world.robot_model.model import RobotModel
-from ...world.scene.description import Fixture, SceneDescription
-from ...world.shapes import Shape
-from ...world.values import GRAVITY, ObjectId, Pose, Vector3
-from ..belt_feed import BeltDrive
-from ..checkpoints import Checkpoint, RobotReading
-from ..device_faults import DeviceFaults, jam_command
-from ..fault_entries import Ailing, GripperJam, Stall, WrenchDead, counted
-from ..feeder import Feeder, FeederState, has_feeder
-from ..planted_obstacles import MIN_OBSTACLE_CLEARANCE, FreeSpaceCheck
-from ..sensor_noise import RobotSensorNoise
-from ..spawn import MIN_ITEM_CLEARANCE, displace_fixtures, enlarged_item, placed_item, spawn_items, walls
-from ..truth import HoledFixtures, TrueBody, TrueObstacle
+from picktree.files import PicktreeError, library_parts
+from picktree.simulation import (
+    MIN_ITEM_CLEARANCE,
+    MIN_OBSTACLE_CLEARANCE,
+    BeltDrive,
+    DeviceFaults,
+    Feeder,
+    FeederState,
+    FreeSpaceCheck,
+    HoledFixtures,
+    RobotSensorNoise,
+    TrueBody,
+    TrueObstacle,
+    checkpoints,
+    displace_fixtures,
+    enlarged_item,
+    fault_entries,
+    has_feeder,
+    jam_command,
+    placed_item,
+    spawn_items,
+    walls,
+)
+from picktree.world import (
+    GRAVITY,
+    Camera,
+    Clock,
+    Feed,
+    JournalEvent,
+    NoFeed,
+    ObjectId,
+    Pose,
+    RandomStreams,
+    SensorStamps,
+    Shape,
+    Vector3,
+)
+from picktree.world.robot_model import RobotDescription, RobotModel
+from picktree.world.scene import Fixture, SceneDescription
+
 from .belts import PhysicsBelts, PhysicsCell
 from .bodies import StaticBodies
 from .contacts import ContactPoints, CrushDetector, Penetrations, TrueContact
@@ -56,7 +77,11 @@ class PhysicsHardware:
     """
 
     def __init__(
-        self, scene: SceneDescription, robot: RobotDescription, seed: int, start: Checkpoint | None = None
+        self,
+        scene: SceneDescription,
+        robot: RobotDescription,
+        seed: int,
+        start: checkpoints.Checkpoint | None = None,
     ) -> None:
         self.scene = scene
         self.robot = robot
@@ -71,7 +96,7 @@ class PhysicsHardware:
         self._client = client.id
         self._body = RobotBody(robot, client, 1 / EVERYDAY_STEP_RATE)
         noise = RobotSensorNoise(scene.noise, self._streams, len(robot.joints))
-        self._senses = senses = IdealSensors(noise, RobotReading((), (), (), ()))
+        self._senses = senses = IdealSensors(noise, checkpoints.RobotReading((), (), (), ()))
         self.clock: Clock = senses
         self.period = senses.period
         self._belts = PhysicsBelts(scene, client.id)
@@ -117,7 +142,7 @@ class PhysicsHardware:
 
     @classmethod
     def resume(
-        cls, scene: SceneDescription, robot: RobotDescription, seed: int, checkpoint: Checkpoint
+        cls, scene: SceneDescription, robot: RobotDescription, seed: int, checkpoint: checkpoints.Checkpoint
     ) -> PhysicsHardware:
         """Build the hardware from a checkpoint, in this process or another. It continues bit for bit like the
         run that made it."""
@@ -155,7 +180,7 @@ class PhysicsHardware:
         """Return the settings of the physics for the record."""
         return {
             "backend": "physics",
-            "engine": f"pybullet {library_version('pybullet')}",
+            "engine": f"pybullet {library_parts.library_version('pybullet')}",
             "step": f"{1 / EVERYDAY_STEP_RATE:.9f} s",
             "solver_iterations": str(SOLVER_ITERATIONS),
             "solver_residual_threshold": str(RESIDUAL_THRESHOLD),
@@ -183,14 +208,14 @@ class PhysicsHardware:
         brought = self._feeder.take_events() if self._feeder is not None else ()
         return (*brought, *self.crushing.take_events())
 
-    def checkpoint(self) -> Checkpoint:
+    def checkpoint(self) -> checkpoints.Checkpoint:
         """Save, reset, rebuild and restore the simulation. The run continues as a resumed run would: contact
         caches and solver history are dropped in both."""
         saved = self._save()
         self.restore(saved)
         return saved
 
-    def restore(self, saved: Checkpoint) -> None:
+    def restore(self, saved: checkpoints.Checkpoint) -> None:
         """Restore a checkpoint of the same scene, robot and seed. Raises PicktreeError when it does not
         fit."""
         saved.require_fit(self.seed, list(self._items.inventory.spawned), self._cameras)
@@ -212,15 +237,15 @@ class PhysicsHardware:
         if self._feeder is not None:
             self._feeder.restore(saved.feeder or FeederState())
 
-    def _save(self) -> Checkpoint:
+    def _save(self) -> checkpoints.Checkpoint:
         if self._senses.rate != EVERYDAY_STEP_RATE:
             raise PicktreeError("a checkpoint is not taken while the simulation is stepped finely")
         return self.snapshot()
 
-    def snapshot(self) -> Checkpoint:
+    def snapshot(self) -> checkpoints.Checkpoint:
         """Return the state at any moment, without side effects. A run that continues from it is not
         bit-exact."""
-        return Checkpoint(
+        return checkpoints.Checkpoint(
             seed=self.seed,
             step=self._senses.step,
             captures={name: camera.captures for name, camera in self._cameras.items()},
@@ -327,10 +352,12 @@ class PhysicsHardware:
         self._items.put(item)
         return item.id
 
-    def afflict(self, number: int, fault: Ailing, held: tuple[float, ...] | None = None) -> None:
+    def afflict(
+        self, number: int, fault: fault_entries.Ailing, held: tuple[float, ...] | None = None
+    ) -> None:
         """Begin a fault of a device. `held` is given on restore: the device's state when the fault began."""
         self.ailments.begin(number, fault, self._doing(fault) if held is None else held)
-        if isinstance(fault, Stall) and held is None:
+        if isinstance(fault, fault_entries.Stall) and held is None:
             n = len(self.robot.joints)
             self._body.follow(self._senses.reading.position[:n], (0.0,) * n)
         self._ail()
@@ -340,18 +367,18 @@ class PhysicsHardware:
         self.ailments.end(number)
         self._ail()
 
-    def _doing(self, fault: Ailing) -> tuple[float, ...]:
+    def _doing(self, fault: fault_entries.Ailing) -> tuple[float, ...]:
         """Return the present state of the device that a fault affects, as `DeviceFaults` keeps it."""
         match fault:
-            case GripperJam():
+            case fault_entries.GripperJam():
                 reading, n = self._senses.reading, len(self.robot.joints)
                 width = self._body.fingers.width(reading.position[n:])
                 return jam_command(self._body.grip, width, self.robot.gripper.max_force)
-            case WrenchDead():
+            case fault_entries.WrenchDead():
                 said = self.wrench.read()
                 return (*said.force, *said.torque, self.wrench.stamp)
             case _:
-                return (0.0,) if counted(fault) else ()
+                return (0.0,) if fault_entries.counted(fault) else ()
 
     def _ail(self) -> None:
         ailments = self.ailments

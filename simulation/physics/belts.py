@@ -16,15 +16,11 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ...world.robot_model.description import RobotDescription
-from ...world.robot_model.model import RobotModel
-from ...world.scene.description import Belt, Fixture, SceneDescription
-from ...world.shapes import Box
-from ...world.values import ObjectId
-from ..belt_feed import BeltDrive, BeltState, check_belts
-from ..feed_cell import LightCurtain, Zone
-from ..spawn import SpawnedItem
-from ..truth import TrueBody
+from picktree.simulation import BeltDrive, BeltState, LightCurtain, SpawnedItem, TrueBody, Zone, check_belts
+from picktree.world import Box, ObjectId
+from picktree.world.robot_model import RobotDescription, RobotModel
+from picktree.world.scene import Belt, Fixture, SceneDescription
+
 from .bodies import STATIC_BODY_FRICTION
 from .devices import EVERYDAY_PERIOD, IdealSensors
 from .engine import pb

@@ -15,18 +15,28 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ...files.disk_cache import cached_arrays
-from ...files.errors import PicktreeError
-from ...world.colours import COLOURS
-from ...world.convex_decomposition import centre_and_spread
-from ...world.holes import convex_pieces, surface
-from ...world.mesh_reader import hulls_text
-from ...world.scene.description import TILE_HEIGHT, Bin, Fixture, SceneDescription, tile_body
-from ...world.shapes import Box, CompoundMesh, ConvexMesh, Cylinder, Shape, Sphere, convex_hull, convex_parts
-from ...world.values import Array, ObjectId, Pose, Vector3
-from ..footprints import floor_height, support_height
-from ..planted_obstacles import HiddenObstacles
-from ..spawn import SpawnedItem
+from picktree.files import PicktreeError, disk_cache
+from picktree.simulation import HiddenObstacles, SpawnedItem, floor_height, support_height
+from picktree.world import (
+    COLOURS,
+    Array,
+    Box,
+    CompoundMesh,
+    ConvexMesh,
+    Cylinder,
+    ObjectId,
+    Pose,
+    Shape,
+    Sphere,
+    Vector3,
+    convex_decomposition,
+    convex_hull,
+    convex_parts,
+    hole_geometry,
+    mesh_reader,
+)
+from picktree.world.scene import TILE_HEIGHT, Bin, Fixture, SceneDescription, tile_body
+
 from .engine import pb
 
 
@@ -34,7 +44,7 @@ def add_holed_fixture(fixture: Fixture, client: int) -> tuple[int, ...]:
     """Add the fixture's convex pieces for collisions, invisible to cameras; return pybullet's body
     numbers."""
     numbers: list[int] = []
-    for piece, piece_in_fixture in convex_pieces(fixture):
+    for piece, piece_in_fixture in hole_geometry.convex_pieces(fixture):
         pose = fixture.pose @ piece_in_fixture
         shape = pb.createCollisionShape(pb.GEOM_MESH, vertices=piece.vertices, physicsClientId=client)
         number = pb.createMultiBody(
@@ -64,7 +74,7 @@ def _lists(fixture: Fixture) -> tuple[list[list[float]], list[int], list[list[fl
     """Return corners, indices and normals of the fixture's surface. They are made once: pybullet never frees
     the lists."""
     assert isinstance(fixture.shape, Box)
-    seen = surface(fixture.shape, fixture.holes)
+    seen = hole_geometry.surface(fixture.shape, fixture.holes)
     return seen.corners.tolist(), list(range(len(seen.corners))), seen.normals.tolist()
 
 
@@ -218,7 +228,7 @@ def inertia(shape: Shape, mass: float) -> Vector3:
             moment = 0.4 * mass * radius * radius
             return moment, moment, moment
         case CompoundMesh(parts=parts):
-            _, spread = centre_and_spread(list(map(np.array, parts)))
+            _, spread = convex_decomposition.centre_and_spread(list(map(np.array, parts)))
             ixx, iyy, izz = (float(m) for m in mass * (np.trace(spread) - np.diag(spread)))
             return ixx, iyy, izz
         case ConvexMesh():
@@ -337,7 +347,7 @@ MAX_MARGIN_SHARE = 0.6
 def _parts_file(parts: tuple[tuple[Vector3, ...], ...], margin: float) -> str:
     """Write convex parts, each smaller by `margin` all round, as an OBJ file of this process; return its
     path."""
-    text = hulls_text([_shrunk(np.array(part), margin) for part in parts])
+    text = mesh_reader.hulls_text([_shrunk(np.array(part), margin) for part in parts])
     # The engine keeps a file's shape under its name, and forked processes share the folder.
     file = Path(_folder().name) / f"{hashlib.sha256(text.encode()).hexdigest()}.obj"
     beside = file.with_suffix(f".{os.getpid()}")
@@ -381,7 +391,7 @@ def _hull(vertices: tuple[Vector3, ...]) -> dict[str, Array]:
         return {name: np.asarray(v, dtype=np.float64) for name, v in zip(names, values, strict=True)}
 
     makers = (Path(__file__), "numpy", "scipy", "trimesh")
-    return cached_arrays("body-hull", (repr(vertices),), makers, compute)
+    return disk_cache.cached_arrays("body-hull", (repr(vertices),), makers, compute)
 
 
 def _halves(size: Vector3) -> Sequence[float]:

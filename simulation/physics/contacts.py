@@ -7,11 +7,9 @@ from collections import deque
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from ...world.events import CrushedEvent
-from ...world.journal import JournalEvent
-from ...world.values import ObjectId
-from ..checkpoints import PressedItem, RobotReading
-from ..truth import TrueBody
+from picktree.simulation import TrueBody, checkpoints
+from picktree.world import JournalEvent, ObjectId, event_types
+
 from .bodies import StaticBodies
 from .engine import pb
 from .items import PhysicsItems
@@ -177,7 +175,7 @@ class CrushDetector:
         self._most: dict[ObjectId, PeakFingerForce] = {}
         self._events: list[JournalEvent] = []
 
-    def stepped(self, now: float, reading: RobotReading) -> None:
+    def stepped(self, now: float, reading: checkpoints.RobotReading) -> None:
         """Examine the contacts after a step."""
         if not self._limits or max(map(abs, reading.effort[self._arm :])) < self._worth:
             return
@@ -194,11 +192,13 @@ class CrushDetector:
         events, self._events = tuple(self._events), []
         return events
 
-    def state(self) -> tuple[PressedItem, ...]:
+    def state(self) -> tuple[checkpoints.PressedItem, ...]:
         """Return the state for a checkpoint."""
-        return tuple(PressedItem(name, p.force, p.limit, p.gripped) for name, p in self._most.items())
+        return tuple(
+            checkpoints.PressedItem(name, p.force, p.limit, p.gripped) for name, p in self._most.items()
+        )
 
-    def restore(self, state: Iterable[PressedItem]) -> None:
+    def restore(self, state: Iterable[checkpoints.PressedItem]) -> None:
         self._most = {item.id: PeakFingerForce(item.force, item.limit, item.gripped) for item in state}
         self._events = []
 
@@ -229,7 +229,7 @@ class CrushDetector:
         self._most[name] = after
         if after.crushed and not before.crushed:
             self._events.append(
-                CrushedEvent(
+                event_types.CrushedEvent(
                     f"{name} was crushed: {finger} pressed with {force:.1f} N, and it bears {limit:g} N",
                     object=name,
                     finger=finger,

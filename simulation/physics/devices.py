@@ -6,11 +6,10 @@ import math
 
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...world.values import Array, GripperState, JointState, Wrench
-from ..checkpoints import GripperCommand, RobotReading
-from ..device_faults import DeviceFaults
-from ..sensor_noise import RobotSensorNoise
+from picktree.files import PicktreeError
+from picktree.simulation import DeviceFaults, RobotSensorNoise, checkpoints
+from picktree.world import Array, GripperState, JointState, Wrench
+
 from .engine import EVERYDAY_STEP_RATE, RESOLUTION
 from .robot_body import RobotBody, finite
 
@@ -25,7 +24,7 @@ EVERYDAY_UNITS = RESOLUTION // EVERYDAY_STEP_RATE
 class IdealSensors:
     """Ideal sensor readings of the last step; `protocols.Clock` as well."""
 
-    def __init__(self, noise: RobotSensorNoise, reading: RobotReading) -> None:
+    def __init__(self, noise: RobotSensorNoise, reading: checkpoints.RobotReading) -> None:
         self.noise = noise
         self.pace(EVERYDAY_STEP_RATE)
         self.start(0, 0, reading)
@@ -37,7 +36,7 @@ class IdealSensors:
         """Length of a step, s."""
         self._units = RESOLUTION // rate
 
-    def start(self, step: int, time: int, reading: RobotReading) -> None:
+    def start(self, step: int, time: int, reading: checkpoints.RobotReading) -> None:
         """Continue after that number of steps, at a time in units of 1/`engine.RESOLUTION` s."""
         self.step = step
         """Number of steps so far, of whatever length."""
@@ -47,7 +46,7 @@ class IdealSensors:
         """Simulated time since time 0, s."""
         self.reading = reading
 
-    def stepped(self, reading: RobotReading) -> bool:
+    def stepped(self, reading: checkpoints.RobotReading) -> bool:
         """Record a step; return whether an everyday step has ended with it."""
         before = self.time
         self.step += 1
@@ -119,7 +118,7 @@ class PhysicsGripper:
         if speed is not None and not (math.isfinite(speed) and speed > 0.0):
             raise PicktreeError(f"gripper: speed {speed}; it must be finite and above 0")
         gripper = self._body.description.gripper
-        command = GripperCommand(
+        command = checkpoints.GripperCommand(
             min(max(width, 0.0), gripper.max_width),
             min(max(force, 0.0), gripper.max_force),
             None if speed is None or speed >= gripper.speed else speed,

@@ -8,8 +8,8 @@ import weakref
 from collections.abc import Generator
 from contextlib import contextmanager
 
-from ...files.errors import PicktreeError
-from ...world.values import GRAVITY
+from picktree.files import PicktreeError
+from picktree.world import GRAVITY
 
 __all__ = ["pb"]
 STANDARD_ERROR = 2

@@ -10,16 +10,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...files.errors import PicktreeError
-from ...world.heaps import heap_regions, region_of
-from ...world.scene.description import SceneDescription
-from ...world.shapes import Shape
-from ...world.values import ObjectId, Pose, Quaternion, Vector3
-from ..checkpoints import BodyState, DynamicsChange
-from ..heap_spawning import Sticker, check_contained, pile_walls
-from ..inventory import Inventory, InventoryState
-from ..spawn import SpawnedItem
-from ..truth import TrueBody
+from picktree.files import PicktreeError
+from picktree.simulation import (
+    Inventory,
+    InventoryState,
+    SpawnedItem,
+    Sticker,
+    TrueBody,
+    check_contained,
+    checkpoints,
+    pile_walls,
+)
+from picktree.world import ObjectId, Pose, Quaternion, Shape, Vector3, heap_geometry
+from picktree.world.scene import SceneDescription
+
 from .bodies import ItemShapes, add_item, add_obstacle, forget_contacts, set_friction, set_mass
 from .engine import CONTACT_DISTANCE, pb
 from .robot_body import finite
@@ -262,8 +266,8 @@ class PhysicsItems:
         self._client = client
         self.inventory = Inventory(scene, spawned)
         self.sleepers = SleepingItems(client, running)
-        self._ledger: list[DynamicsChange] = []
-        self._gone: dict[ObjectId, BodyState] = {}
+        self._ledger: list[checkpoints.DynamicsChange] = []
+        self._gone: dict[ObjectId, checkpoints.BodyState] = {}
         self._shapes: ItemShapes = {}
         self._numbers: dict[ObjectId, int] = {}
         self._bumps: dict[ObjectId, tuple[Vector3, Vector3]] = {}
@@ -271,7 +275,7 @@ class PhysicsItems:
         """Temporary friction of items with a fault."""
 
     @property
-    def ledger(self) -> tuple[DynamicsChange, ...]:
+    def ledger(self) -> tuple[checkpoints.DynamicsChange, ...]:
         """Permanent changes by faults of items that are still there."""
         return tuple(self._ledger)
 
@@ -286,8 +290,8 @@ class PhysicsItems:
 
     def restore(
         self,
-        states: Iterable[BodyState],
-        ledger: Iterable[DynamicsChange],
+        states: Iterable[checkpoints.BodyState],
+        ledger: Iterable[checkpoints.DynamicsChange],
         inventory: InventoryState | None,
         fixed: Collection[int],
     ) -> None:
@@ -312,7 +316,7 @@ class PhysicsItems:
         for name, friction in self._slippery.items():
             set_friction(self._numbers[name], friction, self._client)
 
-    def lull(self, states: Iterable[BodyState]) -> None:
+    def lull(self, states: Iterable[checkpoints.BodyState]) -> None:
         """Put those items to sleep that slept in the checkpoint."""
         self.sleepers.sleep([s.id for s in states if s.present and s.asleep])
 
@@ -350,11 +354,11 @@ class PhysicsItems:
                 pb.stepSimulation(self._client)
                 self.stepped()
             self._settle(MAX_SETTLING_STEPS, heaped=True)
-        regions = heap_regions(scene)
+        regions = heap_geometry.heap_regions(scene)
         for where, n in heaps.items():
             own = [item for item in self.inventory.here.values() if item.heap == n]
             lying = [(item.id, item.entry, self.true(self._state(item.id)).pose) for item in own]
-            check_contained(regions[region_of(scene, scene.spawn[n])], lying, where)
+            check_contained(regions[heap_geometry.region_of(scene, scene.spawn[n])], lying, where)
 
     def _settle(self, steps: int, heaped: bool) -> None:
         """Step the simulation until all items rest, a heap nearly; at most so many steps."""
@@ -378,7 +382,7 @@ class PhysicsItems:
         self._bumps.clear()
         self.sleepers.stepped()
 
-    def states(self) -> tuple[BodyState, ...]:
+    def states(self) -> tuple[checkpoints.BodyState, ...]:
         """Return the states of all items that did not leave with a bin, in the order of their numbers."""
         asleep = self.sleepers.asleep()
         return tuple(self._state(name, asleep=name in asleep) for name in self.inventory.here)
@@ -403,7 +407,7 @@ class PhysicsItems:
             pose = Pose(*pb.getBasePositionAndOrientation(number, self._client))
             yield self.inventory.here[name].entry.shape, pose
 
-    def true(self, state: BodyState) -> TrueBody:
+    def true(self, state: checkpoints.BodyState) -> TrueBody:
         """Return the ground truth of a saved or present state."""
         item = self.inventory.here[state.id]
         entry = item.entry
@@ -468,7 +472,7 @@ class PhysicsItems:
 
     def change_dynamics(self, item: str, friction: float | None = None, mass: float | None = None) -> None:
         """Carry out a fault: change the item's friction, or its mass in kg, for good."""
-        change = DynamicsChange(self._known(item), friction, mass)
+        change = checkpoints.DynamicsChange(self._known(item), friction, mass)
         self._apply(change)
         forget_contacts(self._numbers[change.item], self._client)
         self._ledger.append(change)
@@ -500,7 +504,7 @@ class PhysicsItems:
         before = self._state(name)
         pb.removeBody(self._numbers[name], self._client)
         self._numbers[name] = add_item(self.inventory.enlarge(name, factor), pose, self._client, self._shapes)
-        self._ledger.append(DynamicsChange(name, scale=factor))
+        self._ledger.append(checkpoints.DynamicsChange(name, scale=factor))
         for change in self._ledger:
             if change.item == name:
                 self._apply(change)
@@ -518,7 +522,7 @@ class PhysicsItems:
         self._bumps[self._known(item)] = (velocity, spin)
         self.sleepers.wake_all()
 
-    def _apply(self, change: DynamicsChange) -> None:
+    def _apply(self, change: checkpoints.DynamicsChange) -> None:
         number = self._numbers.get(change.item)
         if number is None:
             return
@@ -528,13 +532,13 @@ class PhysicsItems:
             shape = self.inventory.here[change.item].entry.shape
             set_mass(number, shape, change.mass, self._client)
 
-    def _state(self, name: ObjectId, *, asleep: bool = False) -> BodyState:
+    def _state(self, name: ObjectId, *, asleep: bool = False) -> checkpoints.BodyState:
         if name in self._gone:
             return self._gone[name]
         number = self._numbers[name]
         position, orientation = pb.getBasePositionAndOrientation(number, self._client)
         velocity, spin = self._bumps.get(name) or pb.getBaseVelocity(number, self._client)
-        return BodyState(name, position, orientation, velocity, spin, present=True, asleep=asleep)
+        return checkpoints.BodyState(name, position, orientation, velocity, spin, present=True, asleep=asleep)
 
     def _known(self, item: str) -> ObjectId:
         name = ObjectId(item)

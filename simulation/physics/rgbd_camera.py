@@ -11,13 +11,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.protocols import Clock, Intrinsics, NoImage, RgbdImage
-from ...world.random_streams import RandomStreams
-from ...world.scene.description import Bin, CameraDescription, Fixture, SceneDescription
-from ...world.values import Pose
-from ..device_faults import DeviceFaults
-from ..heap_spawning import Sticker
-from ..sensor_noise import mislabelled, noisy_colour, noisy_depth
+from picktree.simulation import DeviceFaults, Sticker, mislabelled, noisy_colour, noisy_depth
+from picktree.world import Clock, Intrinsics, NoImage, Pose, RandomStreams, RgbdImage
+from picktree.world.scene import Bin, CameraDescription, Fixture, SceneDescription
+
 from .bodies import add_scenery
 from .engine import Client, pb
 

@@ -15,18 +15,34 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pinocchio as pin
 
-from ...files.errors import PicktreeError
-from ...world.colours import COLOURS
-from ...world.mesh_reader import hulls_text
-from ...world.robot_model.description import GripperDescription, RobotDescription
-from ...world.robot_model.finger_linkage import LinkageFingers, fingers_of
-from ...world.robot_model.gripper_mounting import mount_tool
-from ...world.robot_model.link_shapes import LinkShape, link_shapes
-from ...world.robot_model.model import RobotModel, beyond_flange
-from ...world.robot_model.urdf import numbers_text, parse_urdf, parsed_urdf
-from ...world.shapes import Box, ConvexMesh, Cylinder, Sphere
-from ...world.values import Array, Pose, Quaternion, Vector3, rotated
-from ..checkpoints import ArmCommand, GripperCommand, RobotReading
+from picktree.files import PicktreeError
+from picktree.simulation import checkpoints
+from picktree.world import (
+    COLOURS,
+    Array,
+    Box,
+    ConvexMesh,
+    Cylinder,
+    Pose,
+    Quaternion,
+    Sphere,
+    Vector3,
+    mesh_reader,
+    rotated,
+)
+from picktree.world.robot_model import (
+    GripperDescription,
+    LinkageFingers,
+    LinkShape,
+    RobotDescription,
+    RobotModel,
+    beyond_flange,
+    fingers_of,
+    gripper_mounting,
+    link_shapes,
+    urdf_parser,
+)
+
 from .engine import Client, pb
 
 
@@ -42,13 +58,13 @@ def patched_urdf(robot: RobotDescription, folder: Path) -> str:
     the motor alone.
     """
     shapes = link_shapes(robot.urdf)
-    root = parsed_urdf(Path(robot.urdf))
+    root = urdf_parser.parsed_urdf(Path(robot.urdf))
     _widen_followers(root, robot.gripper)
     for joint in root.findall("joint"):
         # The engine adds damping explicitly, which spins light links up, and has no joint friction.
         for dynamics in joint.findall("dynamics"):
             joint.remove(dynamics)
-    mount_tool(root, robot)
+    gripper_mounting.mount_tool(root, robot)
     links = {link.get("name", ""): link for link in root.findall("link")}
     for link in links.values():
         for old in (*link.findall("visual"), *link.findall("collision")):
@@ -88,20 +104,20 @@ def _put_shape(link: ElementTree.Element, part: LinkShape, file: Path) -> None:
     geometry = _collision(link, part.pose_in_link)
     match part.shape:
         case Box(size):
-            ElementTree.SubElement(geometry, "box", size=numbers_text(size))
+            ElementTree.SubElement(geometry, "box", size=urdf_parser.numbers_text(size))
         case Cylinder(radius, height):
             ElementTree.SubElement(geometry, "cylinder", radius=repr(radius), length=repr(height))
         case Sphere(radius):
             ElementTree.SubElement(geometry, "sphere", radius=repr(radius))
         case ConvexMesh():
-            file.write_text(hulls_text([np.array(part.shape.vertices)]), encoding="ascii")
+            file.write_text(mesh_reader.hulls_text([np.array(part.shape.vertices)]), encoding="ascii")
             ElementTree.SubElement(geometry, "mesh", filename=str(file))
 
 
 def _collision(link: ElementTree.Element, pose: Pose) -> ElementTree.Element:
     """Add a collision element to a link and return its <geometry>."""
     collision = ElementTree.SubElement(link, "collision")
-    origin = {"xyz": numbers_text(pose.position), "rpy": numbers_text(pose.rpy())}
+    origin = {"xyz": urdf_parser.numbers_text(pose.position), "rpy": urdf_parser.numbers_text(pose.rpy())}
     ElementTree.SubElement(collision, "origin", origin)
     return ElementTree.SubElement(collision, "geometry")
 
@@ -131,7 +147,7 @@ def _put_finger(link: ElementTree.Element, n: int, gripper: GripperDescription) 
     for old in [*link.findall("collision"), *link.findall("contact")]:
         link.remove(old)
     for box, pose in (gripper.pads[n], *gripper.bodies_of(n)):
-        ElementTree.SubElement(_collision(link, pose), "box", size=numbers_text(box.size))
+        ElementTree.SubElement(_collision(link, pose), "box", size=urdf_parser.numbers_text(box.size))
     contact = ElementTree.SubElement(link, "contact")
     ElementTree.SubElement(contact, "friction_anchor")
     for tag, value in (
@@ -279,9 +295,9 @@ class LinkageMotors:
             of = other if _is_beyond(body, joints[name], joints[other], client) else one
             share = by / ratios[of][0]
             self._held.append(_Held(joints[name], joints[of], share, offset - share * ratios[of][1]))
-        self._grip = GripperCommand(0.0, 0.0)
+        self._grip = checkpoints.GripperCommand(0.0, 0.0)
 
-    def drive(self, grip: GripperCommand) -> None:
+    def drive(self, grip: checkpoints.GripperCommand) -> None:
         """Command an opening; takes effect with the next step."""
         self._grip = grip
 
@@ -362,27 +378,27 @@ class RobotBody:
         folder = Path(self._folder.name)
         text = patched_urdf(robot, folder)
         (folder / "robot.urdf").write_text(text, encoding="utf-8")
-        links = parse_urdf(text.encode(), robot.name).findall("link")
+        links = urdf_parser.parse_urdf(text.encode(), robot.name).findall("link")
         self.shape_counts = {link.get("name", ""): len(link.findall("collision")) for link in links}
         self.fingers = fingers_of(robot.gripper)
         self._linkage: LinkageMotors | None = None
         self._gear: GearReaction | KnuckleGearReaction | None = None
         self.body = -1
         self.links: dict[int, str] = {}
-        self._command = ArmCommand("follow", (), (), ())
-        self._grip = GripperCommand(0.0, 0.0)
+        self._command = checkpoints.ArmCommand("follow", (), (), ())
+        self._grip = checkpoints.GripperCommand(0.0, 0.0)
         self._torque_mode = False
         self._shares: list[float] | None = None
         """Remaining share of each arm joint's torque; None: all of it."""
-        self._jam: GripperCommand | None = None
+        self._jam: checkpoints.GripperCommand | None = None
         self._grip_share = 1.0
 
     @property
-    def command(self) -> ArmCommand:
+    def command(self) -> checkpoints.ArmCommand:
         return self._command
 
     @property
-    def grip(self) -> GripperCommand:
+    def grip(self) -> checkpoints.GripperCommand:
         return self._grip
 
     def load(self) -> None:
@@ -426,12 +442,12 @@ class RobotBody:
             self._linkage = LinkageMotors(self.body, joints, robot.gripper, self._client)
         self._add_gear()
         self._torque_mode = False
-        self._command = ArmCommand("follow", (), (), ())
+        self._command = checkpoints.ArmCommand("follow", (), (), ())
         home = robot.named["home"]
         opened = self.fingers.positions(robot.gripper.max_width)
         self.place((*home, *opened), (0.0,) * (len(home) + len(opened)))
         self.follow(home, (0.0,) * len(home))
-        self.drive_fingers(GripperCommand(robot.gripper.max_width, robot.gripper.max_force))
+        self.drive_fingers(checkpoints.GripperCommand(robot.gripper.max_width, robot.gripper.max_force))
 
     def _check_shapes(self) -> None:
         """Raise PicktreeError when the engine has taken fewer shapes of a link than it was given."""
@@ -477,7 +493,7 @@ class RobotBody:
 
     def follow(self, position: tuple[float, ...], velocity: tuple[float, ...]) -> None:
         """Servo the arm so that it is at `position` with `velocity` when the next step ends."""
-        command = ArmCommand("follow", position, velocity, ())
+        command = checkpoints.ArmCommand("follow", position, velocity, ())
         if command == self._command and not self._torque_mode:
             return
         self._command = command
@@ -498,9 +514,11 @@ class RobotBody:
 
     def apply_torque(self, torque: tuple[float, ...]) -> None:
         """Apply joint torques for the next steps; nothing else drives the arm then."""
-        self._command = ArmCommand("torque", (), (), torque)
+        self._command = checkpoints.ArmCommand("torque", (), (), torque)
 
-    def weaken(self, shares: Mapping[str, float], jam: GripperCommand | None, grip_share: float) -> None:
+    def weaken(
+        self, shares: Mapping[str, float], jam: checkpoints.GripperCommand | None, grip_share: float
+    ) -> None:
         """Set faults of the drives.
 
         `shares`: remaining share of the torque of joints, by name. `jam`: command that the fingers carry out
@@ -514,7 +532,7 @@ class RobotBody:
         """Return the greatest torques of the weak joints, Nm."""
         return [most * share for most, share in zip(self._limits, self._shares or self._ones, strict=True)]
 
-    def drive_fingers(self, told: GripperCommand) -> None:
+    def drive_fingers(self, told: checkpoints.GripperCommand) -> None:
         self._grip = told
         grip = told if self._jam is None else self._jam
         if self._grip_share != 1.0:
@@ -547,7 +565,7 @@ class RobotBody:
     def _command_again(self) -> None:
         command = self._command
         if command.mode == "follow" and not self._torque_mode and command.position:
-            self._command = ArmCommand("follow", (), (), ())
+            self._command = checkpoints.ArmCommand("follow", (), (), ())
             self.follow(command.position, command.velocity)
         self.drive_fingers(self._grip)
 
@@ -580,7 +598,12 @@ class RobotBody:
             return torque
         return tuple(min(max(t, -most), most) for t, most in zip(torque, self._least(), strict=True))
 
-    def restore(self, reading: RobotReading, command: ArmCommand, grip: GripperCommand) -> None:
+    def restore(
+        self,
+        reading: checkpoints.RobotReading,
+        command: checkpoints.ArmCommand,
+        grip: checkpoints.GripperCommand,
+    ) -> None:
         self.place(reading.position, reading.velocity)
         if command.mode == "torque":
             self.apply_torque(command.torque)
@@ -588,7 +611,7 @@ class RobotBody:
             self.follow(command.position, command.velocity)
         self.drive_fingers(grip)
 
-    def read(self) -> RobotReading:
+    def read(self) -> checkpoints.RobotReading:
         """Return the readings of ideal sensors now."""
         states = pb.getJointStates(self.body, self._read_joints, physicsClientId=self._client)
         position, velocity, _, effort = zip(*states[:-1], strict=True)
@@ -609,7 +632,7 @@ class RobotBody:
             wrench = (wrench[0] + x, wrench[1] + y, wrench[2] + z, *wrench[3:])
         if self._command.mode == "torque":
             effort = (*self._given(self._command.torque), *effort[len(self._arm) :])
-        return RobotReading(position, velocity, effort, wrench, turn)
+        return checkpoints.RobotReading(position, velocity, effort, wrench, turn)
 
     def tcp(self) -> Pose:
         """Return the true TCP pose in the world."""

@@ -10,10 +10,9 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from picktree.analysis.report.report import write_report
-from picktree.analysis.run import Run
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
+from picktree.analysis import Run
+from picktree.analysis.report import write_report
+from picktree.session import RunRequest, Session
 
 from ..browser import Chromium
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.compare.alignment import Alignment, align
+from picktree.analysis import Run
+from picktree.analysis.compare import Alignment, align
 from picktree.analysis.compare.matching import ItemPair
-from picktree.analysis.run import Run
-from picktree.logs.records import TransitionRecord, WriteRecord
+from picktree.logs.log_records import TransitionRecord, WriteRecord
 
 from ..logs.scripted_log import Seen, begins, ends, record, tree
 

@@ -12,10 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.run import Run
-from picktree.logs.recording.foxglove_messages import decode_colour
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
+from picktree.analysis import Run
+from picktree.logs.recording import decode_colour
+from picktree.session import RunRequest, Session
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "analysis"

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.compare.run_diff import FileChange, RunDiff, diff, to_json_text, to_text
-from picktree.analysis.run import Run
-from picktree.logs.records import TransitionRecord, WriteRecord
-from picktree.logs.run_result import ItemCount, PickCount, RunResult, WallSeconds
-from picktree.world.events import ItemDoneEvent, PickEvent
-from picktree.world.journal import JournalEvent
+from picktree.analysis import Run
+from picktree.analysis.compare import diff
+from picktree.analysis.compare.run_diff import FileChange, RunDiff, to_json_text, to_text
+from picktree.logs import ItemCount, PickCount, RunResult, WallSeconds
+from picktree.logs.log_records import TransitionRecord, WriteRecord
+from picktree.world import JournalEvent
+from picktree.world.event_types import ItemDoneEvent, PickEvent
 
 from ..logs.scripted_log import Seen, begins, ends, record, tree
 

@@ -7,20 +7,18 @@ from types import ModuleType
 
 import pytest
 
-from picktree.analysis.compare.message_difference import (
+from picktree.analysis import Run
+from picktree.analysis.compare.message_differences import (
     FieldDifference,
     MessageDifference,
     first_difference,
     first_difference_in_values,
     first_differing_field,
 )
-from picktree.analysis.run import Run
-from picktree.logs.recording import foxglove_messages
+from picktree.logs.log_records import BodyRecord, Joints, Scene, Tick
+from picktree.logs.recording import Recorder, foxglove_messages
 from picktree.logs.recording.foxglove_messages import encode_image, encode_scene
-from picktree.logs.recording.recorder import Recorder
-from picktree.logs.records import BodyRecord, Joints, Scene, Tick
-from picktree.world.shapes import Sphere
-from picktree.world.values import Pose, Wrench
+from picktree.world import Pose, Sphere, Wrench
 
 from ..logs.scripted_log import begins, ends, record, tree
 

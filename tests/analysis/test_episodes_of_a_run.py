@@ -7,12 +7,11 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from picktree.analysis.explain.explanation_text import to_json_text, to_text
-from picktree.analysis.explain.run_explanation import explain
-from picktree.analysis.run import Run
+from picktree.analysis import Run
+from picktree.analysis.explain import explain, to_json_text, to_text
 from picktree.logs.episode_counts import CureCount, PlantedCount, added_planted, by_cause
-from picktree.session.recorded_recipe import tally_of
-from picktree.session.run_tally import EpisodeCountersState, RunCounters, RunCountersState
+from picktree.session import RunCounters, tally_of
+from picktree.session.run_tally import EpisodeCountersState, RunCountersState
 
 from ..logs.scripted_log import begins, ends, record, tree
 from ..logs.test_episodes import tries

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from picktree.analysis.explain.explanation import FailureStory
-from picktree.analysis.explain.run_explanation import explain, failures_of
-from picktree.analysis.run import Run
-from picktree.logs.records import NodeStatusRecord, Tick
-from picktree.logs.run_account import account_of
-from picktree.logs.run_log import Stamped
-from picktree.logs.visits import VisitTree, with_transitions
+from picktree.analysis import Run
+from picktree.analysis.explain import FailureStory, explain
+from picktree.analysis.explain.run_explanation import failures_of
+from picktree.logs import Stamped, account_of
+from picktree.logs.log_records import NodeStatusRecord, Tick
+from picktree.logs.node_visits import VisitTree, with_transitions
 
 
 def told(story: FailureStory) -> tuple[object, ...]:

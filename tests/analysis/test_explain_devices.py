@@ -10,16 +10,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from picktree.analysis import Run
+from picktree.analysis.explain import Explanation, explain, to_text
 from picktree.analysis.explain.device_causes import smooth_spans
-from picktree.analysis.explain.explanation import Explanation
-from picktree.analysis.explain.explanation_text import to_text
-from picktree.analysis.explain.run_explanation import explain
-from picktree.analysis.run import Run
-from picktree.simulation.checkpoints import Backend
+from picktree.simulation import Backend
 from picktree.simulation.kinematic.camera import KinematicCamera
 from picktree.simulation.physics.rgbd_camera import PhysicsCamera
-from picktree.world.causes import known_causes
-from picktree.world.protocols import RgbdImage
+from picktree.world import RgbdImage, known_causes
 
 from ..trees.waving import WAVE, forgotten
 from .test_explain_roots import BALL, BLOCK, MISSION, blind, run

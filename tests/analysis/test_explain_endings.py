@@ -8,17 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.cursor import Cursor
-from picktree.analysis.explain import case
-from picktree.analysis.explain.explanation_text import notes_on, to_text
-from picktree.analysis.run import Run
+from picktree.analysis import Cursor, Run
+from picktree.analysis.explain import case, to_text
+from picktree.analysis.explain.explanation_text import notes_on
 from picktree.apps.cli.replay_prompt import evidence_lines
+from picktree.logs import RunLog
 from picktree.logs.log_files import Rotation
-from picktree.logs.run_log import RunLog
+from picktree.session import ResumeRequest, Resumption, RunRequest, Session
 from picktree.session.mission_edits import MissionReload
-from picktree.session.recipe import RunRequest
-from picktree.session.resumption import ResumeRequest, Resumption
-from picktree.session.session import Session
 
 from ..session.test_watch import LOGGED, MISSION, Editor
 from .test_explain_roots import BALL, BLOCK
@@ -27,9 +24,9 @@ from .test_explain_roots import MISSION as SORT
 EXAMPLES = Path(__file__).parents[2] / "examples"
 HEAD = "picktree: 1\nkind: mission\nscene: sort_small\n"
 PLUGIN = """
-from picktree.trees.ports import In, port
-from picktree.trees.skill import Skill, Steps
-from picktree.robot.world import World
+from picktree.trees import In, port
+from picktree.trees import Skill, Steps
+from picktree.robot import World
 
 
 class Broken(Skill):

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.explain.explanation import FailureStory
+from picktree.analysis import Run
+from picktree.analysis.explain import FailureStory
 from picktree.analysis.explain.run_explanation import failures_of
-from picktree.analysis.run import Run
-from picktree.logs.records import TransitionRecord, WriteRecord
-from picktree.world.events import RecoveryEvent
-from picktree.world.journal import CandidateEntry, CandidateSearchEntry, JournalEvent, PlanEntry
-from picktree.world.values import ObjectId, Pose
+from picktree.logs.log_records import TransitionRecord, WriteRecord
+from picktree.world import CandidateEntry, CandidateSearchEntry, JournalEvent, ObjectId, PlanEntry, Pose
+from picktree.world.event_types import RecoveryEvent
 
 from ..logs.scripted_log import Said, begins, ends, record, tree
 

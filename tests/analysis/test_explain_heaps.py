@@ -8,20 +8,18 @@ from pathlib import Path
 
 import pytest
 
+from picktree.analysis import Run
 from picktree.analysis.explain.body_tracks import BodyTracks
 from picktree.analysis.explain.case import Investigation
 from picktree.analysis.explain.identities import Identities
 from picktree.analysis.explain.run_explanation import failures_of
 from picktree.analysis.explain.unsorted_items import Remainder, lying, remains
-from picktree.analysis.run import Run
-from picktree.logs.records import BlockRecord, BodyRecord, Scene
-from picktree.logs.run_log import Stamped
+from picktree.logs import Stamped
+from picktree.logs.log_records import BlockRecord, BodyRecord, Scene
 from picktree.robot.manipulation.grasps import GraspCandidate
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.world.scene.description import Bin
-from picktree.world.shapes import Box
-from picktree.world.values import ObjectId, Pose
+from picktree.session import RunRequest, Session
+from picktree.world import Box, ObjectId, Pose
+from picktree.world.scene import Bin
 
 from ..recorded_runs import pick_from_a_tote
 

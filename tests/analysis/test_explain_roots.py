@@ -7,14 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.explain.explanation import Explanation
-from picktree.analysis.explain.run_explanation import explain
-from picktree.analysis.run import Run
-from picktree.logs.run_log import Stamped
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.simulation.checkpoints import Backend
-from picktree.world.journal import JournalEvent
+from picktree.analysis import Run
+from picktree.analysis.explain import Explanation, explain
+from picktree.logs import Stamped
+from picktree.session import RunRequest, Session
+from picktree.simulation import Backend
+from picktree.world import JournalEvent
 
 MISSION = """
 picktree: 1

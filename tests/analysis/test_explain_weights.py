@@ -8,13 +8,14 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from picktree.analysis.explain import FailureStory
 from picktree.analysis.explain.case import Investigation
 from picktree.analysis.explain.device_causes import cameras_off
-from picktree.analysis.explain.explanation import DeviceFinding, FailureStory, Finding
+from picktree.analysis.explain.explanation import DeviceFinding, Finding
 from picktree.analysis.explain.held_items import HeldPeriod, too_heavy, why_it_left
 from picktree.logs.series import JointSeries, WrenchSeries
-from picktree.world.scene.description import CatalogueEntry
-from picktree.world.shapes import Box
+from picktree.world import Box
+from picktree.world.scene import CatalogueEntry
 
 ITEM = "red_block_1"
 ENTRY = CatalogueEntry("block", "box", Box((0.04, 0.04, 0.04)), 0.5, 0.6)

@@ -7,12 +7,13 @@ from typing import cast
 
 import pytest
 
+from picktree.analysis.explain import FailureStory
 from picktree.analysis.explain.case import Investigation
 from picktree.analysis.explain.device_causes import cameras_off
-from picktree.analysis.explain.explanation import DeviceFinding, FailureStory, Finding
+from picktree.analysis.explain.explanation import DeviceFinding, Finding
 from picktree.analysis.explain.held_items import HeldPeriod, held_periods
 from picktree.analysis.explain.item_causes import misjudged
-from picktree.world.values import Pose
+from picktree.world import Pose
 
 ITEM = "red_ball_1"
 OFF = DeviceFinding(

@@ -13,18 +13,12 @@ import pytest
 from pyarrow import csv as arrow_csv
 from pyarrow import parquet
 
-from picktree.analysis.export.run_export import TABLES, TableSpec, export
-from picktree.analysis.export.table_files import (
-    ColumnDoc,
-    cells,
-    columns,
-    read_csv,
-    write_csv,
-    write_parquet,
-)
-from picktree.analysis.run import Run
-from picktree.files.errors import PicktreeError
-from picktree.logs.optional_libraries import install_command
+from picktree.analysis import Run
+from picktree.analysis.export import columns, export
+from picktree.analysis.export.run_export import TABLES, TableSpec
+from picktree.analysis.export.table_files import ColumnDoc, cells, read_csv, write_csv, write_parquet
+from picktree.files import PicktreeError
+from picktree.logs import install_command
 
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.analysis.export.run_export import export
-from picktree.analysis.run import Run
-from picktree.files.errors import PicktreeError
-from picktree.logs.run_result import RunResult
+from picktree.analysis import Run
+from picktree.analysis.export import export
+from picktree.files import PicktreeError
+from picktree.logs import RunResult
 
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
 

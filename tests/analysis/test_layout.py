@@ -12,21 +12,20 @@ import numpy as np
 import pytest
 from google.protobuf.json_format import MessageToDict
 
+from picktree.analysis import Run
+from picktree.analysis.export import layout
 from picktree.analysis.export.viewer_layout import (
     MAX_LEAF_LANES,
     Split,
     ViewerLayout,
     camera_state,
     lanes,
-    layout,
     literal,
     parse,
     paths_of,
     values,
 )
-from picktree.analysis.run import Run
-from picktree.logs import topics
-from picktree.logs.run_log import RunLog
+from picktree.logs import RunLog, topics
 
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden"
 

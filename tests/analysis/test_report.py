@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.report.report import TREE_SCRIPTS, pack_run, report, write_report
-from picktree.analysis.run import Run
-from picktree.apps.cli.app import answer
+from picktree.analysis import Run
+from picktree.analysis.report import write_report
+from picktree.analysis.report.report import TREE_SCRIPTS, pack_run, report
+from picktree.apps.cli import answer
 
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
 

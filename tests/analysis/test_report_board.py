@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from picktree.analysis import Run
+from picktree.analysis.report import Section
 from picktree.analysis.report.board_panel import pack_board, sightings, unknown_bodies, yaw_and_tilt
 from picktree.analysis.report.body_motion import (
     Frames,
@@ -18,12 +20,9 @@ from picktree.analysis.report.body_motion import (
     deviations,
     motion_of,
 )
-from picktree.analysis.report.packing import Section
 from picktree.analysis.report.report import pack_failures, plain_value, plan_line, report_events
-from picktree.analysis.run import Run
-from picktree.logs.records import BodyRecord, Plan, WriteRecord
-from picktree.world.shapes import Box
-from picktree.world.values import Pose
+from picktree.logs.log_records import BodyRecord, Plan, WriteRecord
+from picktree.world import Box, Pose
 
 from ..logs.scripted_log import Seen, begins, record, tree
 

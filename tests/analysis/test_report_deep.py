@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from picktree.analysis.report.report import write_report
-from picktree.analysis.run import Run
-from picktree.logs.records import WriteRecord
+from picktree.analysis import Run
+from picktree.analysis.report import write_report
+from picktree.logs.log_records import WriteRecord
 
 from ..browser import Chromium, Told, on_top, wait_until
 from ..logs.scripted_log import Seen, begins, ends, record, tree

@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
+from picktree.analysis import Run
 from picktree.analysis.report.sensor_panels import images_within_budget, pack_images
-from picktree.analysis.run import Run
-from picktree.logs.run_log import CameraImage, Stamped
-from picktree.world.protocols import Intrinsics
+from picktree.logs import CameraImage, Stamped
+from picktree.world import Intrinsics
 
 
 def shots(count: int) -> list[Stamped[CameraImage]]:

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from picktree.analysis import Run
+from picktree.analysis.report import Section
 from picktree.analysis.report.node_panels import (
     ABSENT,
     OUTCOMES,
@@ -21,14 +23,11 @@ from picktree.analysis.report.node_panels import (
     pack_tree,
     tick_table,
 )
-from picktree.analysis.report.packing import Section
-from picktree.analysis.run import Run
-from picktree.files.errors import PicktreeError
-from picktree.logs.records import Tree, TreeNode, WriteRecord
+from picktree.files import PicktreeError
+from picktree.logs.log_records import Tree, TreeNode, WriteRecord
+from picktree.session import RunRequest, Session
 from picktree.session.mission_edits import MissionReload
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.trees.loading.loader import parse_mission
+from picktree.trees.loading import parse_mission
 
 from ..logs.scripted_log import begins, ends, record, tree
 from ..session.test_watch import LOGGED, MISSION, Editor

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.analysis.report.packing import NAN_LEVEL, Packable, Section, pack, quantise
+from picktree.analysis.report import Packable, Section, pack
+from picktree.analysis.report.packing import NAN_LEVEL, quantise
 from picktree.analysis.report.report import PAGE_FOLDER
 
 from ..needs import NODE

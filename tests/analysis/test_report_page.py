@@ -8,11 +8,10 @@ from typing import Any
 
 import pytest
 
-from picktree.analysis.render.scene_view import bin_tints
-from picktree.analysis.report.report import write_report
-from picktree.analysis.run import Run
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
+from picktree.analysis import Run
+from picktree.analysis.render import bin_tints
+from picktree.analysis.report import write_report
+from picktree.session import RunRequest, Session
 
 from ..browser import Chromium, Told, frames, on_top, wait_until
 from ..needs import CHROMIUM, needs

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from picktree.analysis.explain.explanation import FailureStory
-from picktree.analysis.report.report import write_report
-from picktree.analysis.run import Run
-from picktree.logs.visits import Visit
+from picktree.analysis import Run
+from picktree.analysis.explain import FailureStory
+from picktree.analysis.report import write_report
+from picktree.logs.node_visits import Visit
 
 from ..browser import Chromium, Told, frames, wait_until
 from ..logs.scripted_log import begins, ends, record, tree

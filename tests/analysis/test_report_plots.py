@@ -10,8 +10,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from picktree.analysis import Run
 from picktree.analysis.report.sensor_panels import CurvePlot, PlotCurve, pack_plots, plots_of, thin_plot
-from picktree.analysis.run import Run
 
 from ..logs.scripted_log import record, tree
 

@@ -8,8 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from picktree.analysis import Run
 from picktree.analysis.export.viewer_layout import TRUTH_COLOUR_CODE
-from picktree.analysis.render.scene_view import TRUTH_LINE, UNSEEN, body_mesh, heap_remark
+from picktree.analysis.render import body_mesh, heap_remark
+from picktree.analysis.render.scene_view import TRUTH_LINE, UNSEEN
+from picktree.analysis.report import row
 from picktree.analysis.report.body_motion import (
     BelievedBody,
     BodyAppearance,
@@ -21,16 +24,14 @@ from picktree.analysis.report.body_motion import (
     inverse,
     match_bodies,
     motion_of,
-    row,
     spans,
     true_poses,
 )
 from picktree.analysis.report.packing import Quantised
 from picktree.analysis.report.report import style
 from picktree.analysis.report.stage_panel import MAX_LINK_FACES, pack_stage, packed_link, search_summary
-from picktree.analysis.run import Run
 from picktree.logs.binary_gltf import write_glb
-from picktree.logs.records import (
+from picktree.logs.log_records import (
     BlockRecord,
     BodyRecord,
     Candidate,
@@ -40,8 +41,7 @@ from picktree.logs.records import (
     StageCount,
 )
 from picktree.logs.triangle_meshes import join_meshes, shape_mesh
-from picktree.world.shapes import Box, Sphere
-from picktree.world.values import Array, Pose
+from picktree.world import Array, Box, Pose, Sphere
 
 STILL = row(Pose())
 

@@ -9,26 +9,21 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.compare.message_difference import MessageDifference
-from picktree.analysis.resim import ResimAnswer, ResimOrder, notes, reasons, resimulate, run_order
-from picktree.analysis.run import Run
-from picktree.analysis.run_changes import RunChanges
-from picktree.files.errors import PicktreeError
-from picktree.logs.records import Arithmetic
-from picktree.logs.run_log import RunLog
-from picktree.logs.run_result import RunResult
-from picktree.session import environment
+from picktree.analysis import Run, RunChanges, resimulate
+from picktree.analysis.compare.message_differences import MessageDifference
+from picktree.analysis.resim import ResimAnswer, ResimOrder, notes, reasons, run_order
+from picktree.files import PicktreeError
+from picktree.logs import RunLog, RunResult
+from picktree.logs.log_records import Arithmetic
+from picktree.session import Observer, RunRequest, Session, environment
 from picktree.session.mission_edits import MissionReload
-from picktree.session.observer import Observer
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.trees.runner import TickReport
+from picktree.trees import TickReport
 
 from ..rooms import ROOT, modules
 
 WAVE = '''\
-from picktree.trees.skill import Skill
-from picktree.world.causes import Cause, Failure, register_cause
+from picktree.trees import Skill
+from picktree.world import Cause, Failure, register_cause
 
 TIRED = register_cause(Cause("waving.tired", "The arm is tired.", "rest"))
 

@@ -6,13 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from picktree.analysis import RunChanges
 from picktree.analysis.resim import ResimAnswer, ResimOrder, run_order
-from picktree.analysis.run_changes import RunChanges
-from picktree.files.errors import PicktreeError
-from picktree.logs.run_log import RunLog
-from picktree.logs.run_result import RunResult
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
+from picktree.files import PicktreeError
+from picktree.logs import RunLog, RunResult
+from picktree.session import RunRequest, Session
 
 from ..logs.rewriting import ORDER, SECOND, WRITING, Content, Sent, jittered
 

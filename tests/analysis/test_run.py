@@ -4,10 +4,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from picktree.analysis.run import Run
-from picktree.files.errors import PicktreeError
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
+from picktree.analysis import Run
+from picktree.files import PicktreeError
+from picktree.session import RunRequest, Session
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -8,19 +8,17 @@ import cv2
 import numpy as np
 import pytest
 
+from picktree.analysis.render import PictureView, bin_tints, draw, draw_robot, snapshot
 from picktree.analysis.render.films import FrameSetup, FrameWorkers
 from picktree.analysis.render.frames import moments
 from picktree.analysis.render.renderer import LightingSetup, render
-from picktree.analysis.render.scene_view import bin_tints
-from picktree.analysis.render.snapshots import draw, draw_robot, snapshot
-from picktree.analysis.render.viewpoint import VIEWS, PictureView
-from picktree.files.errors import PicktreeError
-from picktree.logs.recording.foxglove_messages import decode_colour
-from picktree.logs.run_log import RunLog
+from picktree.analysis.render.viewpoint import VIEWS
+from picktree.files import PicktreeError
+from picktree.logs import RunLog
+from picktree.logs.recording import decode_colour
 from picktree.logs.triangle_meshes import join_meshes, shape_mesh
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.shapes import Box, Sphere
-from picktree.world.values import Pose
+from picktree.world import Box, Pose, Sphere
+from picktree.world.robot_model import load_robot
 
 ABOVE = PictureView(
     target=(0.0, 0.0, 0.0), distance=2.0, azimuth=0.0, elevation=math.radians(89.9), fov=math.radians(60)
@@ -115,7 +113,7 @@ def test_a_picture_of_an_unknown_kind_is_refused(log_path: Path, tmp_path: Path)
 
 def test_a_run_without_a_belief_has_no_picture(sample: ModuleType, tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
-    from picktree.logs.recording.recorder import Recorder
+    from picktree.logs.recording import Recorder
 
     with Recorder(path, sample.RUN) as recorder:
         recorder.tick(0.0, sample.tick(0))

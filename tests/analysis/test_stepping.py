@@ -7,12 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.cursor import Cursor
-from picktree.analysis.run import Run
-from picktree.files.errors import PicktreeError
-from picktree.files.node_patterns import find_node, find_nodes
-from picktree.logs.records import TransitionRecord, WriteRecord
-from picktree.world.journal import JournalEvent, OtherEvent, PlanEntry
+from picktree.analysis import Cursor, Run
+from picktree.files import PicktreeError, find_node, find_nodes
+from picktree.logs.log_records import TransitionRecord, WriteRecord
+from picktree.world import JournalEvent, OtherEvent, PlanEntry
 
 from ..logs.scripted_log import Seen, begins, ends, record, tree
 

@@ -5,13 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from picktree.analysis.render.captions import Caption, CaptionFailure, write
+from picktree.analysis.render import Caption, CaptionFailure, PictureView, parse_size, parse_view, write
 from picktree.analysis.render.renderer import MeshRenderer, render
-from picktree.analysis.render.viewpoint import PictureView, parse_size, parse_view
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
 from picktree.logs.triangle_meshes import Mesh, join_meshes, shape_mesh
-from picktree.world.shapes import Box, Sphere
-from picktree.world.values import Pose
+from picktree.world import Box, Pose, Sphere
 
 VIEW = PictureView(target=(0.0, 0.0, 0.0), distance=2.0, elevation=math.radians(40), fov=math.radians(60))
 SIZE = (240, 160)

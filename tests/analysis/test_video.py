@@ -8,18 +8,14 @@ import av
 import numpy as np
 import pytest
 
-from picktree.analysis.render.films import FilmRequest, FrameSetup, FrameWorkers, film
+from picktree.analysis.render import FilmRequest, PictureView, film
+from picktree.analysis.render.films import FrameSetup, FrameWorkers
 from picktree.analysis.render.frames import moments
 from picktree.analysis.render.scene_view import Show
-from picktree.analysis.render.viewpoint import PictureView
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
+from picktree.logs import RunLog, RunResult, install_command
 from picktree.logs.log_files import Rotation
-from picktree.logs.optional_libraries import install_command
-from picktree.logs.run_log import RunLog
-from picktree.logs.run_result import RunResult
-from picktree.session.recipe import RunRequest
-from picktree.session.resumption import ResumeRequest, Resumption
-from picktree.session.session import Session
+from picktree.session import ResumeRequest, Resumption, RunRequest, Session
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SMALL = (256, 160)

@@ -7,13 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.run import Run
-from picktree.analysis.run_changes import RunChanges
-from picktree.analysis.whatif import Continuation, what_if
-from picktree.files.errors import PicktreeError
-from picktree.logs.run_result import RunResult
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
+from picktree.analysis import Run, RunChanges, what_if
+from picktree.analysis.whatif import Continuation
+from picktree.files import PicktreeError
+from picktree.logs import RunResult
+from picktree.session import RunRequest, Session
 
 MISSION = """\
 picktree: 1

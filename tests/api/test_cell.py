@@ -10,13 +10,11 @@ import numpy as np
 import pytest
 
 import picktree as pt
-from picktree.analysis.resim import resimulate
-from picktree.analysis.run import Run
-from picktree.robot.planning.requests import NamedGoal
-from picktree.simulation.checkpoints import Backend
-from picktree.trees.runner import BehaviourTree
-from picktree.world.causes import Failure
-from picktree.world.values import Pose
+from picktree.analysis import Run, resimulate
+from picktree.robot.planning import NamedGoal
+from picktree.simulation import Backend
+from picktree.trees import BehaviourTree
+from picktree.world import Failure, Pose
 
 
 @pytest.fixture

@@ -12,10 +12,9 @@ from typing import Any
 import pytest
 
 import picktree as pt
-from picktree.analysis.run import Run
+from picktree.analysis import Run
 from picktree.apps.api.runs import in_clean_process
-from picktree.files import arithmetic
-from picktree.files.errors import FileError
+from picktree.files import FileError, arithmetic
 
 PROGRAM = """
 import json, warnings

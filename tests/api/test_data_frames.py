@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import picktree as pt
-from picktree.apps.batch.store import QueryResult
-from picktree.logs.optional_libraries import PandasTable, install_command
+from picktree.apps.batch import QueryResult
+from picktree.logs import PandasTable, install_command
 from picktree.logs.series import GripperSeries, JointSeries, WrenchSeries
 
 from ..needs import PANDAS, needs

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import picktree as pt
-from picktree.trees.skill import Skill, Steps
-from picktree.world.causes import Cause, register_cause
+from picktree.trees import Skill, Steps
+from picktree.world import Cause, register_cause
 
 from ..rooms import ROOT
 

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import picktree as pt
-from picktree.authoring.schema.python_stub import stub
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.node import Node
+from picktree.authoring.schema import stub
+from picktree.trees import Node
+from picktree.trees.loading import NodeRegistry
 
 from ..rooms import ROOT
 

@@ -10,14 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import picktree as pt
-from picktree.authoring.check import check_mission
-from picktree.files.yaml.document import read_document
+from picktree.authoring import check_mission
+from picktree.files.yaml import read_document
+from picktree.trees import Node, NodeSpec, PortDeclaration, SlotDeclaration
 from picktree.trees.description import python_name
-from picktree.trees.loading.loader import examine
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.mission import NodeSpec
-from picktree.trees.node import Node
-from picktree.trees.ports import PortDeclaration, SlotDeclaration
+from picktree.trees.loading import NodeRegistry, examine
 from picktree.trees.references import Constant, Reference
 
 from ..rooms import ROOT

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Timer
 
-from picktree.authoring.xml.source import XmlText
+from picktree.authoring.xml import XmlText
 
 from .btcpp_library import Driver
 

@@ -6,9 +6,9 @@ from functools import cache
 from pathlib import Path
 from textwrap import dedent
 
-from picktree.authoring.check import check_mission
-from picktree.files.yaml.document import read_document
-from picktree.trees.loading.registry import NodeRegistry
+from picktree.authoring import check_mission
+from picktree.files.yaml import read_document
+from picktree.trees.loading import NodeRegistry
 
 MISSION = "picktree: 1\nkind: mission\n"
 

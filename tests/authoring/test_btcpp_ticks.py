@@ -11,13 +11,10 @@ from typing import TypeAlias, cast
 
 import pytest
 
-from picktree.authoring.xml.mission_export import mission_to_xml
-from picktree.robot.world import World
-from picktree.trees.flow import NodeStatus
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.node import Node
-from picktree.trees.runner import build
+from picktree.authoring.xml import mission_to_xml
+from picktree.robot import World
+from picktree.trees import Node, NodeStatus, build
+from picktree.trees.loading import NodeRegistry, parse_mission
 
 from ..trees.scripted import FILE, AnyFacts, FakeWorld, Run
 from .btcpp_library import LIBRARY, OLD, Driver

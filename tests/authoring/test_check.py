@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from textwrap import dedent
 
-from picktree.authoring.check import MissionCheck, check_mission
-from picktree.files.yaml.document import read_document
-from picktree.trees.mission import LIBRARY
+from picktree.authoring import MissionCheck, check_mission
+from picktree.files.yaml import read_document
+from picktree.trees import LIBRARY
 
 
 def check(text: str, folder: Path = Path()) -> MissionCheck:

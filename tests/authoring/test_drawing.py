@@ -10,11 +10,11 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.authoring.drawing import dot, drawing_text, suffix_of, text
-from picktree.authoring.mission_chart import Chart, ChartPort, chart, chart_of_file
-from picktree.authoring.svg_drawing import svg
-from picktree.files.errors import PicktreeError
-from picktree.trees.loading.loader import parse_mission
+from picktree.authoring import chart, svg, text
+from picktree.authoring.drawing import dot, drawing_text, suffix_of
+from picktree.authoring.mission_chart import Chart, ChartPort, chart_of_file
+from picktree.files import PicktreeError
+from picktree.trees.loading import parse_mission
 
 from ..other_process import OtherProcess
 from ..trees.scripted import mission

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.mission_chart import Chart, chart, chart_of_file
-from picktree.authoring.svg_drawing import svg
+from picktree.authoring import chart, svg
+from picktree.authoring.mission_chart import Chart, chart_of_file
 from picktree.authoring.tree_layout import (
     COLUMN_GAP,
     FRAME_GAP,
@@ -32,7 +32,7 @@ from picktree.authoring.tree_layout import (
     width,
     wrapped,
 )
-from picktree.trees.flow import NodeStatus
+from picktree.trees import NodeStatus
 
 from ..trees.scripted import mission
 
@@ -240,7 +240,7 @@ def test_a_machine_without_fonts_says_nothing_and_draws_the_same(tmp_path: Path)
     program = f"""
 from pathlib import Path
 from picktree.authoring.mission_chart import chart_of_file
-from picktree.authoring.svg_drawing import svg
+from picktree.authoring import svg
 print(svg(chart_of_file(Path({str(SHIFT)!r}))), end="")
 """
     nowhere = {"FONTCONFIG_FILE": str(tmp_path / "none"), "FONTCONFIG_PATH": str(tmp_path)}

@@ -8,14 +8,13 @@ from typing import cast
 
 import pytest
 
-from picktree.apps.batch.plan import plan_schema
-from picktree.apps.cli.app import answer
+from picktree.apps.batch import plan_schema
+from picktree.apps.cli import answer
 from picktree.apps.cli.file_schemas import CHECKS, FileKind, file_schema
-from picktree.authoring.schema.reference_page import EXAMPLES, FileReference, example_text, file_reference
-from picktree.authoring.schema.schema_parts import Schema
+from picktree.authoring.schema import Schema, file_reference
+from picktree.authoring.schema.reference_page import EXAMPLES, FileReference, example_text
 from picktree.files.file_checks import check_files
-from picktree.files.yaml.document import read_document
-from picktree.files.yaml.reader import Value, read
+from picktree.files.yaml import Value, read, read_document
 
 ROOT = Path(__file__).resolve().parents[2]
 KINDS = sorted(EXAMPLES)

@@ -187,7 +187,7 @@ def test_a_clean_up_on_a_halt_uses_no_robot() -> None:
 
 
 WAVE = """
-from picktree.trees.skill import ARM, Skill
+from picktree.trees import ARM, Skill
 
 
 class Wave(Skill):

@@ -9,8 +9,8 @@ import pytest
 from picktree.apps.cli.file_schemas import CHECKS
 from picktree.authoring.lint import lint
 from picktree.files.file_checks import check_files
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.mission import LIBRARY
+from picktree.trees import LIBRARY
+from picktree.trees.loading import parse_mission
 
 from ..effort import counted
 

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import pytest
 
+from picktree.trees import Node
+from picktree.trees.control_flow import FAILURE, NEXT, SUCCESS, ChildFlow
 from picktree.trees.control_nodes import Fallback
 from picktree.trees.decorators import ForceSuccess
-from picktree.trees.flow import FAILURE, NEXT, SUCCESS, ChildFlow
-from picktree.trees.node import Node
 
 from .watched import Watched
 from .wild_missions import wild_mission

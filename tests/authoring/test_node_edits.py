@@ -14,17 +14,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.authoring.editor.mission_outline import Outline, OutlineNode, outline
+from picktree.authoring.editor import Source, changes, outline, scalar
+from picktree.authoring.editor.mission_outline import Outline, OutlineNode
 from picktree.authoring.editor.node_edits import EditedText, NodeEditor, Target, piece_from
-from picktree.authoring.editor.syntax import Source
-from picktree.authoring.editor.text_edits import changes, scalar
-from picktree.files.errors import Mark
-from picktree.files.yaml.document import read_document
-from picktree.files.yaml.writer import from_value, mission_text
-from picktree.trees.declaration import NodeDeclaration
-from picktree.trees.loading.loader import examine
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.mission import LIBRARY
+from picktree.files import Mark
+from picktree.files.yaml import from_value, mission_text, read_document
+from picktree.trees import LIBRARY, NodeDeclaration
+from picktree.trees.loading import NodeRegistry, examine
 
 from ..rooms import ROOT
 from .wild_leaves import registry as wild_registry

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from picktree.apps.cli.author_commands import registry
-from picktree.authoring.check import check_mission
-from picktree.authoring.schema.node_reference import COMMON_DOCS, markdown, node_entry, page, table
-from picktree.files.expressions import Expression
-from picktree.files.yaml.document import Document, read_document
-from picktree.trees.declaration import COMMON_KEYS, NodeDeclaration
-from picktree.trees.loading.loader import examine
-from picktree.trees.mission import NodeSpec
+from picktree.authoring import check_mission
+from picktree.authoring.schema import markdown
+from picktree.authoring.schema.node_reference import COMMON_DOCS, node_entry, page, table
+from picktree.files import Expression
+from picktree.files.yaml import Document, read_document
+from picktree.trees import COMMON_KEYS, NodeDeclaration, NodeSpec
+from picktree.trees.loading import examine
 from picktree.trees.references import Reference
 from picktree.world.world_facts import FACTS
 

@@ -6,8 +6,9 @@ import re
 import shutil
 from pathlib import Path
 
+from picktree.authoring.rehearsal import rehearse_files
 from picktree.authoring.rehearsal.cases import AnswerFile, ExpectFile
-from picktree.authoring.rehearsal.rehearsal import rehearse_files, to_text
+from picktree.authoring.rehearsal.rehearsal import to_text
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "rehearsal.md").read_text(encoding="utf-8")

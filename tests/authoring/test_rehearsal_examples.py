@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.rehearsal.rehearsal import Rehearsal, rehearse, rehearse_files
-from picktree.trees.loading.loader import load_mission
+from picktree.authoring.rehearsal import Rehearsal, rehearse, rehearse_files
+from picktree.trees.loading import load_mission
 
 from ..trees.rehearsing import case_file
 

@@ -7,9 +7,10 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.authoring.rehearsal.case_checks import check_cases, load_cases
-from picktree.files.errors import PicktreeError
-from picktree.files.yaml.document import read_document
+from picktree.authoring.rehearsal import check_cases
+from picktree.authoring.rehearsal.case_checks import load_cases
+from picktree.files import PicktreeError
+from picktree.files.yaml import read_document
 
 from ..trees.rehearsing import faults_of, mission_of, nodes
 

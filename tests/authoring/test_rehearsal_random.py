@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from picktree.authoring.rehearsal import Rehearsal, rehearse
 from picktree.authoring.rehearsal.case_checks import examine_cases
-from picktree.authoring.rehearsal.rehearsal import Rehearsal, rehearse, to_json_text, to_text
-from picktree.files.yaml.document import read_document
-from picktree.trees.loading.loader import examine
+from picktree.authoring.rehearsal.rehearsal import to_json_text, to_text
+from picktree.files.yaml import read_document
+from picktree.trees.loading import examine
 
 from ..trees.random_missions import LEAVES, Author
 from ..trees.rehearsing import NODES, nodes

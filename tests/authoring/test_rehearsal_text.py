@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from picktree.authoring.rehearsal.rehearsal import show, to_text
-from picktree.files.node_patterns import short_names
+from picktree.files import short_names
 
 from ..trees.rehearsing import play
 

@@ -16,13 +16,13 @@ from hypothesis import strategies as st
 
 from picktree.apps.cli.author_commands import Kind, registry
 from picktree.apps.cli.file_schemas import CHECKS, FileKind, file_schema
-from picktree.authoring.schema.mission import any_mission, mission_schema, one_mission
-from picktree.authoring.schema.schema_parts import Schema, to_text
-from picktree.files.errors import FileError
+from picktree.authoring.schema import Schema, any_mission, mission_schema, one_mission, to_text
+from picktree.files import FileError
 from picktree.files.fault_codes import pages
-from picktree.files.yaml.document import Document, read_document
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.world.scene.scene_schema import SECTIONS, RestFile, SceneFile
+from picktree.files.yaml import Document, read_document
+from picktree.trees.loading import NodeRegistry
+from picktree.world.scene import SceneFile
+from picktree.world.scene.scene_schema import SECTIONS, RestFile
 
 from .mistakes import CHANGES, Change, Value, changed, paths
 

@@ -6,8 +6,8 @@ from textwrap import dedent, indent
 
 import pytest
 
-from picktree.authoring.xml.mission_export import mission_to_xml
-from picktree.files.errors import FileError
+from picktree.authoring.xml import mission_to_xml
+from picktree.files import FileError
 
 from .btcpp_rules import complaints
 from .xml_missions import parsed

@@ -11,10 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.xml.mission_export import mission_to_xml
-from picktree.authoring.xml.mission_import import ImportedMission, ImportOptions, import_xml
-from picktree.authoring.xml.source import XmlText
-from picktree.files.errors import FileError
+from picktree.authoring.xml import ImportOptions, XmlText, mission_to_xml
+from picktree.authoring.xml.mission_import import ImportedMission, import_xml
+from picktree.files import FileError
 
 from .xml_missions import parsed, registry
 

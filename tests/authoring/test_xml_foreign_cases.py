@@ -6,14 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.check import check_mission
-from picktree.authoring.xml.conversion import convert_all
-from picktree.authoring.xml.mission_export import mission_to_xml
-from picktree.authoring.xml.mission_import import ImportOptions, check_xml
-from picktree.authoring.xml.source import XmlText
-from picktree.files.errors import FileError
-from picktree.files.yaml.document import read_document
-from picktree.trees.loading.registry import NodeRegistry
+from picktree.authoring import check_mission
+from picktree.authoring.xml import ImportOptions, XmlText, check_xml, convert_all, mission_to_xml
+from picktree.files import FileError
+from picktree.files.yaml import read_document
+from picktree.trees.loading import NodeRegistry
 
 from .btcpp_library import LIBRARY
 from .foreign_library import Library, comparable

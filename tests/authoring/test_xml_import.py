@@ -7,7 +7,7 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.files.errors import FileError
+from picktree.files import FileError
 
 from ..effort import counted
 from .xml_missions import registry, xml_to_mission

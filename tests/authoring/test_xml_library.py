@@ -14,13 +14,11 @@ from typing import cast
 import pytest
 from hypothesis import given, settings
 
-from picktree.authoring.xml.mission_export import mission_to_xml
-from picktree.files.errors import FileError
-from picktree.files.yaml.document import read_document
-from picktree.trees.declaration import AUTOREMAP
-from picktree.trees.loading.loader import examine, parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.mission import Mission
+from picktree.authoring.xml import mission_to_xml
+from picktree.files import FileError
+from picktree.files.yaml import read_document
+from picktree.trees import AUTOREMAP, Mission
+from picktree.trees.loading import NodeRegistry, examine, parse_mission
 
 from ..trees.scripted import FILE
 from .btcpp_library import LIBRARY, Driver

@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 
-from picktree.authoring.xml.mission_export import mission_to_xml
-from picktree.files.yaml.document import read_document
-from picktree.trees.loading.loader import examine
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.mission import LIBRARY
+from picktree.authoring.xml import mission_to_xml
+from picktree.files.yaml import read_document
+from picktree.trees import LIBRARY
+from picktree.trees.loading import NodeRegistry, examine
 
 from ..trees.scripted import FILE
 from .btcpp_rules import complaints

@@ -18,6 +18,7 @@ from picktree.authoring.xml.scripts import (
     read_parts,
     script,
 )
+from picktree.files import Expression
 from picktree.files.expression_syntax import (
     Arithmetic,
     Attribute,
@@ -35,7 +36,6 @@ from picktree.files.expression_syntax import (
     Sign,
     Symbol,
 )
-from picktree.files.expressions import Expression
 from picktree.trees.loading.port_reader import parse_assignments
 
 RELATIONS: tuple[Relation, ...] = ("==", "!=", "<", "<=", ">", ">=")

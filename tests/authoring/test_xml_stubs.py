@@ -8,15 +8,12 @@ from xml.sax.saxutils import quoteattr
 
 import pytest
 
-from picktree.authoring.xml.conversion import convert_all, read_files
-from picktree.authoring.xml.mission_import import ImportOptions
-from picktree.authoring.xml.source import ImportFaults, XmlText, read_source
+from picktree.authoring.xml import ImportOptions, XmlText, convert_all, read_files
+from picktree.authoring.xml.source import ImportFaults, read_source
 from picktree.authoring.xml.stubs import StubFinder, stub_class
-from picktree.files.errors import FileError, PicktreeError
-from picktree.trees.loading.loader import load_mission
-from picktree.trees.loading.plugin import load_plugin
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.node import Node
+from picktree.files import FileError, PicktreeError
+from picktree.trees import Node
+from picktree.trees.loading import NodeRegistry, load_mission, load_plugin
 
 XML = """<root BTCPP_format="4" main_tree_to_execute="Main">
   <BehaviorTree ID="Main">

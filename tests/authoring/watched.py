@@ -11,29 +11,31 @@ from typing import TYPE_CHECKING, cast
 from picktree.authoring.lint.keys import KeyBits
 from picktree.authoring.lint.mission_survey import FlowAnalysis
 from picktree.authoring.lint.outcomes import EMPTY, OUTER, UNREPORTED, FlowState
-from picktree.recovery.recover import Recover, RecoveryControl
-from picktree.trees.control_nodes import (
-    AsyncFallback,
-    Fallback,
+from picktree.recovery import Recover
+from picktree.recovery.recover import RecoveryControl
+from picktree.trees import (
+    BehaviourTree,
+    Mission,
+    Node,
+    NodeSpec,
+    NodeStatus,
     PipelineSequence,
     ReactiveFallback,
-    RoundRobin,
-    SequenceWithMemory,
+    RetryUntilSuccessful,
+    build,
 )
-from picktree.trees.decorators import RetryUntilSuccessful, RunOnce
-from picktree.trees.flow import NodeStatus
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.mission import Mission, NodeSpec
-from picktree.trees.node import Node
+from picktree.trees.control_nodes import AsyncFallback, Fallback, RoundRobin, SequenceWithMemory
+from picktree.trees.decorators import RunOnce
+from picktree.trees.loading import parse_mission
 from picktree.trees.references import Reference
-from picktree.trees.runner import BehaviourTree, SubTree, build
-from picktree.world.journal import JournalEvent
+from picktree.trees.runner import SubTree
+from picktree.world import JournalEvent
 
 from ..trees.scripted import FILE, TICK
 from .wild_leaves import WildWorld, registry
 
 if TYPE_CHECKING:
-    from picktree.robot.world import World
+    from picktree.robot import World
 
 
 TRIES = (Fallback, AsyncFallback, ReactiveFallback, RoundRobin, RetryUntilSuccessful, RecoveryControl)

@@ -7,20 +7,28 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, cast
 
-from picktree.recovery.recover import Recover, RecoveryNode
-from picktree.trees.flow import NodeStatus
-from picktree.trees.leaves import ConditionNode
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.node import ControlNode, Node
-from picktree.trees.ports import In, Out, children, port
-from picktree.trees.skill import ARM, Skill, Steps
-from picktree.world.causes import Failure, cause_named, control, grasp, safety
+from picktree.recovery import Recover, RecoveryNode
+from picktree.trees import (
+    ARM,
+    ConditionNode,
+    ControlNode,
+    In,
+    Node,
+    NodeStatus,
+    Out,
+    Skill,
+    Steps,
+    children,
+    port,
+)
+from picktree.trees.loading import NodeRegistry
+from picktree.world import Failure, cause_named, control, grasp, safety
 from picktree.world.world_facts import FACTS
 
 from ..trees.scripted import FakeWorld
 
 if TYPE_CHECKING:
-    from picktree.robot.world import World
+    from picktree.robot import World
 
 CAUSES = (
     "grasp.missed",

@@ -7,7 +7,7 @@ import random
 from collections.abc import Callable, Mapping
 from typing import TypeAlias, cast
 
-from picktree.trees.declaration import AUTOREMAP
+from picktree.trees import AUTOREMAP
 from picktree.trees.references import ROOT_KEY
 
 PATTERNS = (

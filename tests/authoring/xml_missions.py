@@ -9,14 +9,13 @@ from typing import TypeAlias, cast
 from hypothesis import strategies as st
 
 from picktree import recovery
+from picktree.authoring.xml import XmlText
 from picktree.authoring.xml.literal_text import is_pointer
 from picktree.authoring.xml.mission_import import import_xml
 from picktree.authoring.xml.scripts import expression_text
-from picktree.authoring.xml.source import XmlText
-from picktree.files.expressions import Expression
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.mission import Mission, NodeSpec
+from picktree.files import Expression
+from picktree.trees import Mission, NodeSpec
+from picktree.trees.loading import NodeRegistry, parse_mission
 from picktree.trees.references import Binding, Constant
 
 from ..trees.scripted import FILE, NODES

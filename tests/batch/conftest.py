@@ -7,9 +7,8 @@ from contextlib import nullcontext
 
 import pytest
 
-from picktree.apps.batch import comparison, rerun
-from picktree.apps.batch.executor import Event, Executor, JobOrder
-from picktree.apps.batch.local_executor import LocalExecutor
+from picktree.apps.batch import Executor, LocalExecutor, comparison, rerun
+from picktree.apps.batch.executor import Event, JobOrder
 
 
 @pytest.fixture(scope="package")

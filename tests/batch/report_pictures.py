@@ -10,10 +10,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from picktree.apps.batch.batch import Batch
-from picktree.apps.batch.local_executor import LocalExecutor
-from picktree.apps.batch.plan import BatchPlan
-from picktree.apps.batch.report import write_report
+from picktree.apps.batch import Batch, BatchPlan, LocalExecutor, write_report
 from picktree.apps.cli.batch_progress import progress
 
 from ..browser import Chromium

@@ -6,14 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.batch.batch import Batch
-from picktree.apps.batch.executor import Executor
-from picktree.apps.batch.local_executor import LocalExecutor
-from picktree.apps.batch.plan import BatchPlan, check_plan, jobs_of, load_plan
-from picktree.files.errors import FileError, PicktreeError
-from picktree.files.yaml.document import read_document
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
+from picktree.apps.batch import Batch, BatchPlan, Executor, LocalExecutor, check_plan, load_plan
+from picktree.apps.batch.plan import jobs_of
+from picktree.files import FileError, PicktreeError
+from picktree.files.yaml import read_document
+from picktree.session import RunRequest, Session
 
 from .trouble import troubled
 from .watching import Remembering

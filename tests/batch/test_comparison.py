@@ -10,19 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.apps.batch.comparison import (
-    JobOutcome,
-    RecipeComparison,
-    RecipeOutcomes,
-    compare,
-    compare_recipes,
-    json_text_of,
-    read_recipe,
-    text_of,
-)
-from picktree.apps.batch.tables import JobRow, JobRows
-from picktree.files.errors import PicktreeError
-from picktree.logs.records import Arithmetic
+from picktree.apps.batch import JobRow, RecipeComparison, compare_recipes, json_text_of, read_recipe, text_of
+from picktree.apps.batch.comparison import JobOutcome, RecipeOutcomes, compare
+from picktree.apps.batch.tables import JobRows
+from picktree.files import PicktreeError
+from picktree.logs.log_records import Arithmetic
 
 from .test_store import MISSED, SUCCESS, store
 

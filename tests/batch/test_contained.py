@@ -7,13 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.run import Run
-from picktree.apps.batch.batch import Batch
-from picktree.apps.batch.executor import Executor
-from picktree.apps.batch.local_executor import LocalExecutor
-from picktree.apps.batch.plan import BatchPlan, JobLimits
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
+from picktree.analysis import Run
+from picktree.apps.batch import Batch, BatchPlan, Executor, LocalExecutor
+from picktree.apps.batch.plan import JobLimits
+from picktree.session import RunRequest, Session
 
 from .trouble import troubled
 from .watching import Remembering

@@ -14,14 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.explain.explained_runs import explain_runs, runs_json_text, runs_text
-from picktree.analysis.explain.explanation_text import to_json_text, to_text
-from picktree.analysis.run import Run
-from picktree.apps.batch.batch import Batch
-from picktree.apps.batch.executor import Executor
-from picktree.apps.batch.plan import BatchPlan
-from picktree.apps.batch.store import Store, dropped_logs
-from picktree.apps.batch.summary import summarise
+from picktree.analysis import Run
+from picktree.analysis.explain import explain_runs, runs_json_text, runs_text, to_json_text, to_text
+from picktree.apps.batch import Batch, BatchPlan, Executor, Store, dropped_logs, summarise
 from picktree.logs.episode_counts import ENDS, by_cause
 from picktree.logs.run_index import RunIndex
 

@@ -8,16 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.explain.explained_runs import explain_runs, runs_json_text, runs_text
-from picktree.analysis.explain.explanation_text import to_text
-from picktree.analysis.run import Run
-from picktree.apps.batch.batch import Batch
-from picktree.apps.batch.executor import Executor
-from picktree.apps.batch.plan import BatchPlan
-from picktree.apps.batch.store import Store
-from picktree.apps.batch.summary import summarise
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
+from picktree.analysis import Run
+from picktree.analysis.explain import explain_runs, runs_json_text, runs_text, to_text
+from picktree.apps.batch import Batch, BatchPlan, Executor, Store, summarise
+from picktree.session import RunRequest, Session
 
 from .watching import Remembering
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from picktree.apps.batch.plan import load_plan
+from picktree.apps.batch import load_plan
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -12,11 +12,11 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from picktree.apps.batch.store import Store, export
+from picktree.apps.batch import Store, export
 from picktree.apps.batch.tables import TABLES, JobPickRow, JobRows
-from picktree.apps.cli.app import answer
-from picktree.files.errors import PicktreeError
-from picktree.logs.optional_libraries import install_command
+from picktree.apps.cli import answer
+from picktree.files import PicktreeError
+from picktree.logs import install_command
 
 from .test_store import ITEMS, SUCCESS, store
 

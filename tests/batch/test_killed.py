@@ -12,12 +12,8 @@ from typing import Any
 
 import pytest
 
-from picktree.apps.batch import local_executor
-from picktree.apps.batch.batch import Batch
-from picktree.apps.batch.local_executor import LocalExecutor
-from picktree.apps.batch.plan import BatchPlan
-from picktree.apps.batch.store import Store
-from picktree.files.errors import PicktreeError
+from picktree.apps.batch import Batch, BatchPlan, LocalExecutor, Store, local_executor
+from picktree.files import PicktreeError
 
 from ..commands import PATIENCE, forked_worker
 from .trouble import troubled

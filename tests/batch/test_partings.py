@@ -9,11 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.batch.batch import Batch
-from picktree.apps.batch.executor import Executor
-from picktree.apps.batch.plan import BatchPlan
-from picktree.apps.batch.rerun import rerun_job
-from picktree.apps.cli.app import answer
+from picktree.apps.batch import Batch, BatchPlan, Executor, rerun_job
+from picktree.apps.cli import answer
 
 from .watching import Remembering
 

@@ -16,16 +16,13 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.run import Run
-from picktree.apps.batch import ray_executor
-from picktree.apps.batch.batch import Batch
-from picktree.apps.batch.executor import Executor
-from picktree.apps.batch.local_executor import LocalExecutor
-from picktree.apps.batch.plan import BatchPlan, JobLimits
-from picktree.apps.batch.ray_executor import Installation, RayExecutor, difference, installed
-from picktree.apps.cli.app import answer
-from picktree.files.errors import PicktreeError
-from picktree.logs.optional_libraries import install_command
+from picktree.analysis import Run
+from picktree.apps.batch import Batch, BatchPlan, Executor, LocalExecutor, RayExecutor, ray_executor
+from picktree.apps.batch.plan import JobLimits
+from picktree.apps.batch.ray_executor import Installation, difference, installed
+from picktree.apps.cli import answer
+from picktree.files import PicktreeError
+from picktree.logs import install_command
 
 from ..benchmarks.test_campaign import BENCHMARKS, PROGRAM
 from ..commands import until
@@ -40,8 +37,8 @@ ONE_PICK = Path(__file__).parents[2] / "examples/one_pick.yaml"
 PLAN = BatchPlan("test", (ONE_PICK,), (0, 1, 2), backend="kinematic", keep="all")
 TABLE = "SELECT seed, status, digest, items_sorted, attempts FROM jobs ORDER BY number"
 TROUBLE = """\
-from picktree.trees.skill import Skill, Steps
-from picktree.robot.world import World
+from picktree.trees import Skill, Steps
+from picktree.robot import World
 from pathlib import Path
 import os, signal, time
 

@@ -10,13 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.batch.batch import Batch
-from picktree.apps.batch.executor import Executor
-from picktree.apps.batch.plan import BatchPlan
-from picktree.apps.batch.rerun import rerun_job
-from picktree.apps.batch.store import RESULTS_FILE, Store
-from picktree.apps.cli.app import answer
-from picktree.files.errors import PicktreeError
+from picktree.apps.batch import RESULTS_FILE, Batch, BatchPlan, Executor, Store, rerun_job
+from picktree.apps.cli import answer
+from picktree.files import PicktreeError
 
 from .trouble import troubled
 from .watching import Remembering

@@ -8,10 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from picktree.apps.batch.batch import Batch
-from picktree.apps.batch.executor import Executor
-from picktree.apps.batch.plan import BatchPlan
-from picktree.apps.batch.report import write_report
+from picktree.apps.batch import Batch, BatchPlan, Executor, write_report
 
 from .watching import Remembering
 

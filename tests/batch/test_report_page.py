@@ -9,9 +9,8 @@ from typing import Any
 
 import pytest
 
-from picktree.apps.batch.plan import BatchPlan, Job, write_plan
-from picktree.apps.batch.report import write_report
-from picktree.apps.batch.store import RESULTS_FILE, Store
+from picktree.apps.batch import RESULTS_FILE, BatchPlan, Job, Store, write_report
+from picktree.apps.batch.plan import write_plan
 from picktree.apps.batch.tables import (
     EpisodeRow,
     JobFailureRow,

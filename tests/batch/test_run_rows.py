@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from picktree.analysis.explain.explanation import (
-    ExplainedOutcome,
-    Explanation,
-    KeyMoment,
-    RootCause,
-)
+from picktree.analysis.explain import ExplainedOutcome, Explanation, RootCause
+from picktree.analysis.explain.explanation import KeyMoment
 from picktree.apps.batch.run_rows import look_at, root_of
-from picktree.logs.run_account import Episodes
+from picktree.logs import Episodes
 
 SLIPPED = RootCause("item.slippery", "can_1 is slippery", (), ended_run=False, reasons=(), time=3.0)
 MISTAKEN = RootCause(

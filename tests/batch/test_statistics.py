@@ -2,6 +2,7 @@ import math
 
 import pytest
 
+from picktree.apps.batch import rate
 from picktree.apps.batch.comparison import paired_difference, unpaired_difference
 from picktree.apps.batch.plan import parse_seeds
 from picktree.apps.batch.rates import (
@@ -11,9 +12,8 @@ from picktree.apps.batch.rates import (
     equal_rates_p,
     holm,
     paired,
-    rate,
 )
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
 
 
 def test_wilsons_interval_is_that_of_the_textbook() -> None:

@@ -8,11 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.batch.plan import BatchPlan, Job
-from picktree.apps.batch.store import RESULTS_FILE, Store
-from picktree.apps.batch.summary import summarise
-from picktree.apps.batch.tables import JobFailureRow, JobItemRow, JobRow, JobRows, JobTimingRow
-from picktree.files.errors import PicktreeError
+from picktree.apps.batch import RESULTS_FILE, BatchPlan, Job, JobRow, Store, summarise
+from picktree.apps.batch.tables import JobFailureRow, JobItemRow, JobRows, JobTimingRow
+from picktree.files import PicktreeError
 
 SUCCESS = JobRow(
     status="success",

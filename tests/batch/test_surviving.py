@@ -11,12 +11,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from picktree.apps.batch import RESULTS_FILE, Batch, BatchPlan, Executor, Keep, Store
 from picktree.apps.batch import batch as module
-from picktree.apps.batch.batch import Batch
-from picktree.apps.batch.executor import Executor
-from picktree.apps.batch.plan import BatchPlan, Keep
-from picktree.apps.batch.store import RESULTS_FILE, Store
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
 
 from .trouble import troubled
 from .watching import Remembering

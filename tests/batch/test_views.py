@@ -8,9 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.batch.rates import rate
-from picktree.apps.batch.store import Store
-from picktree.apps.batch.summary import summarise
+from picktree.apps.batch import Store, rate, summarise
 from picktree.apps.batch.tables import EpisodeRow, JobPickRow, JobRows, JobTimingRow, PlantedRow
 
 from .test_store import ITEMS, MISSED, SLIP, SUCCESS, store

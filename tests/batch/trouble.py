@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from picktree.trees.skill import Skill, Steps
-from picktree.robot.world import World
+from picktree.trees import Skill, Steps
+from picktree.robot import World
 
 HERE = Path({here!r})
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from picktree.apps.batch.batch import RecordedJob
-from picktree.apps.batch.plan import Job
-from picktree.apps.batch.tables import JobRow
+from picktree.apps.batch import Job, JobRow, RecordedJob
 
 
 @dataclass

@@ -7,10 +7,10 @@ from typing import get_args
 
 import pytest
 
-from picktree.apps.batch.plan import load_plan
+from picktree.apps.batch import load_plan
+from picktree.simulation import load_faults
 from picktree.simulation.fault_entries import FaultName
-from picktree.simulation.fault_loading import load_faults
-from picktree.world.scene.scene_loading import load_scene
+from picktree.world.scene import load_scene
 
 CAMPAIGN = Path(__file__).parents[2] / "benchmarks" / "campaign"
 FILES = sorted((CAMPAIGN / "faults").glob("*.yaml"))

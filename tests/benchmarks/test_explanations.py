@@ -11,10 +11,10 @@ from typing import Any, get_args
 
 import pytest
 
+from picktree.simulation import load_faults
 from picktree.simulation.fault_entries import FaultName
-from picktree.simulation.fault_loading import load_faults
-from picktree.trees.loading.loader import load_mission
-from picktree.world.scene.scene_loading import load_scene
+from picktree.trees.loading import load_mission
+from picktree.world.scene import load_scene
 
 Program = Callable[[str], ModuleType]
 

@@ -9,9 +9,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from picktree.apps.batch.plan import Job, Variant
-from picktree.apps.batch.store import RESULTS_FILE, Store
-from picktree.apps.batch.tables import JobRow, JobRows
+from picktree.apps.batch import RESULTS_FILE, Job, JobRow, Store
+from picktree.apps.batch.plan import Variant
+from picktree.apps.batch.tables import JobRows
 from picktree.simulation.fault_entries import FaultExpectation
 
 Program = Callable[[str], ModuleType]

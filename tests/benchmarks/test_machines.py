@@ -124,7 +124,7 @@ def test_a_defective_emulator_runs_numpy_without_gathers(
     script = tmp_path / "script.py"
     script.write_text(
         "import json, sys\n"
-        "from picktree.files.arithmetic import numpy_kernels\n"
+        "from picktree.files import numpy_kernels\n"
         "found = {'name': sys.argv[1], 'digest': numpy_kernels(), 'cpu_seconds': 0}\n"
         "print(json.dumps(found))\n"
     )

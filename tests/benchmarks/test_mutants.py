@@ -83,8 +83,7 @@ def suite(program: Program, tmp_path_factory: pytest.TempPathFactory) -> Any:
     (root / "__init__.py").touch()
     # What the program that runs mutants takes from the package under test.
     (root / "files").mkdir()
-    (root / "files" / "__init__.py").touch()
-    (root / "files" / "arithmetic.py").write_text("def pin() -> None:\n    pass\n")
+    (root / "files" / "__init__.py").write_text("def pin() -> None:\n    pass\n")
     (root / "lib.py").write_text(dedent(LIBRARY).lstrip())
     (root / "tests" / "__init__.py").touch()
     (root / "tests" / "helper.py").write_text("def six():\n    return 6\n")

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
+from picktree.robot.calibration import CalibrationEstimate, estimate
 from picktree.robot.calibration.calibration_targets import touch_points
-from picktree.robot.calibration.estimation import CalibrationEstimate, camera_in_tcp, estimate, spread
+from picktree.robot.calibration.estimation import camera_in_tcp, spread
 from picktree.robot.calibration.observations import (
     CalibrationData,
     DetectedTile,
@@ -19,9 +20,8 @@ from picktree.robot.calibration.observations import (
     viewpoints,
 )
 from picktree.robot.calibration.target_detection import area_and_centroid, pixels_of
-from picktree.world.protocols import Intrinsics
+from picktree.world import Array, Intrinsics, Pose
 from picktree.world.scene.description import tiles_on
-from picktree.world.values import Array, Pose
 
 SIZE = (0.18, 0.16, 0.05)
 TILES = tiles_on(SIZE)

@@ -14,15 +14,11 @@ from picktree.robot.calibration.target_detection import (
     detect_tiles,
     pixels_of,
 )
+from picktree.simulation.physics import CameraRenderer, Client
 from picktree.simulation.physics.bodies import add_scenery
-from picktree.simulation.physics.engine import Client
-from picktree.simulation.physics.rgbd_camera import CameraRenderer
-from picktree.world.protocols import RgbdImage
-from picktree.world.scene.description import Fixture, SceneDescription
+from picktree.world import Box, ObjectId, Pose, RgbdImage, Vector3
+from picktree.world.scene import Fixture, SceneDescription, parse_scene
 from picktree.world.scene.scene_entries import look_at_frame
-from picktree.world.scene.scene_loading import parse_scene
-from picktree.world.shapes import Box
-from picktree.world.values import ObjectId, Pose, Vector3
 
 SCENE = """
 picktree: 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from picktree.files.errors import Diagnostic, Mark, Severity
+from picktree.files import Diagnostic, Mark, Severity
 from picktree.files.fault_codes import apply_suppressions
 
 KNOWN = ("P207", "P304", "P305")

@@ -5,15 +5,14 @@ from __future__ import annotations
 import io
 import json
 import os
-import sys
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from picktree.apps.cli.app import answer
-from picktree.world.scene.scene_loading import load_scene
+from picktree.apps.cli import answer
+from picktree.world.scene import load_scene
 
 SCENE = "picktree: 1\nkind: scene\nrobot: panda\n"
 WRONG = SCENE + "goal: sorted = total\n"
@@ -258,10 +257,8 @@ def test_a_run_shows_the_faults_of_its_files_in_the_same_way(
         def __init__(self, request: dict[str, Any], *watchers: object, **others: object) -> None:
             load_scene(request["scene"])
 
-    module = ModuleType("picktree.session.session")
-    module.Session = Session  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "picktree.session.session", module)
-    monkeypatch.setattr("picktree.session.recipe.RunRequest", dict)
+    monkeypatch.setattr("picktree.session.Session", Session)
+    monkeypatch.setattr("picktree.session.RunRequest", dict)
     assert answer(["run", "m.yaml", "--scene", "a.yaml"]) == 2
     out, err = capsys.readouterr()
     assert out == ""

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 from picktree.apps.cli.file_schemas import CHECKS
 from picktree.files.file_checks import check_files
 

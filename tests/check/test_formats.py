@@ -14,9 +14,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 from picktree.apps.cli.file_schemas import CHECKS
-from picktree.files.errors import Diagnostic, Mark
+from picktree.files import Diagnostic, Mark
 from picktree.files.fault_rendering import as_github
 from picktree.files.file_checks import check_files, to_sarif
 

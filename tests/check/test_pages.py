@@ -9,13 +9,11 @@ from pathlib import Path
 import pytest
 
 from picktree.apps.cli.file_schemas import CHECKS
-from picktree.authoring.xml.conversion import convert_all
-from picktree.authoring.xml.mission_import import ImportOptions
-from picktree.authoring.xml.source import XmlText
-from picktree.files.errors import FileError, PicktreeError
-from picktree.files.fault_codes import CodeExample, index, page, pages
+from picktree.authoring.xml import ImportOptions, XmlText, convert_all
+from picktree.files import FileError, PicktreeError, index
+from picktree.files.fault_codes import CodeExample, page, pages
 from picktree.files.file_checks import UnsavedText, check_files
-from picktree.trees.loading.plugin import PLUGINS_VARIABLE
+from picktree.trees.loading import PLUGINS_VARIABLE
 
 from ..rooms import ROOT, modules
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
 
+from picktree.logs import FormCount, ItemCount, PickCount, RunResult, WallSeconds
 from picktree.logs.episode_counts import CureCount, PlantedCount
-from picktree.logs.run_result import FormCount, ItemCount, PickCount, RunResult, WallSeconds
 
 RESULT = RunResult(
     status="success",
@@ -67,8 +65,6 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
         def run(self) -> RunResult:
             return stage.act()
 
-    module = ModuleType("picktree.session.session")
-    module.Session = Session  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "picktree.session.session", module)
-    monkeypatch.setattr("picktree.session.recipe.RunRequest", dict)
+    monkeypatch.setattr("picktree.session.Session", Session)
+    monkeypatch.setattr("picktree.session.RunRequest", dict)
     return stage

@@ -15,12 +15,10 @@ from typing import Any
 
 import pytest
 
-from picktree.apps.cli.app import answer
-from picktree.logs.run_log import RunLog
+from picktree.apps.cli import answer
+from picktree.logs import RunLog
+from picktree.session import PresetAnswers, RunRequest, Session
 from picktree.session.attach_socket import SOCKET_NAME, connect_to_run, listen_in, socket_address
-from picktree.session.observer import PresetAnswers
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
 
 from ..commands import PATIENCE, Command, Streams, Terminal, call, until
 

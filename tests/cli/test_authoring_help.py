@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 
 ROOT = Path(__file__).parents[2]
 MISSION = ROOT / "examples/sort_by_colour.yaml"
@@ -33,8 +33,8 @@ def test_schema_and_reference_of_a_mission_have_its_plug_ins(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     plugin = """\
-from picktree.trees.leaves import ConditionNode
-from picktree.trees.ports import In, port
+from picktree.trees import ConditionNode
+from picktree.trees import In, port
 
 class Dusk(ConditionNode):
     \"\"\"Whether it is getting dark.\"\"\"

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from picktree.apps.batch import local_executor
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 
 from ..commands import forked_worker
 

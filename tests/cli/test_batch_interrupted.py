@@ -9,7 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from picktree.apps.batch.store import RESULTS_FILE, Store
+from picktree.apps.batch import RESULTS_FILE, Store
 
 from ..batch.processes import alive
 from ..commands import PATIENCE, Command, Streams, Terminal, until
@@ -18,8 +18,8 @@ PLUGIN = """\
 import os, time
 from pathlib import Path
 
-from picktree.trees.skill import Skill, Steps
-from picktree.robot.world import World
+from picktree.trees import Skill, Steps
+from picktree.robot import World
 
 
 class Work(Skill):

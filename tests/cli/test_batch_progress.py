@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from picktree.apps.batch.batch import RecordedJob
-from picktree.apps.batch.plan import Job, Variant
-from picktree.apps.batch.tables import JobRow
+from picktree.apps.batch import Job, JobRow, RecordedJob
+from picktree.apps.batch.plan import Variant
 from picktree.apps.cli.batch_progress import BatchCount, Lines, LiveTable, span
 
 NOON = datetime(2026, 3, 4, 12, 0).timestamp()

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.apps.cli.app import answer
-from picktree.world.scene.scene_loading import load_scene
+from picktree.apps.cli import answer
+from picktree.world.scene import load_scene
 
 SCENE = """\
 picktree: 1

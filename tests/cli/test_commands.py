@@ -12,12 +12,12 @@ from typing import Any
 
 import pytest
 
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 from picktree.apps.cli.output import program
 from picktree.apps.cli.run import HELP_GROUPS
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
+from picktree.logs import RunResult
 from picktree.logs.log_files import Rotation
-from picktree.logs.run_result import RunResult
 
 HEAVY = {
     "coal", "cv2", "fcl", "google", "mcap", "numpy", "ompl", "pinocchio", "py_trees", "pybullet", "pydantic",
@@ -29,7 +29,7 @@ HEAVY = {
 def test_help_and_version_import_nothing_heavy(option: str) -> None:
     program = f"""
 import sys
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 code = answer([{option!r}])
 print(sorted({{name.split(".")[0] for name in sys.modules}}), file=sys.stderr)
 sys.exit(code)
@@ -172,7 +172,7 @@ import os, sys
 from types import ModuleType
 sys.path.insert(0, {str(Path(__file__).parent)!r})
 from conftest import RESULT
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 
 class Session:
     def __init__(self, request, observers=(), planning_worker=False): pass

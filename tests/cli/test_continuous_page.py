@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from picktree.apps.cli.run import parse_parameters
-from picktree.trees.loading.loader import load_mission
-from picktree.trees.run_settings import parameter_value
-from picktree.world.causes import feed
+from picktree.trees import parameter_value
+from picktree.trees.loading import load_mission
+from picktree.world import feed
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "continuous.md").read_text("utf-8")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "one_pick.yaml"
 

@@ -9,12 +9,10 @@ from typing import Any
 
 import pytest
 
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 from picktree.apps.cli.debug_prompt import DebugPrompt
-from picktree.session.debugger import Debugger
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.trees.flow import NodeStatus
+from picktree.session import Debugger, RunRequest, Session
+from picktree.trees import NodeStatus
 
 from ..commands import Terminal, call
 from ..trees.scripted import FakeWorld, start

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.cli.app import answer
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
+from picktree.apps.cli import answer
+from picktree.session import RunRequest, Session
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FAULTS = """\

@@ -12,12 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.cli.app import answer
-from picktree.logs.recording.recorder import Recorder
-from picktree.logs.records import NodeStatusRecord, RunInfo, Tick, TransitionRecord, Tree, TreeNode
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.world.journal import OtherEvent
+from picktree.apps.cli import answer
+from picktree.logs.log_records import NodeStatusRecord, RunInfo, Tick, TransitionRecord, Tree, TreeNode
+from picktree.logs.recording import Recorder
+from picktree.session import RunRequest, Session
+from picktree.world import OtherEvent
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FAULTS = """\
@@ -173,7 +172,7 @@ def test_three_hundred_failures_are_told_in_groups(tmp_path: Path, capfd: pytest
 
 def test_help_comes_fast_and_names_the_command() -> None:
     ran = subprocess.run(
-        [sys.executable, "-c", "from picktree.apps.cli.app import answer; import sys;"
+        [sys.executable, "-c", "from picktree.apps.cli import answer; import sys;"
          "answer(['explain', '--help']); assert 'numpy' not in sys.modules"],
         capture_output=True, text=True, check=True,
     )  # fmt: skip

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis.export.run_export import TABLES
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
 NOTE = "a log of format 1 has no transitions: what nodes did and how they failed is told in part"

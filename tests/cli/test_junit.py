@@ -11,11 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from junitparser import Error, Failure, JUnitXml, Skipped, TestCase, TestSuite
 
-from picktree.apps.batch import local_executor
-from picktree.apps.batch.report import to_junit
-from picktree.apps.batch.store import Store
-from picktree.apps.cli.app import answer
-from picktree.files.junit import JunitCase, junit_text
+from picktree.apps.batch import Store, local_executor, to_junit
+from picktree.apps.cli import answer
+from picktree.files import JunitCase, junit_text
 
 from ..commands import forked_worker
 

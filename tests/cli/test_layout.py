@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
 

@@ -13,13 +13,12 @@ from rich.console import Console
 
 from picktree.apps.cli.progress import LinesDisplay, LiveDisplay, deepest_running
 from picktree.apps.cli.state_text import tree_rows
-from picktree.logs.run_result import RunResult
-from picktree.session.execution import Execution
-from picktree.session.run_tally import RunCounters
-from picktree.trees.flow import NodeStatus
-from picktree.trees.runner import NodeInfo, NodeReport, TickReport
-from picktree.world.events import ItemDoneEvent, SetAsideEvent
-from picktree.world.journal import JournalEvent
+from picktree.logs import RunResult
+from picktree.session import Execution, RunCounters
+from picktree.trees import NodeStatus, TickReport
+from picktree.trees.runner import NodeInfo, NodeReport
+from picktree.world import JournalEvent
+from picktree.world.event_types import ItemDoneEvent, SetAsideEvent
 
 STRUCTURE = (
     NodeInfo("Main", "Sequence", "Main", "control", None, ("Main/1", "Main/2", "Main/3"), {}),

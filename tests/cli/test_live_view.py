@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
-from picktree.apps.cli.app import answer
-from picktree.logs.optional_libraries import install_command
+from picktree import session
+from picktree.apps.cli import answer
+from picktree.logs import install_command
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -41,6 +42,7 @@ def test_without_the_sdk_the_extra_is_named(
     stage: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delitem(sys.modules, "picktree.session.live_view", raising=False)
+    monkeypatch.delitem(vars(session), "LiveServer", raising=False)
     monkeypatch.setitem(sys.modules, "foxglove", None)
     assert answer(["run", "m.yaml", "--live"]) == 2
     assert capsys.readouterr().err == f"A live view needs the extra 'live': {install_command('live')}\n"

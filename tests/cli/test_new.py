@@ -13,9 +13,9 @@ import jsonschema
 import pytest
 import yaml
 
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 from picktree.apps.cli.new import STARTERS, StartKind, write_start
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
 
 KINDS: tuple[StartKind, ...] = ("mission", "scene", "plugin")
 

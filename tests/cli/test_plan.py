@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.analysis.render.rasterizer import Picture
-from picktree.apps.cli.app import answer
+from picktree.analysis.render import Picture
+from picktree.apps.cli import answer
 
 
 def asked(capfd: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:

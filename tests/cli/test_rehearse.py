@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 from picktree.world.robot_model.robot_file import SHIPPED
 
 from ..commands import call

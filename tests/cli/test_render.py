@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 
 MISSION = """picktree: 1
 kind: mission

@@ -10,14 +10,20 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.cursor import Cursor
-from picktree.analysis.run import Run
-from picktree.apps.cli.app import answer
+from picktree.analysis import Cursor, Run
+from picktree.apps.cli import answer
 from picktree.apps.cli.replay_prompt import ReplayPrompt
 from picktree.apps.cli.replay_screen import KEYS
-from picktree.logs.records import TransitionRecord, WriteRecord
-from picktree.world.journal import CandidateEntry, CandidateSearchEntry, JournalEvent, OtherEvent, PlanEntry
-from picktree.world.values import ObjectId, Pose
+from picktree.logs.log_records import TransitionRecord, WriteRecord
+from picktree.world import (
+    CandidateEntry,
+    CandidateSearchEntry,
+    JournalEvent,
+    ObjectId,
+    OtherEvent,
+    PlanEntry,
+    Pose,
+)
 
 from ..commands import Terminal, call
 from ..logs.scripted_log import Seen, begins, ends, record, tree

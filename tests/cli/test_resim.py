@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from picktree.analysis.compare.message_difference import MessageDifference
-from picktree.analysis.compare.run_outcome import RunOutcome
+from picktree.analysis import RunChanges
+from picktree.analysis.compare import RunOutcome
+from picktree.analysis.compare.message_differences import MessageDifference
 from picktree.analysis.resim import Reason, Resimulation
-from picktree.analysis.run_changes import RunChanges
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 
 GRASP = "Main/Sequence/Grasp"
 SAME = Resimulation(
@@ -79,7 +79,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Callable[[Resimulation], list[dict
             orders.append({"log": log, **options})
             return found
 
-        monkeypatch.setattr("picktree.analysis.resim.resimulate", resimulate)
+        monkeypatch.setattr("picktree.analysis.resimulate", resimulate)
         return orders
 
     return meet

@@ -6,15 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from picktree.logs.run_result import (
-    CrushedItem,
-    FeedCount,
-    FormCount,
-    HoleItem,
-    ItemCount,
-    PickCount,
-    RunResult,
-)
+from picktree.logs import CrushedItem, FeedCount, FormCount, HoleItem, ItemCount, PickCount, RunResult
 
 
 def test_text(result: RunResult) -> None:

@@ -11,13 +11,12 @@ import trimesh
 
 from picktree.analysis import resim
 from picktree.analysis import resim as child
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 from picktree.apps.cli.file_schemas import CHECKS
-from picktree.apps.commissioning.proposal import ProposalRequest, propose
+from picktree.apps.commissioning import ProposalRequest, propose
 from picktree.files.file_checks import check_files
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.robot_model.urdf import UrdfMesh, link_geometry
+from picktree.world.robot_model import RobotModel, load_robot
+from picktree.world.robot_model.urdf_parser import UrdfMesh, link_geometry
 
 PANDA = "pybullet_data:franka_panda/panda.urdf"
 URDF = "an XML file <robot> with <link> and <joint> elements that form one tree"

@@ -11,21 +11,19 @@ import numpy as np
 import pytest
 import trimesh
 
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
+from picktree.apps.commissioning import ProposalRequest, propose
 from picktree.apps.commissioning.base_pose import TargetPlace, propose_base
 from picktree.apps.commissioning.joints import is_placeholder
 from picktree.apps.commissioning.model_checks import RobotUnderTest, check_model
-from picktree.apps.commissioning.proposal import Proposal, ProposalRequest, propose
+from picktree.apps.commissioning.proposal import Proposal
 from picktree.apps.commissioning.robot_test import advice, opening_advice, reach_advice
-from picktree.files.errors import PicktreeError
-from picktree.robot.planning.collision_checker import CollisionChecker, standing_pairs
-from picktree.world.planning_scene import BeliefObject, PlanningScene
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.robot_model.urdf import mesh_file
-from picktree.world.scene.description import Fixture
-from picktree.world.shapes import Box
-from picktree.world.values import ObjectId, Pose
+from picktree.files import PicktreeError
+from picktree.robot.planning import CollisionChecker, standing_pairs
+from picktree.world import BeliefObject, Box, ObjectId, PlanningScene, Pose
+from picktree.world.robot_model import RobotModel, load_robot
+from picktree.world.robot_model.urdf_parser import mesh_file
+from picktree.world.scene import Fixture
 
 from ..robots.arms import BAR_HAND, HINGED_HAND, JOINTS, link, mini
 

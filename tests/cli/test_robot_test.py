@@ -9,17 +9,17 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.run import Run
-from picktree.apps.cli.app import answer
+from picktree.analysis import Run
+from picktree.apps.cli import answer
 from picktree.apps.cli.file_schemas import CHECKS
 from picktree.apps.commissioning.model_checks import RobotUnderTest, Verdict, check_model
 from picktree.files.file_checks import check_files
-from picktree.robot.perception.robot_mask import hidden_shares
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import SHIPPED, load_robot, robot_names
-from picktree.world.robot_model.urdf import mesh_file, parsed_urdf
-from picktree.world.scene.description import MAX_HIDDEN_SHARE
-from picktree.world.scene.scene_loading import load_scene, scene_names
+from picktree.robot.perception import hidden_shares
+from picktree.world.robot_model import RobotModel, load_robot
+from picktree.world.robot_model.robot_file import SHIPPED, robot_names
+from picktree.world.robot_model.urdf_parser import mesh_file, parsed_urdf
+from picktree.world.scene import MAX_HIDDEN_SHARE, load_scene
+from picktree.world.scene.scene_loading import scene_names
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 HIDING = "  home: [0, 0.05, 0, -1.75, 0, 1.8, 0.785]"

@@ -7,7 +7,7 @@ from contextlib import nullcontext
 
 import pytest
 
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 from picktree.apps.cli.operator_prompt import PersonAtTerminal
 from picktree.robot.operator_desk import OperatorQuestion
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from picktree.apps.cli.app import answer, app
+from picktree.apps.cli import answer
+from picktree.apps.cli.app import app
 from picktree.apps.cli.debug_prompt import DebugPrompt
 
 ROOT = Path(__file__).parents[2]

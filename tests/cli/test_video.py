@@ -8,8 +8,8 @@ from pathlib import Path
 import av
 import pytest
 
-from picktree.apps.cli.app import answer
-from picktree.logs.recording.foxglove_messages import decode_colour
+from picktree.apps.cli import answer
+from picktree.logs.recording import decode_colour
 
 from ..commands import Terminal
 

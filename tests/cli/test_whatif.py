@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 
-from picktree.analysis.compare.message_difference import MessageDifference
-from picktree.analysis.compare.run_outcome import RunOutcome
-from picktree.analysis.run_changes import RunChanges
+from picktree.analysis import RunChanges
+from picktree.analysis.compare import RunOutcome
+from picktree.analysis.compare.message_differences import MessageDifference
 from picktree.analysis.whatif import Continuation, NodeTransfers
-from picktree.apps.cli.app import answer
-from picktree.files.errors import Diagnostic, Mark
+from picktree.apps.cli import answer
+from picktree.files import Diagnostic, Mark
 
 OUTCOME = RunOutcome(
     log=Path("/runs/one/log.mcap"),
@@ -69,7 +69,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Callable[[Continuation], list[dict
             orders.append({"log": log, "at": at, **options})
             return found
 
-        monkeypatch.setattr("picktree.analysis.whatif.what_if", what_if)
+        monkeypatch.setattr("picktree.analysis.what_if", what_if)
         return orders
 
     return meet

@@ -8,28 +8,14 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from picktree.robot.control.control_loop import ControlLoop
-from picktree.robot.control.gripper_motion import GripperControl
-from picktree.robot.control.motions import ArmMotion
-from picktree.robot.control.safety_monitor import SafetyMonitor
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.journal import Journal, JournalEvent
-from picktree.world.robot_model.description import RobotDescription
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.description import (
-    Bin,
-    CatalogueEntry,
-    Fixture,
-    SafetyLimits,
-    SceneDescription,
-    Spawn,
-)
-from picktree.world.shapes import Box
-from picktree.world.values import Array, Bounds, ObjectId, Pose, Trajectory
+from picktree.robot.control import ArmMotion, ControlLoop, GripperControl, SafetyMonitor
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.world import Array, Bounds, Box, Journal, JournalEvent, ObjectId, Pose, Trajectory
+from picktree.world.robot_model import RobotDescription, RobotModel, load_robot
+from picktree.world.scene import Bin, CatalogueEntry, Fixture, SafetyLimits, SceneDescription, Spawn
 
 if TYPE_CHECKING:
-    from picktree.simulation.physics.backend import PhysicsHardware
+    from picktree.simulation.physics import PhysicsHardware
 
 T = TypeVar("T")
 TICK = 0.05

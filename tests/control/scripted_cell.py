@@ -6,12 +6,11 @@ from typing import cast
 
 import numpy as np
 
-from picktree.robot.control.control_loop import ControlLoop
+from picktree.robot.control import ControlLoop
 from picktree.robot.control.joint_controllers import TrajectoryController
 from picktree.robot.control.motion_lease import Lease
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.protocols import Hardware
-from picktree.world.values import GRAVITY, Array, JointState, Wrench
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.world import GRAVITY, Array, Hardware, JointState, Wrench
 
 from .control_cell import HOME, MODEL, Backend, Cell, swing
 

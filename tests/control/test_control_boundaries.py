@@ -7,17 +7,15 @@ from typing import cast
 import numpy as np
 import pytest
 
+from picktree.robot.control import SafetyMonitor, distance_to_workspace_edge
 from picktree.robot.control.commands import JointCommand
 from picktree.robot.control.impedance import ContactReflex
 from picktree.robot.control.joint_controllers import BrakeController, TrajectoryController
-from picktree.robot.control.safety_monitor import SafetyMonitor
-from picktree.robot.control.soft_limits import SoftJointLimits, distance_to_workspace_edge
-from picktree.robot.planning.requests import Scaling
-from picktree.robot.planning.time_parameterization import time_corners
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.causes import Failure
-from picktree.world.scene.description import SafetyLimits
-from picktree.world.values import Array, Bounds, JointState
+from picktree.robot.control.soft_limits import SoftJointLimits
+from picktree.robot.planning import Scaling, time_corners
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import Array, Bounds, Failure, JointState
+from picktree.world.scene import SafetyLimits
 
 from .control_cell import HOME, MODEL, Cell, swing
 

@@ -7,11 +7,11 @@ from collections.abc import Generator
 import numpy as np
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.robot.control.compliant_motion import CartesianStiffness, CompliantMotion, ContactState
+from picktree.files import PicktreeError
+from picktree.robot.control import CartesianStiffness, CompliantMotion, ContactState
 from picktree.robot.control.contact_motion import CompliantMotionResult
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.values import Vector3
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import Vector3
 
 from .control_cell import TICK, Cell
 

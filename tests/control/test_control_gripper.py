@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from picktree.robot.control.gripper_motion import GripperControl
-from picktree.world.causes import Failure
-from picktree.world.values import GripperState
+from picktree.robot.control import GripperControl
+from picktree.world import Failure, GripperState
 
 from .control_cell import ROBOT, TICK
 

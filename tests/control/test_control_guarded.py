@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.robot.control.compliant_motion import CartesianStiffness
-from picktree.world.causes import Failure
-from picktree.world.values import Pose
+from picktree.files import PicktreeError
+from picktree.robot.control import CartesianStiffness
+from picktree.world import Failure, Pose
 
 from .control_cell import BLOCK, HOME, ROBOT, Cell, reach, swing
 from .control_cell import DOWN as LOOKING_DOWN

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.world.causes import Failure, grasp
-from picktree.world.values import Array, Pose, Trajectory
+from picktree.files import PicktreeError
+from picktree.world import Array, Failure, Pose, Trajectory, grasp
 
 from .control_cell import DOWN, HOME, MODEL, TICK, Cell, reach, swing
 

@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.robot.control.commands import Twist
-from picktree.robot.control.jog_motion import JogFeedback, JogResult, JogSetpointGenerator, JogState
-from picktree.simulation.checkpoints import Backend
-from picktree.world.causes import Failure
-from picktree.world.values import Array, Bounds
+from picktree.files import PicktreeError
+from picktree.robot.control import JogFeedback, JogResult, Twist
+from picktree.robot.control.jog_motion import JogSetpointGenerator, JogState
+from picktree.simulation import Backend
+from picktree.world import Array, Bounds, Failure
 
 from ..planning.test_gate import Cell
 from .control_cell import HOME, MODEL

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
+from picktree.robot.control import HoldController
 from picktree.robot.control.compliant_motion import HoldPose
 from picktree.robot.control.impedance import (
     CartesianImpedance,
@@ -14,10 +15,9 @@ from picktree.robot.control.impedance import (
     JointImpedanceController,
 )
 from picktree.robot.control.jog_motion import JogController
-from picktree.robot.control.joint_controllers import BrakeController, HoldController, TrajectoryController
+from picktree.robot.control.joint_controllers import BrakeController, TrajectoryController
 from picktree.robot.control.motion_lease import Lease
-from picktree.world.causes import Failure
-from picktree.world.values import Array
+from picktree.world import Array, Failure
 
 from .control_cell import HOME, MODEL, Cell, swing
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from picktree.robot.control import HoldController
 from picktree.robot.control.external_torque import EffortCheck
-from picktree.robot.control.joint_controllers import HoldController
-from picktree.world.values import GRAVITY, Array, JointState
+from picktree.world import GRAVITY, Array, JointState
 
 from .control_cell import HOME, MODEL
 from .scripted_cell import ASIDE, STILL, FeelingHardware, moving, scripted, steps

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.robot.control.joint_controllers import HoldController, TrajectoryController
+from picktree.robot.control import HoldController, Payload
+from picktree.robot.control.joint_controllers import TrajectoryController
 from picktree.robot.control.motion_lease import ForceGuard, Lease
-from picktree.robot.control.payload_estimate import Payload
-from picktree.world.values import Array
+from picktree.world import Array
 
 from .control_cell import HOME, MODEL, TICK, Cell, swing
 from .scripted_cell import ASIDE, PERIOD, FeelingHardware, moving, scripted, steps

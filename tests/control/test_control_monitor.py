@@ -7,12 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.robot.control.safety_monitor import SafetyMonitor
-from picktree.world.causes import Failure
-from picktree.world.journal import Journal
-from picktree.world.scene.description import SafetyLimits
-from picktree.world.values import Array, Bounds, JointState, Pose, Vector3
+from picktree.files import PicktreeError
+from picktree.robot.control import SafetyMonitor
+from picktree.world import Array, Bounds, Failure, JointState, Journal, Pose, Vector3
+from picktree.world.scene import SafetyLimits
 
 from .control_cell import DOWN, HOME, MODEL, Cell, reach, swing
 

@@ -9,17 +9,14 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from picktree.robot.control import HoldController, SafetyMonitor
 from picktree.robot.control.commands import JointCommand
 from picktree.robot.control.control_loop import ArmDrive, ArmSampler, Supervision, Watchdog
 from picktree.robot.control.impedance import ContactReflex
-from picktree.robot.control.joint_controllers import BrakeController, HoldController, TrajectoryController
+from picktree.robot.control.joint_controllers import BrakeController, TrajectoryController
 from picktree.robot.control.motion_lease import ContactGuard, ForceGuard
-from picktree.robot.control.safety_monitor import SafetyMonitor
 from picktree.robot.control.wrist_wrench import BiasEstimator, WristWrench
-from picktree.world.causes import safety
-from picktree.world.journal import Journal
-from picktree.world.protocols import Hardware, SensorStamps
-from picktree.world.values import GRAVITY, Array, JointState, Wrench
+from picktree.world import GRAVITY, Array, Hardware, JointState, Journal, SensorStamps, Wrench, safety
 
 from .control_cell import HOME, MODEL, swing, table_scene
 

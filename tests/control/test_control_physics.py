@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.robot.control.compliant_motion import CartesianStiffness, HoldPose
+from picktree.robot.control import CartesianStiffness, HoldController
+from picktree.robot.control.compliant_motion import HoldPose
 from picktree.robot.control.impedance import CartesianImpedance
-from picktree.robot.control.joint_controllers import HoldController
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.causes import Failure
-from picktree.world.values import Array, Pose
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import Array, Failure, Pose
 
 from ..skills.cell import Cell as SortingCell
 from ..skills.cell import items, mission

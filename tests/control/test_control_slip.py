@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.robot.control.payload_estimate import (
+from picktree.robot.control import (
     MassEstimate,
     Payload,
     SlipDetector,
@@ -13,8 +13,7 @@ from picktree.robot.control.payload_estimate import (
     estimate_moving_mass,
     wrist_sample,
 )
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
+from picktree.world.robot_model import RobotModel, load_robot
 
 MODEL = RobotModel(load_robot("panda"))
 TICK = 0.05

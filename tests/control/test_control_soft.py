@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from picktree.robot.control.commands import ContactThresholds
+from picktree.robot.control import ContactThresholds
 from picktree.robot.control.external_torque import ExternalTorqueObserver
 from picktree.robot.control.impedance import (
     MAX_IMPULSE,
@@ -19,11 +19,9 @@ from picktree.robot.control.impedance import (
     JointImpedanceController,
     slowed_trajectory,
 )
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.causes import Failure
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.values import Array, JointState
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import Array, Failure, JointState
+from picktree.world.robot_model import RobotModel, load_robot
 
 from ..planning.motion_cell import down
 from ..robots.arms import ROBOT, mini

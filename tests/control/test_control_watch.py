@@ -9,21 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from picktree.robot.control import Payload, SafetyMonitor
 from picktree.robot.control.external_torque import EffortCheck
 from picktree.robot.control.joint_controllers import TrajectoryController
-from picktree.robot.control.payload_estimate import Payload
-from picktree.robot.control.safety_monitor import SafetyMonitor, payload_limit
-from picktree.simulation.fault_injector import FaultInjector
-from picktree.simulation.fault_loading import parse_faults
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.causes import Failure
-from picktree.world.journal import Journal, JournalEvent
-from picktree.world.protocols import SensorStamps
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.description import SafetyLimits
-from picktree.world.values import Array, JointState, Wrench
+from picktree.robot.control.safety_monitor import payload_limit
+from picktree.simulation import FaultInjector, parse_faults
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import Array, Failure, JointState, Journal, JournalEvent, SensorStamps, Wrench
+from picktree.world.robot_model import RobotModel, load_robot
+from picktree.world.scene import SafetyLimits
 
 from .control_cell import HOME, MODEL, TICK, Backend, Cell, swing
 

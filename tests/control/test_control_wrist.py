@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from picktree.robot.control.contact_detection import ContactDetector, ForceSample
-from picktree.robot.control.payload_estimate import Payload, PayloadEstimator
+from picktree.robot.control import ContactDetector, Payload
+from picktree.robot.control.contact_detection import ForceSample
+from picktree.robot.control.payload_estimate import PayloadEstimator
 from picktree.robot.control.wrist_wrench import WristWrench
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.values import Array, Wrench
+from picktree.world import Array, Wrench
+from picktree.world.robot_model import RobotModel, load_robot
 
 MODEL = RobotModel(load_robot("panda"))
 HOME = MODEL.named("home")

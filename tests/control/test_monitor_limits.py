@@ -9,12 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.robot.control.safety_monitor import Latch, SafetyMonitor
-from picktree.world.causes import safety
-from picktree.world.journal import Journal, JournalEvent
-from picktree.world.protocols import SensorStamps
-from picktree.world.scene.description import SafetyLimits
-from picktree.world.values import Array, Bounds, JointState, Vector3
+from picktree.robot.control import SafetyMonitor
+from picktree.robot.control.safety_monitor import Latch
+from picktree.world import Array, Bounds, JointState, Journal, JournalEvent, SensorStamps, Vector3, safety
+from picktree.world.scene import SafetyLimits
 
 from .control_cell import HOME, MODEL
 

@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.robot.control.safety_monitor import SafetyMonitor, payload_limit
-from picktree.world.events import WristBiasEvent
-from picktree.world.journal import Journal
-from picktree.world.protocols import SensorStamps
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.scene.description import SafetyLimits
-from picktree.world.values import JointState
+from picktree.robot.control import SafetyMonitor
+from picktree.robot.control.safety_monitor import payload_limit
+from picktree.world import JointState, Journal, SensorStamps
+from picktree.world.event_types import WristBiasEvent
+from picktree.world.robot_model import RobotModel
+from picktree.world.scene import SafetyLimits
 
 from .control_cell import HOME, MODEL, ROBOT
 from .test_monitor_limits import (

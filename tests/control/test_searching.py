@@ -9,14 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from picktree.robot.control.compliant_motion import ContactState
-from picktree.robot.control.peg_insertion import (
-    CLEAR_FOOT_HEIGHT,
+from picktree.robot.control import (
     BelievedHole,
+    ContactState,
     HeldPeg,
     InsertionMotion,
     InsertionParameters,
     Search,
+)
+from picktree.robot.control.peg_insertion import (
+    CLEAR_FOOT_HEIGHT,
     SettlingDetector,
     grid,
     rotation_about,

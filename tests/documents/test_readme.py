@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.trees.loading.loader import parse_mission
+from picktree.trees.loading import parse_mission
 
 from ..pages import Block, Reader, blocks, typed
 from ..rooms import ROOT

@@ -18,9 +18,9 @@ import yaml
 
 from picktree.apps.cli.file_schemas import CHECKS
 from picktree.files.file_checks import UnsavedText, check_files
-from picktree.trees.mission import library_names
+from picktree.trees import library_names
 from picktree.world.robot_model.robot_file import RobotFile
-from picktree.world.scene.scene_schema import SceneFile
+from picktree.world.scene import SceneFile
 
 from ..pages import Block, blocks, pages
 from ..rooms import ROOT

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.schema.mission import mission_schema, one_mission
-from picktree.authoring.schema.schema_parts import to_text
-from picktree.files.yaml.document import read_document
-from picktree.trees.loading.registry import NodeRegistry
+from picktree.authoring.schema import mission_schema, one_mission, to_text
+from picktree.files.yaml import read_document
+from picktree.trees.loading import NodeRegistry
 
 from .language_server import Diagnostic, LanguageServer, Proposal
 

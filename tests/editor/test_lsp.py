@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from picktree.apps.cli.app import answer
-from picktree.authoring.editor.cursor import read_repaired
-from picktree.logs.optional_libraries import install_command
+from picktree.apps.cli import answer
+from picktree.authoring.editor import read_repaired
+from picktree.logs import install_command
 
 from .language_server import LanguageServer, Proposal
 

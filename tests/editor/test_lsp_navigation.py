@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 from picktree.authoring.editor.completion import SKELETONS
 
 from .language_server import LanguageServer
@@ -23,7 +23,7 @@ def editor(ours: LanguageServer, tmp_path: Path) -> Editor:
 
 
 PLUGIN = """\
-from picktree.trees.skill import Skill
+from picktree.trees import Skill
 
 
 class Wave(Skill):

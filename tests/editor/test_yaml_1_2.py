@@ -9,8 +9,8 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-from picktree.files.errors import FileError, Mark
-from picktree.files.yaml.reader import YamlNode, read
+from picktree.files import FileError, Mark
+from picktree.files.yaml import YamlNode, read
 
 from ..needs import packages
 from .yaml_texts import PIECES, SCALARS, TEXTS

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 from picktree.files import disk_cache
 from picktree.files.disk_cache import VARIABLE, cache_content, cache_folder, cached_arrays
 

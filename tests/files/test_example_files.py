@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
 from picktree.files.file_system import EXAMPLES, example_file, known_file
 from picktree.files.yaml.file_text import Unreadable, read_bytes
 

@@ -6,14 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.files.expression_syntax import ExpressionError
-from picktree.files.expressions import (
+from picktree.files import (
     ANY,
     BOOL,
     FLOAT,
     INT,
-    NULL,
-    NUMBER,
     OBJECT,
     PLACE,
     TEXT,
@@ -26,6 +23,8 @@ from picktree.files.expressions import (
     list_of,
     type_of_value,
 )
+from picktree.files.expression_syntax import ExpressionError
+from picktree.files.expressions import NULL, NUMBER
 
 NAMES = {
     "n": INT, "x": FLOAT, "flag": BOOL, "colour": TEXT, "word": WORD, "item": OBJECT, "bin": PLACE,

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from picktree.files import Expression
 from picktree.files.expression_syntax import ExpressionError
-from picktree.files.expressions import Expression
 
 from ..effort import counted
 

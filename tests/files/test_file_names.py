@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
 from picktree.files.file_system import MAX_NAME_BYTES, fitted, is_utf8, require_utf8, whole
 
 LATIN_1 = os.fsdecode(b"caf\xe9")

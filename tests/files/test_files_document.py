@@ -9,10 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.files.errors import FileError, Mark, where
-from picktree.files.value_wording import suggest_name
-from picktree.files.yaml.document import merge_patch, read_document
-from picktree.files.yaml.reader import Value
+from picktree.files import FileError, Mark, suggest_name, where
+from picktree.files.yaml import Value, merge_patch, read_document
 
 HEAD = "picktree: 1\nkind: mission\n"
 HERE = Path("m.yaml")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from picktree.files.node_patterns import node_matches
+from picktree.files import node_matches
 
 
 @pytest.mark.parametrize(

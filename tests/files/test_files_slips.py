@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from picktree.apps.cli.file_schemas import CHECKS
-from picktree.authoring.editor.diagnostics import document_faults
-from picktree.files.errors import FileError
+from picktree.authoring.editor import document_faults
+from picktree.files import FileError
 from picktree.files.file_checks import UnsavedText, check_files
 from picktree.files.quantities import suggest_quantity, suggested, units_like
-from picktree.files.yaml.reader import read
+from picktree.files.yaml import read
 
 HEAD = "picktree: 1\nkind: mission\nscene: sort_small\ntrees:\n"
 NBSP, THIN, ZERO_WIDTH = "\u00a0", "\u2009", "\u200b"

@@ -23,15 +23,11 @@ from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from picktree.files.arithmetic import restart
-from picktree.logs import topics
-from picktree.logs.topics import Topic
-from picktree.session.arithmetic_probe import arithmetic
-from picktree.session.observer import Observer
-from picktree.session.recipe import DEFAULT_TIME_LIMIT, RunRequest
-from picktree.session.resumption import ResumeRequest, Resumption
-from picktree.session.session import Session
-from picktree.simulation.checkpoints import Backend
+from picktree.files import restart
+from picktree.logs import Topic, topics
+from picktree.session import Observer, ResumeRequest, Resumption, RunRequest, Session, arithmetic
+from picktree.session.run_recipe import DEFAULT_TIME_LIMIT
+from picktree.simulation import Backend
 
 HERE = Path(__file__).parent
 RECORD = HERE / "digests.json"

@@ -10,10 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from picktree.logs import topics
+from picktree.logs import RunLog, encode, topics
 from picktree.logs.binary_gltf import write_glb
-from picktree.logs.recording.recorder import Recorder
-from picktree.logs.records import (
+from picktree.logs.log_records import (
     FORMAT,
     Control,
     LinkMesh,
@@ -26,22 +25,31 @@ from picktree.logs.records import (
     Tree,
     TreeNode,
     WriteRecord,
-    encode,
 )
-from picktree.logs.run_log import RunLog
+from picktree.logs.recording import Recorder
 from picktree.logs.triangle_meshes import shape_mesh
-from picktree.world.journal import (
+from picktree.world import (
+    BeliefObject,
+    Box,
     CandidateEntry,
     CandidateSearchEntry,
+    ConvexMesh,
+    Cylinder,
+    GripperState,
     ImageEntry,
+    Intrinsics,
+    JointState,
+    ObjectId,
     OtherEvent,
     PlanEntry,
+    PlanningScene,
+    Pose,
+    RgbdImage,
+    Shape,
+    Sphere,
+    Wrench,
 )
-from picktree.world.planning_scene import BeliefObject, PlanningScene
-from picktree.world.protocols import Intrinsics, RgbdImage
-from picktree.world.scene.description import Bin, Fixture
-from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
-from picktree.world.values import GripperState, JointState, ObjectId, Pose, Wrench
+from picktree.world.scene import Bin, Fixture
 
 GOLDEN = Path(__file__).parent / "golden"
 TICK = 0.05

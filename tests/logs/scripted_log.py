@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
-from picktree.logs.recording.recorder import Recorder
-from picktree.logs.records import (
+from picktree.logs import RunResult
+from picktree.logs.log_records import (
     NodeStatusRecord,
     RunInfo,
     Tick,
@@ -17,11 +17,17 @@ from picktree.logs.records import (
     TreeNode,
     WriteRecord,
 )
-from picktree.logs.run_result import RunResult
-from picktree.world.journal import CandidateSearchEntry, JournalEvent, PlanEntry
-from picktree.world.planning_scene import BeliefObject, PlanningScene
-from picktree.world.shapes import Box
-from picktree.world.values import ObjectId, Pose
+from picktree.logs.recording import Recorder
+from picktree.world import (
+    BeliefObject,
+    Box,
+    CandidateSearchEntry,
+    JournalEvent,
+    ObjectId,
+    PlanEntry,
+    PlanningScene,
+    Pose,
+)
 
 TICK = 0.05
 Said: TypeAlias = TransitionRecord | WriteRecord | JournalEvent | PlanEntry | CandidateSearchEntry

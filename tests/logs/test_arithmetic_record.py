@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from picktree.logs.records import Arithmetic, arithmetic_difference
-from picktree.session.arithmetic_probe import arithmetic
+from picktree.logs.log_records import Arithmetic, arithmetic_difference
+from picktree.session import arithmetic
 
 THEN = Arithmetic(
     versions={"numpy": "2.4.6", "glibc": "2.36"},

@@ -7,10 +7,10 @@ from types import ModuleType
 
 import numpy as np
 
-from picktree.analysis.run import Run
-from picktree.logs.recording.recorder import Recorder
-from picktree.logs.records import Control
-from picktree.logs.run_result import RunResult
+from picktree.analysis import Run
+from picktree.logs import RunResult
+from picktree.logs.log_records import Control
+from picktree.logs.recording import Recorder
 
 
 def test_the_error_is_the_reference_less_the_position(picked: RunResult) -> None:

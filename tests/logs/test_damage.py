@@ -16,10 +16,10 @@ import pytest
 from mcap.reader import make_reader
 from mcap.records import ChunkIndex
 
-from picktree.files.errors import PicktreeError
-from picktree.logs.recording.recorder import Recorder
-from picktree.logs.run_log import RunLog
-from picktree.world.planning_scene import PlanningScene
+from picktree.files import PicktreeError
+from picktree.logs import RunLog
+from picktree.logs.recording import Recorder
+from picktree.world import PlanningScene
 
 EXPECTED = "it does not begin as an MCAP file does; give a run's folder, or its log.mcap"
 

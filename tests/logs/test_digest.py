@@ -3,9 +3,9 @@
 from pathlib import Path
 from types import ModuleType
 
+from picktree.logs import RunLog, encode
+from picktree.logs.log_records import NodeStatusRecord, Tick, WriteRecord
 from picktree.logs.recording.journal_records import TickMessages
-from picktree.logs.records import NodeStatusRecord, Tick, WriteRecord, encode
-from picktree.logs.run_log import RunLog
 
 from ..other_process import OtherProcess
 from .sample import record

@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 import pytest
 from pydantic import TypeAdapter
 
-from picktree.logs.episode import DecidedFailure, Episode, EpisodeTracker, EpisodeTrackerState, Planted
 from picktree.logs.episode_counts import cause_lines, counted
-from picktree.logs.records import TransitionRecord, Tree
-from picktree.world.events import FaultEvent, ItemDoneEvent, PickEvent, RecoveryEvent
-from picktree.world.journal import JournalEvent
+from picktree.logs.item_episodes import DecidedFailure, Episode, EpisodeTracker, EpisodeTrackerState, Planted
+from picktree.logs.log_records import TransitionRecord, Tree
+from picktree.world import JournalEvent
+from picktree.world.event_types import FaultEvent, ItemDoneEvent, PickEvent, RecoveryEvent
 
 from .scripted_log import begins, ends, tree
 

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.logs import optional_libraries
-from picktree.logs.optional_libraries import install_command
+from picktree.logs import install_command, optional_libraries
 
 ROOT = Path(__file__).parents[2]
 PIP = "-m pip install"

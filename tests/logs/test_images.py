@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from picktree.logs.recording.foxglove_messages import decode_colour, decode_depth, encode_colour, encode_depth
+from picktree.logs.recording import decode_colour, decode_depth
+from picktree.logs.recording.foxglove_messages import encode_colour, encode_depth
 
 
 def test_colours_stay_within_what_the_sensor_resolves() -> None:

@@ -10,8 +10,7 @@ import pytest
 
 from picktree.logs.binary_gltf import link_meshes, read_glb, write_glb
 from picktree.logs.triangle_meshes import decimate, join_meshes, load_mesh, shape_mesh
-from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
-from picktree.world.values import Pose
+from picktree.world import Box, ConvexMesh, Cylinder, Pose, Shape, Sphere
 
 URDF = """
 <robot name="two">

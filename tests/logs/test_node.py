@@ -4,7 +4,7 @@ import json
 import subprocess
 from pathlib import Path
 
-from picktree.logs.run_log import RunLog
+from picktree.logs import RunLog
 
 from ..needs import needs, packages
 

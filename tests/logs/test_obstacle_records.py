@@ -7,21 +7,21 @@ from dataclasses import replace
 import numpy as np
 from pydantic import TypeAdapter
 
+from picktree.logs import encode
 from picktree.logs.binary_gltf import parts_of
+from picktree.logs.log_records import BodyRecord, Scene, decode
+from picktree.logs.recording import belief_record
 from picktree.logs.recording.foxglove_messages import encode_scene, read_scene
-from picktree.logs.recording.journal_records import belief_record, truth_record
-from picktree.logs.records import BodyRecord, Scene, decode, encode
+from picktree.logs.recording.journal_records import truth_record
 from picktree.robot.perception.obstacle_volumes import (
     cells_in_body,
     cells_of,
     merge_cells,
     obstacle_from_cells,
 )
-from picktree.simulation.truth import TrueObstacle
-from picktree.world.planning_scene import BeliefObject, PlanningScene, SceneSnapshot
-from picktree.world.scene.description import Fixture
-from picktree.world.shapes import Box
-from picktree.world.values import ObjectId, Pose
+from picktree.simulation import TrueObstacle
+from picktree.world import BeliefObject, Box, ObjectId, PlanningScene, Pose, SceneSnapshot
+from picktree.world.scene import Fixture
 
 CELLS = cells_in_body(Box((0.08, 0.06, 0.3)), Pose.from_rpy((0.5, 0.2, 0.15), (0.0, 0.0, 0.5)))
 SHAPE, POSE, BLOCKS = obstacle_from_cells(merge_cells(CELLS))

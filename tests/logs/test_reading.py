@@ -13,14 +13,12 @@ from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message_factory import GetMessageClass
 from mcap.reader import make_reader
 
-from picktree.files.errors import PicktreeError
-from picktree.logs import topics
+from picktree.files import PicktreeError
+from picktree.logs import RunLog, topics
 from picktree.logs.log_files import find_log
 from picktree.logs.mcap import reader
-from picktree.logs.recording.recorder import Recorder
-from picktree.logs.run_log import RunLog
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.shapes import Box, Cylinder, Sphere
+from picktree.logs.recording import Recorder
+from picktree.world import Box, Cylinder, PlanningScene, Sphere
 
 TABLE = {
     "/bt/tree": ("picktree.Tree", "json", "jsonschema"),
@@ -179,7 +177,7 @@ def test_a_log_is_found_by_file_folder_and_last(
 def test_a_newer_format_is_refused_with_a_sentence(
     sample: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("picktree.logs.recording.journal_records.FORMAT", 3)
+    monkeypatch.setattr("picktree.logs.log_records.FORMAT", 3)
     path = tmp_path / "log.mcap"
     sample.record(path, ticks=2)
     with pytest.raises(PicktreeError) as raised:

@@ -14,12 +14,12 @@ from types import ModuleType
 import pytest
 from mcap.reader import make_reader
 
-from picktree.files.errors import PicktreeError
-from picktree.logs.mcap import writer
-from picktree.logs.mcap.writer import McapFile, RawFile
-from picktree.logs.recording.recorder import Recorder
-from picktree.logs.run_log import RunLog
-from picktree.world.planning_scene import PlanningScene
+from picktree.files import PicktreeError
+from picktree.logs import RunLog
+from picktree.logs.mcap import McapFile, writer
+from picktree.logs.mcap.writer import RawFile
+from picktree.logs.recording import Recorder
+from picktree.world import PlanningScene
 
 ADVICE = "make room there, or give another folder with --out"
 

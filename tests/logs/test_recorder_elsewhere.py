@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from picktree import run
+from picktree.logs import RunLog
 from picktree.logs.log_files import Rotation
-from picktree.logs.run_log import RunLog
 
 from ..needs import RERUN, RERUN_PROGRAM, needs, packages
 

@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from picktree.logs.recording.interrupts import Interrupts
+from picktree.logs.recording import Interrupts
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

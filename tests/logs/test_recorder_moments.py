@@ -11,8 +11,8 @@ from types import ModuleType
 
 import pytest
 
-from picktree.logs.recording.recorder import Recorder
-from picktree.world.planning_scene import PlanningScene
+from picktree.logs.recording import Recorder
+from picktree.world import PlanningScene
 
 MOMENTS = 300
 

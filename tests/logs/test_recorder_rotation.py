@@ -12,14 +12,14 @@ import pytest
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
 
-from picktree.analysis.run import Run
-from picktree.files.errors import PicktreeError
+from picktree.analysis import Run
+from picktree.files import PicktreeError
+from picktree.logs import RunLog
 from picktree.logs.log_files import Rotation, find_log
+from picktree.logs.log_records import Tick, TransitionRecord, WriteRecord
 from picktree.logs.mcap import writer
-from picktree.logs.recording.recorder import Recorder
-from picktree.logs.records import Tick, TransitionRecord, WriteRecord
-from picktree.logs.run_log import RunLog
-from picktree.world.planning_scene import PlanningScene
+from picktree.logs.recording import Recorder
+from picktree.world import PlanningScene
 
 TICKS = 100
 RUNNING = TransitionRecord("/Main", "RUNNING", {"to": "home"}, "red_block_1")

@@ -10,14 +10,14 @@ import pytest
 from mcap.reader import make_reader
 from mcap.records import Metadata
 
-from picktree.analysis.compare.message_difference import first_difference
-from picktree.analysis.compare.run_diff import diff
-from picktree.analysis.run import Run
-from picktree.files.errors import PicktreeError
+from picktree.analysis import Run
+from picktree.analysis.compare import diff
+from picktree.analysis.compare.message_differences import first_difference
+from picktree.files import PicktreeError
+from picktree.logs import RunLog
 from picktree.logs.log_files import Rotation
-from picktree.logs.recording.recorder import Recorder
-from picktree.logs.run_log import RunLog
-from picktree.world.planning_scene import PlanningScene
+from picktree.logs.recording import Recorder
+from picktree.world import PlanningScene
 
 from .rewriting import (
     EPOCH,

@@ -12,12 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.cli.app import answer
-from picktree.files.errors import PicktreeError
-from picktree.logs import run_index
+from picktree.apps.cli import answer
+from picktree.files import PicktreeError
+from picktree.logs import RunResult, run_index
 from picktree.logs.run_index import COLUMNS, RunFilter, RunIndex, RunRow
-from picktree.logs.run_result import RunResult
-from picktree.session.recipe import make_folder
+from picktree.session.run_recipe import make_folder
 
 from .rewriting import Content
 

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.logs.records import (
+from picktree.logs import encode
+from picktree.logs.log_records import (
     NodeStatusRecord,
     Tick,
     TickDecoder,
@@ -14,7 +15,6 @@ from picktree.logs.records import (
     WriteRecord,
     changes_of,
     decode,
-    encode,
 )
 
 A = NodeStatusRecord("Main", "Main", "RUNNING", ticked=True, message="", cause="")

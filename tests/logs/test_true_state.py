@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from picktree.logs.recording.true_state import STATE_PERIOD, StateWriter, fold_states, read_state
-from picktree.logs.records import TrueState
+from picktree.logs.log_records import TrueState
+from picktree.logs.recording import fold_states, read_state
+from picktree.logs.recording.true_state import STATE_PERIOD, StateWriter
 
 
 def body(name: str, x: float) -> dict[str, Any]:

@@ -8,7 +8,9 @@ from typing import TypeVar
 
 import pytest
 
-from picktree.robot.manipulation.grasps import GraspCandidate, grasp_candidates
+from picktree.robot import World
+from picktree.robot.manipulation import grasp_candidates
+from picktree.robot.manipulation.grasps import GraspCandidate
 from picktree.robot.manipulation.pick_candidates import (
     APPROACH_STAGE,
     GRASP_STAGE,
@@ -22,16 +24,21 @@ from picktree.robot.manipulation.pick_candidates import (
     describe_rejections,
 )
 from picktree.robot.manipulation.pick_stream import CandidateSearch
-from picktree.robot.world import World
-from picktree.session.execution import assemble_world
-from picktree.simulation.backends import build_hardware
-from picktree.world.causes import Failure, planning
-from picktree.world.journal import CandidateSearchEntry, PlanEntry
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.shapes import Box, Cylinder
-from picktree.world.values import ObjectId, Pose
+from picktree.session import assemble_world
+from picktree.simulation import build_hardware
+from picktree.world import (
+    BeliefObject,
+    Box,
+    CandidateSearchEntry,
+    Cylinder,
+    Failure,
+    ObjectId,
+    PlanEntry,
+    Pose,
+    planning,
+)
+from picktree.world.robot_model import load_robot
+from picktree.world.scene import load_scene
 
 T = TypeVar("T")
 BLOCK = ObjectId("red_block_1")

@@ -9,20 +9,15 @@ from typing import cast
 import numpy as np
 import pytest
 
-from picktree.robot.control.control_loop import ControlLoop
-from picktree.robot.control.gripper_motion import GripperControl
-from picktree.robot.control.motions import ArmMotion
-from picktree.robot.control.safety_monitor import SafetyMonitor
+from picktree.robot import World
+from picktree.robot.control import ArmMotion, ControlLoop, GripperControl, SafetyMonitor
 from picktree.robot.manipulation.compliant_closing import ClosingResult, close, grip_force
-from picktree.robot.world import World
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.scorer import score
-from picktree.world.events import CrushedEvent
-from picktree.world.journal import Journal, JournalEvent
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.scene.description import CatalogueEntry, Spawn
-from picktree.world.shapes import Box, Cylinder
-from picktree.world.values import Pose
+from picktree.simulation import score
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import Box, Cylinder, Journal, JournalEvent, Pose
+from picktree.world.event_types import CrushedEvent
+from picktree.world.robot_model import RobotModel
+from picktree.world.scene import CatalogueEntry, Spawn
 
 from ..control.control_cell import DOWN, ROBOT, TICK, Cell, reach, swing, table_scene
 

@@ -11,15 +11,12 @@ import pytest
 
 from picktree.robot.manipulation.bin_belief import apply_bin_exchanges, forget_belt_items
 from picktree.robot.manipulation.held_object import open_gripper, release_object, support_height_at
-from picktree.world.journal import Journal, JournalEvent
-from picktree.world.planning_scene import BeliefObject, PlanningScene
-from picktree.world.scene.description import Bin, Fixture
-from picktree.world.shapes import Box, Cylinder
-from picktree.world.values import ObjectId, Pose
+from picktree.world import BeliefObject, Box, Cylinder, Journal, JournalEvent, ObjectId, PlanningScene, Pose
+from picktree.world.scene import Bin, Fixture
 from picktree.world.world_facts import AttemptMemory
 
 if TYPE_CHECKING:
-    from picktree.robot.world import World
+    from picktree.robot import World
 
 TABLE = Fixture(ObjectId("table"), Box((1.0, 0.8, 0.04)), Pose((0.5, 0.0, -0.02)))
 SHELF = Fixture(ObjectId("shelf"), Box((0.2, 0.3, 0.1)), Pose((0.8, 0.2, 0.05)))

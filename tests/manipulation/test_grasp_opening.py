@@ -7,14 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.robot.manipulation.grasps import OUTER_ROOM, WIDE_EXCESSES, grasp_candidates, widened
+from picktree.robot import World
+from picktree.robot.manipulation import grasp_candidates
+from picktree.robot.manipulation.grasps import OUTER_ROOM, WIDE_EXCESSES, widened
 from picktree.robot.manipulation.pick_place_motions import MAX_TOP_ERROR
 from picktree.robot.manipulation.pick_stream import CandidateSearch
-from picktree.robot.world import World
-from picktree.world.planning_scene import BeliefObject
+from picktree.world import Array, BeliefObject, Box, ObjectId, Pose, Trajectory
 from picktree.world.robot_model.description import Linkage
-from picktree.world.shapes import Box
-from picktree.world.values import Array, ObjectId, Pose, Trajectory
 
 from .test_candidates import answer, world_with
 

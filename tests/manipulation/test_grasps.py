@@ -7,17 +7,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.robot.manipulation.grasps import (
-    ROOMY_EXCESS,
-    TIGHT_EXCESS,
-    TIP_CLEARANCE,
-    grasp_candidates,
-    leaning_grasps,
+from picktree.robot.manipulation import grasp_candidates
+from picktree.robot.manipulation.grasps import ROOMY_EXCESS, TIGHT_EXCESS, TIP_CLEARANCE, leaning_grasps
+from picktree.world import (
+    BeliefObject,
+    Box,
+    ConvexMesh,
+    Cylinder,
+    ObjectId,
+    Pose,
+    Shape,
+    Sphere,
+    bottom,
+    corners,
+    top,
 )
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.robot_model.description import GripperDescription, PadContact
-from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, bottom, corners, top
-from picktree.world.values import ObjectId, Pose
+from picktree.world.robot_model import GripperDescription
+from picktree.world.robot_model.description import PadContact
 
 PAD = (Box((0.018, 0.01, 0.018)), Pose())
 GRIPPER = GripperDescription(

@@ -19,12 +19,12 @@ from picktree.robot.manipulation.heap_grasps import (
     grasps,
 )
 from picktree.robot.manipulation.heap_views import surfaces
+from picktree.robot.perception import LABEL_NAMES
 from picktree.robot.perception.heap_mapping import heap_object
-from picktree.robot.perception.segmentation import LABEL_NAMES
-from picktree.world.heaps import BarredPlace, Heap, HeapRegion, HeightMap
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.description import Bin
-from picktree.world.values import Array, ObjectId, Pose
+from picktree.world import Array, ObjectId, Pose
+from picktree.world.heap_geometry import BarredPlace, Heap, HeapRegion, HeightMap
+from picktree.world.robot_model import load_robot
+from picktree.world.scene import Bin
 
 GRIPPER = load_robot("panda").gripper
 TOTE = Bin(ObjectId("tote"), (0.3, 0.3, 0.12), 0.004, Pose((0.5, 0.0, 0.0)), is_tote=True)

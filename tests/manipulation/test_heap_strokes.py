@@ -14,10 +14,10 @@ from picktree.robot.manipulation.heap_stirring import (
     heap_changed,
     heap_strokes,
 )
-from picktree.world.heaps import HeightMap
+from picktree.world import Array, Pose
+from picktree.world.heap_geometry import HeightMap
 from picktree.world.planar_geometry import PlanarPose
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.values import Array, Pose
+from picktree.world.robot_model import load_robot
 
 GRIPPER = load_robot("panda").gripper
 FLOOR, RIM = 0.004, 0.12

@@ -16,11 +16,9 @@ from picktree.robot.manipulation.insertion import (
     peg,
     poses_over,
 )
-from picktree.world.holes import tightest_hole
-from picktree.world.scene.description import Fixture
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.shapes import Box, Cylinder, Shape
-from picktree.world.values import Pose
+from picktree.world import Box, Cylinder, Pose, Shape
+from picktree.world.hole_geometry import tightest_hole
+from picktree.world.scene import Fixture, load_scene
 
 BOARD: Fixture = load_scene("pegs").fixture("board")
 DOWEL, POST, KEY = Cylinder(0.015, 0.065), Box((0.030, 0.030, 0.065)), Box((0.014, 0.036, 0.060))

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from picktree.robot.manipulation.object_grasps import leaning_object_grasps, object_grasps
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.shapes import CompoundMesh, ConvexMesh, bottom
-from picktree.world.values import ObjectId, Pose
+from picktree.world import BeliefObject, CompoundMesh, ConvexMesh, ObjectId, Pose, bottom
+from picktree.world.robot_model import load_robot
 
 GRIPPER = load_robot("panda").gripper
 

@@ -6,15 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.robot.manipulation.compliant_closing import (
-    grip_force,
-    opening_force,
-    required_force,
-)
-from picktree.robot.planning.requests import CARRYING_ACCELERATION
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.description import CatalogueEntry
-from picktree.world.shapes import Box
+from picktree.robot.manipulation import opening_force
+from picktree.robot.manipulation.compliant_closing import grip_force, required_force
+from picktree.robot.planning import CARRYING_ACCELERATION
+from picktree.world import Box
+from picktree.world.robot_model import load_robot
+from picktree.world.scene import CatalogueEntry
 
 GRIPPER = load_robot("panda").gripper
 BLOCK = CatalogueEntry("block", "box", Box((0.04, 0.04, 0.04)), 0.1, 0.6)

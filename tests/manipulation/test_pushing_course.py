@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from picktree.robot.control.compliant_motion import ContactState
+from picktree.robot.control import ContactState
 from picktree.robot.manipulation.closed_loop_pushing import (
     PlanarEstimate,
     estimate_from_camera,

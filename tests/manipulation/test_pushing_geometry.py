@@ -10,22 +10,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from picktree.robot.manipulation.stroke_planning import arc_to, biarc, push_sides, straight, truncated
+from picktree.world import (
+    BeliefObject,
+    Box,
+    Cylinder,
+    ObjectId,
+    PlanarPushModel,
+    Pose,
+    Shape,
+    Sphere,
+    outline,
+)
 from picktree.world.planar_geometry import (
     PlanarOutline,
     PlanarPose,
     heading,
     moved,
-    outline,
     outline_distance,
     planar,
     wrap_angle,
 )
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.quasi_static_pushing import PlanarPushModel
-from picktree.world.robot_model.description import tool_outline
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.shapes import Box, Cylinder, Shape, Sphere
-from picktree.world.values import ObjectId, Pose
+from picktree.world.robot_model import load_robot, tool_outline
 
 GRIPPER = load_robot("panda").gripper
 BLOCK = outline(Box((0.04, 0.04, 0.04)), Pose())

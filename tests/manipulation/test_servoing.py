@@ -10,14 +10,12 @@ import numpy as np
 import pytest
 
 from picktree.robot.manipulation.visual_servoing import match_patches
-from picktree.robot.perception.known_object_fitting import TrackedSighting, split_at_depth_steps
+from picktree.robot.perception import TrackedSighting
+from picktree.robot.perception.known_object_fitting import split_at_depth_steps
 from picktree.robot.perception.segmentation import Pixels
-from picktree.trees.flow import NodeStatus
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.scene.description import SceneDescription
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.shapes import Box
-from picktree.world.values import Array, ObjectId, Pose
+from picktree.trees import NodeStatus
+from picktree.world import Array, BeliefObject, Box, ObjectId, Pose
+from picktree.world.scene import SceneDescription, load_scene
 
 from ..skills.cell import Cell, mission
 

@@ -8,15 +8,14 @@ from typing import TypeVar
 
 import pytest
 
+from picktree.robot import World
 from picktree.robot.manipulation.hole_servoing import look_at_hole
-from picktree.robot.world import World
-from picktree.session.execution import TICK_LENGTH, assemble_world
-from picktree.simulation.backends import build_hardware
-from picktree.simulation.spawn import displace_fixtures
-from picktree.world.causes import Failure
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.scene_loading import parse_scene
-from picktree.world.values import ObjectId
+from picktree.session import assemble_world
+from picktree.session.execution import TICK_LENGTH
+from picktree.simulation import build_hardware, displace_fixtures
+from picktree.world import Failure, ObjectId
+from picktree.world.robot_model import load_robot
+from picktree.world.scene import parse_scene
 
 T = TypeVar("T")
 SCENE = """

@@ -12,10 +12,8 @@ from picktree.robot.manipulation.release_poses import (
     put_down_poses,
     release_poses,
 )
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.scene.description import Bin
-from picktree.world.shapes import Box, bottom, extents
-from picktree.world.values import ObjectId, Pose
+from picktree.world import BeliefObject, Box, ObjectId, Pose, bottom, extents
+from picktree.world.scene import Bin
 
 BIN = Bin(ObjectId("bin"), (0.25, 0.20, 0.10), 0.005, Pose.from_rpy((0.35, 0.55, 0.0), (0.0, 0.0, 0.4)))
 BLOCK = Box((0.04, 0.05, 0.06))

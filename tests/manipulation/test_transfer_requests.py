@@ -10,10 +10,9 @@ import pytest
 
 from picktree.robot.manipulation.grasps import GraspCandidate
 from picktree.robot.manipulation.pick_place_motions import approach
-from picktree.robot.planning.collision_checker import CollisionChecker
-from picktree.robot.planning.requests import PoseGoal, Request
-from picktree.session.cell import CellSession
-from picktree.world.values import ObjectId, Pose
+from picktree.robot.planning import CollisionChecker, PoseGoal, Request
+from picktree.session import CellSession
+from picktree.world import ObjectId, Pose
 
 WALL_TOP, TCP_HEIGHT = 0.14, 0.15
 """Top of a wall, and TCP height at which open fingers of a linkage pass it and closed ones do not, m."""

@@ -11,13 +11,10 @@ from typing import cast
 import numpy as np
 import pytest
 
-from picktree.robot.manipulation.travel_time import travel_order
-from picktree.robot.world import World
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.shapes import Box
-from picktree.world.values import ObjectId, Pose
+from picktree.robot import World
+from picktree.robot.manipulation import travel_order
+from picktree.world import BeliefObject, Box, ObjectId, Pose
+from picktree.world.robot_model import RobotModel, load_robot
 
 MODEL = RobotModel(load_robot("panda"))
 BINS = {"left": Pose((0.42, 0.48, 0.0)), "right": Pose((0.42, -0.48, 0.0))}

@@ -9,13 +9,11 @@ from typing import cast
 import numpy as np
 import pytest
 
-from picktree.robot.control.payload_estimate import MassEstimate, Payload
+from picktree.robot import World
+from picktree.robot.control import MassEstimate, Payload
 from picktree.robot.manipulation.weighing import GripMonitor, LiftWeighing
-from picktree.robot.world import World
-from picktree.world.causes import Failure, grasp
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.values import Array
+from picktree.world import Array, Failure, grasp
+from picktree.world.robot_model import RobotModel, load_robot
 
 MODEL = RobotModel(load_robot("panda"))
 TICK = 0.05

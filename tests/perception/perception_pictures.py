@@ -10,21 +10,23 @@ from typing import TypeAlias
 
 import numpy as np
 
-from picktree.robot.perception.pipeline import Perception
+from picktree.robot.perception import Perception
 from picktree.robot.perception.view import PerceivedView
-from picktree.world.colours import COLOURS
-from picktree.world.planning_scene import BeliefObject, PlanningScene
-from picktree.world.protocols import Intrinsics, RgbdImage
-from picktree.world.robot_model.link_shapes import LinkShape
-from picktree.world.scene.description import (
-    Bin,
-    CameraDescription,
-    CatalogueEntry,
-    Fixture,
-    SceneDescription,
+from picktree.world import (
+    COLOURS,
+    Array,
+    BeliefObject,
+    Box,
+    Cylinder,
+    Intrinsics,
+    ObjectId,
+    PlanningScene,
+    Pose,
+    RgbdImage,
+    Sphere,
 )
-from picktree.world.shapes import Box, Cylinder, Sphere
-from picktree.world.values import Array, ObjectId, Pose
+from picktree.world.robot_model import LinkShape
+from picktree.world.scene import Bin, CameraDescription, CatalogueEntry, Fixture, SceneDescription
 
 Solid: TypeAlias = Box | Cylinder | Sphere
 """Shapes of which pictures are drawn."""

@@ -8,12 +8,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from picktree.robot.perception import segmentation
-from picktree.robot.perception.camera_geometry import PosedCamera
+from picktree.robot.perception import PosedCamera, segmentation
 from picktree.robot.perception.view import PerceivedView, UnexplainedPatch
-from picktree.world.protocols import Intrinsics
-from picktree.world.shapes import Box
-from picktree.world.values import Array, Pose
+from picktree.world import Array, Box, Intrinsics, Pose
 
 HEIGHT = 1.0
 WIDE, HIGH = 60, 40

@@ -8,11 +8,9 @@ from functools import cache
 
 import pytest
 
-from picktree.robot.perception.data_association import ObservationSummary, update_belief
+from picktree.robot.perception import ObservationSummary, update_belief
 from picktree.robot.perception.view import Detection, PerceivedView, UnexplainedPatch
-from picktree.world.planning_scene import FALLEN_SIGMA, BeliefObject, PlanningScene
-from picktree.world.shapes import Box
-from picktree.world.values import ObjectId, Pose
+from picktree.world import FALLEN_SIGMA, BeliefObject, Box, ObjectId, PlanningScene, Pose
 
 from .perception_pictures import BLOCK, BRICK, Thing, empty_scene, standing, view_of
 

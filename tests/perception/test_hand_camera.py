@@ -10,22 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.robot.perception.camera_geometry import PosedCamera
+from picktree.robot.perception import Perception, PosedCamera, RobotMask
 from picktree.robot.perception.camera_registration import register_hand_camera
-from picktree.robot.perception.pipeline import Perception
-from picktree.robot.perception.robot_mask import RobotMask
 from picktree.robot.perception.segmentation import downsample
-from picktree.robot.planning.inverse_kinematics import InverseKinematics
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.sensor_noise import MIN_DEPTH_DEVIATION, noisy_depth
-from picktree.simulation.truth import TrueBody
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.protocols import RgbdImage
-from picktree.world.scene.description import CatalogueEntry, SceneDescription
-from picktree.world.scene.scene_loading import load_scene, parse_scene
-from picktree.world.shapes import Box
-from picktree.world.values import Array, Pose
+from picktree.robot.planning import InverseKinematics
+from picktree.simulation import TrueBody, noisy_depth
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.simulation.physics import PhysicsHardware
+from picktree.simulation.sensor_noise import MIN_DEPTH_DEVIATION
+from picktree.world import Array, BeliefObject, Box, Pose, RgbdImage
+from picktree.world.scene import CatalogueEntry, SceneDescription, load_scene, parse_scene
 
 from ..planning.motion_cell import HOME, MODEL, down
 

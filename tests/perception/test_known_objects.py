@@ -11,9 +11,7 @@ from picktree.robot.perception import item_fitting
 from picktree.robot.perception.item_fitting import ItemFitter
 from picktree.robot.perception.segmentation import Blob, label_of
 from picktree.robot.perception.view import Detection
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.shapes import Box
-from picktree.world.values import ObjectId, Pose
+from picktree.world import BeliefObject, Box, ObjectId, Pose
 
 from .perception_pictures import BALL, BLOCK, BRICK, CAN, PLATE, Robot, Thing, standing, view_of
 

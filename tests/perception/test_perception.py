@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from picktree.robot.perception.view import Detection
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.scene.description import Fixture
-from picktree.world.shapes import Box, Shape
-from picktree.world.values import ObjectId, Pose
+from picktree.world import BeliefObject, Box, ObjectId, Pose, Shape
+from picktree.world.scene import Fixture
 
 from .perception_pictures import (
     BALL,

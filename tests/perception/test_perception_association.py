@@ -7,10 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.robot.perception.data_association import update_belief
-from picktree.world.planning_scene import BeliefObject, PlanningScene
-from picktree.world.shapes import Box, Shape
-from picktree.world.values import ObjectId, Pose
+from picktree.robot.perception import update_belief
+from picktree.world import BeliefObject, Box, ObjectId, PlanningScene, Pose, Shape
 
 from .perception_pictures import (
     BALL,

@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.robot.perception.data_association import update_belief
-from picktree.robot.perception.pipeline import Perception
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.robot_model.model import RobotModel
+from picktree.robot.perception import Perception, update_belief
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import PlanningScene
+from picktree.world.robot_model import RobotModel
 
 from ..simulation.belt_cell import belt_scene, on_belt, positions, ride
 from ..simulation.simulated_cell import panda

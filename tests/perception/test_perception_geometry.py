@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.robot.perception import segmentation
+from picktree.robot.perception import PosedCamera, segmentation
 from picktree.robot.perception.backdrop import BackgroundModel
-from picktree.robot.perception.camera_geometry import PosedCamera
 from picktree.robot.perception.camera_registration import level_camera
 from picktree.robot.perception.resting_poses import stable_poses
 from picktree.robot.perception.silhouette_fitting import (
@@ -23,11 +22,8 @@ from picktree.robot.perception.silhouette_fitting import (
     silhouette,
     support,
 )
-from picktree.world.colours import ITEM_COLOURS
-from picktree.world.protocols import Intrinsics
-from picktree.world.scene.description import CatalogueEntry
-from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, ray_hits
-from picktree.world.values import Pose
+from picktree.world import ITEM_COLOURS, Box, ConvexMesh, Cylinder, Intrinsics, Pose, Shape, Sphere, ray_hits
+from picktree.world.scene import CatalogueEntry
 
 from .perception_pictures import CAMERA, CATALOGUE, DOWN, SCENE, TABLE, photograph
 

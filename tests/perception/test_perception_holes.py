@@ -6,18 +6,14 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.robot.perception.data_association import update_belief
-from picktree.robot.perception.pipeline import Perception
+from picktree.robot.perception import Perception, update_belief
 from picktree.robot.perception.view import PerceivedView
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.holes import fitting_hole, hole_in_world, tightest_hole
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.world import PlanningScene, Pose, bottom
+from picktree.world.hole_geometry import fitting_hole, hole_in_world, tightest_hole
+from picktree.world.robot_model import RobotModel, load_robot
+from picktree.world.scene import load_scene
 from picktree.world.scene.destinations import destination_rule, is_at
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.shapes import bottom
-from picktree.world.values import Pose
 
 SCENE = load_scene("pegs")
 ROBOT = load_robot(SCENE.robot)

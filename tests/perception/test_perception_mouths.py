@@ -9,17 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.robot.perception.hole_mouths import detect_hole
+from picktree.robot.perception import detect_hole
+from picktree.simulation import noisy_depth
+from picktree.simulation.physics import CameraRenderer, Client
 from picktree.simulation.physics.bodies import add_scenery
-from picktree.simulation.physics.engine import Client
-from picktree.simulation.physics.rgbd_camera import CameraRenderer
-from picktree.simulation.sensor_noise import noisy_depth
-from picktree.world.protocols import RgbdImage
-from picktree.world.scene.description import Fixture, Hole, SceneDescription
+from picktree.world import Box, ObjectId, Pose, RgbdImage
+from picktree.world.scene import Fixture, Hole, SceneDescription, parse_scene
 from picktree.world.scene.scene_entries import look_at_frame
-from picktree.world.scene.scene_loading import parse_scene
-from picktree.world.shapes import Box
-from picktree.world.values import ObjectId, Pose
 
 SCENE = """
 picktree: 1

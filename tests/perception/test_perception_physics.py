@@ -7,16 +7,13 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from picktree.robot.perception.data_association import update_belief
-from picktree.robot.perception.pipeline import Perception
-from picktree.simulation.backends import Simulation
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.values import Array
+from picktree.robot.perception import Perception, update_belief
+from picktree.simulation import Simulation
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import Array, PlanningScene
+from picktree.world.robot_model import RobotModel, load_robot
+from picktree.world.scene import load_scene
 
 PANDA = load_robot("panda")
 MODEL = RobotModel(PANDA)

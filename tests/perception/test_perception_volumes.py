@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.robot.perception.data_association import update_belief
+from picktree.robot.perception import Perception, update_belief
 from picktree.robot.perception.obstacle_volumes import (
     CELL_SIZE,
     UNSEEN_REACH,
@@ -19,12 +19,9 @@ from picktree.robot.perception.obstacle_volumes import (
     merge_cells,
     obstacle_from_cells,
 )
-from picktree.robot.perception.pipeline import Perception
 from picktree.robot.perception.view import Detection
 from picktree.robot.planning.collision_model import movable_bodies
-from picktree.world.planning_scene import BeliefObject, PlanningScene
-from picktree.world.shapes import Box, Cylinder, Sphere, inside
-from picktree.world.values import Array, ObjectId, Pose
+from picktree.world import Array, BeliefObject, Box, Cylinder, ObjectId, PlanningScene, Pose, Sphere, inside
 
 from .perception_pictures import (
     BLOCK,

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from picktree.robot.perception.robot_mask import RobotMask
-from picktree.world.robot_model.link_shapes import LinkShape, link_shapes
-from picktree.world.values import Array, Pose
+from picktree.robot.perception import RobotMask
+from picktree.world import Array, Pose
+from picktree.world.robot_model import LinkShape, link_shapes
 
 
 @dataclass(frozen=True)

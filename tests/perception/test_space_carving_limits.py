@@ -22,7 +22,7 @@ from picktree.robot.perception.obstacle_volumes import (
 )
 from picktree.robot.perception.segmentation import Pixels, SegmentationInput
 from picktree.robot.perception.view import PerceivedView
-from picktree.world.values import Array
+from picktree.world import Array
 
 from .synthetic_view import HEIGHT, HIGH, SIGHT, WIDE, patch_of, synthetic_view
 

@@ -7,10 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from picktree.robot.perception import segmentation
-from picktree.robot.perception.view import BinView, BodyVisibility, Detection
-from picktree.world.shapes import Box, Sphere
-from picktree.world.values import Array, Pose
+from picktree.robot.perception import BinView, segmentation
+from picktree.robot.perception.view import BodyVisibility, Detection
+from picktree.world import Array, Box, Pose, Sphere
 
 from .synthetic_view import HEIGHT, HIGH, WIDE, painted, synthetic_view
 

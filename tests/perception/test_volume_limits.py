@@ -16,9 +16,7 @@ from picktree.robot.perception.obstacle_volumes import (
     update_volumes,
 )
 from picktree.robot.perception.view import PerceivedView, UnexplainedPatch
-from picktree.world.planning_scene import BeliefObject, PlanningScene
-from picktree.world.shapes import Box
-from picktree.world.values import Array, ObjectId, Pose
+from picktree.world import Array, BeliefObject, Box, ObjectId, PlanningScene, Pose
 
 from .synthetic_view import HEIGHT, HIGH, WIDE, patch_of, synthetic_view
 

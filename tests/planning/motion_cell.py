@@ -7,17 +7,23 @@ from typing import TypeVar
 
 import numpy as np
 
-from picktree.robot.planning.plan_service import PlanService
-from picktree.robot.planning.scene_queries import SceneQueries
-from picktree.world.computing_time import ComputeTimeAccount
-from picktree.world.journal import Journal
-from picktree.world.planning_scene import BeliefObject, PlanningScene
-from picktree.world.random_streams import RandomStreams
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.description import Bin, Fixture
-from picktree.world.shapes import Box, Cylinder, Shape, Sphere
-from picktree.world.values import Array, ObjectId, Pose
+from picktree.robot.planning import PlanService, SceneQueries
+from picktree.world import (
+    Array,
+    BeliefObject,
+    Box,
+    ComputeTimeAccount,
+    Cylinder,
+    Journal,
+    ObjectId,
+    PlanningScene,
+    Pose,
+    RandomStreams,
+    Shape,
+    Sphere,
+)
+from picktree.world.robot_model import RobotModel, load_robot
+from picktree.world.scene import Bin, Fixture
 
 MODEL = RobotModel(load_robot("panda"))
 HOME = MODEL.named("home")

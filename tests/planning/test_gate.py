@@ -9,17 +9,21 @@ from typing import TypeVar
 import numpy as np
 import pytest
 
-from picktree.robot.planning.requests import HeldObject, JointGoal, MotionPlan, NamedGoal, PoseGoal, Request
-from picktree.robot.planning.trajectory_gate import TrajectoryGate
-from picktree.session.execution import TICK_LENGTH, assemble_world
-from picktree.simulation.backends import build_hardware
-from picktree.simulation.checkpoints import Backend
-from picktree.world.causes import Failure
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.shapes import Box
-from picktree.world.values import Array, Bounds, ObjectId, Pose, Trajectory
+from picktree.robot.planning import (
+    HeldObject,
+    JointGoal,
+    MotionPlan,
+    NamedGoal,
+    PoseGoal,
+    Request,
+    TrajectoryGate,
+)
+from picktree.session import assemble_world
+from picktree.session.execution import TICK_LENGTH
+from picktree.simulation import Backend, build_hardware
+from picktree.world import Array, BeliefObject, Bounds, Box, Failure, ObjectId, Pose, Trajectory
+from picktree.world.robot_model import load_robot
+from picktree.world.scene import load_scene
 
 from ..control.control_cell import DOWN, HOME, MODEL, swing
 

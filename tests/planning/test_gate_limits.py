@@ -9,14 +9,9 @@ from typing import cast
 import numpy as np
 import pytest
 
-from picktree.robot.planning.plan_service import PlanService
-from picktree.robot.planning.requests import HeldObject, JointGoal, Request
-from picktree.robot.planning.trajectory_gate import TrajectoryGate
-from picktree.world.causes import Failure
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.shapes import Box
-from picktree.world.values import Array, Bounds, ObjectId, Pose, Trajectory
+from picktree.robot.planning import HeldObject, JointGoal, PlanService, Request, TrajectoryGate
+from picktree.world import Array, BeliefObject, Bounds, Box, Failure, ObjectId, Pose, Trajectory
+from picktree.world.robot_model import RobotModel
 
 from ..control.control_cell import HOME, MODEL, ROBOT, swing
 from .test_gate import Cell, away

@@ -16,20 +16,10 @@ from typing import TypeVar
 import numpy as np
 import pytest
 
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
+from picktree.robot.planning import JointGoal, LineGoal, MotionPlan, PlannerOverrides, PoseGoal, Request
 from picktree.robot.planning.lookahead_planning import ChainAnswer, ChainOrder, ChainSolver, PlanningWorker
-from picktree.robot.planning.requests import (
-    JointGoal,
-    LineGoal,
-    MotionPlan,
-    PlannerOverrides,
-    PoseGoal,
-    Request,
-)
-from picktree.world.causes import Failure, planning
-from picktree.world.journal import PlanEntry
-from picktree.world.shapes import Box
-from picktree.world.values import Pose
+from picktree.world import Box, Failure, PlanEntry, Pose, planning
 
 from .motion_cell import HOME, TICK, Cell, down, item, run, shelf_scene, table_scene
 

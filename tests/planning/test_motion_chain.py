@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.robot.planning.motion_chain import split_into_legs
-from picktree.robot.planning.requests import (
+from picktree.files import PicktreeError
+from picktree.robot.planning import (
     HeldObject,
     JointGoal,
     LineGoal,
@@ -18,11 +17,9 @@ from picktree.robot.planning.requests import (
     Request,
     Scaling,
 )
+from picktree.robot.planning.motion_chain import split_into_legs
 from picktree.robot.planning.time_parameterization import ACCELERATION_RISE_TIME
-from picktree.world.causes import Failure, planning
-from picktree.world.journal import PlanEntry
-from picktree.world.shapes import Box, Sphere
-from picktree.world.values import Array, ObjectId, Pose, Trajectory
+from picktree.world import Array, Box, Failure, ObjectId, PlanEntry, Pose, Sphere, Trajectory, planning
 
 from .motion_cell import HOME, MODEL, Cell, down, item, littered, run, shelf_scene, table_scene
 

@@ -7,14 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning import CollisionChecker, InverseKinematics
 from picktree.robot.planning.collision_model import CollisionMargins, is_board
-from picktree.robot.planning.inverse_kinematics import InverseKinematics
 from picktree.robot.planning.trajectory_check import StartTolerance
 from picktree.robot.planning.trajectory_verifier import TrajectoryVerifier
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.shapes import Box
-from picktree.world.values import Array, Pose, Trajectory
+from picktree.world import Array, Box, PlanningScene, Pose, Trajectory
 
 from .motion_cell import HOME, MODEL, down, item, littered, table_scene
 

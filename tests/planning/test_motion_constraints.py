@@ -9,9 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.robot.planning.goal_configurations import region_poses
-from picktree.robot.planning.path_constraints import PathConstraints
-from picktree.robot.planning.requests import (
+from picktree.robot.planning import (
     BoxConstraint,
     Constraint,
     JointGoal,
@@ -21,14 +19,13 @@ from picktree.robot.planning.requests import (
     PoseGoal,
     RegionGoal,
     Request,
+    RequestSolver,
     UprightConstraint,
 )
-from picktree.robot.planning.solver import RequestSolver
+from picktree.robot.planning.goal_configurations import region_poses
+from picktree.robot.planning.path_constraints import PathConstraints
 from picktree.robot.planning.trajectory_verifier import TrajectoryVerifier
-from picktree.world.causes import Failure
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.shapes import Box
-from picktree.world.values import Array, Bounds, Pose, Trajectory
+from picktree.world import Array, Bounds, Box, Failure, PlanningScene, Pose, Trajectory
 
 from ..other_process import OtherProcess
 from .motion_cell import HOME, MODEL, down, item, shelf_scene, table_scene

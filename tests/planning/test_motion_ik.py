@@ -6,14 +6,14 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from picktree.robot.planning import InverseKinematics
 from picktree.robot.planning.inverse_kinematics import (
     ANGLE_ACCURACY,
     MAX_FAILED_DESCENTS,
     MIN_SOLUTION_DIFFERENCE,
     POSITION_ACCURACY,
-    InverseKinematics,
 )
-from picktree.world.values import Pose
+from picktree.world import Pose
 
 from .motion_cell import HOME, MODEL, down
 

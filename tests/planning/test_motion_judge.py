@@ -7,11 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning import CollisionChecker, Scaling, time_corners
 from picktree.robot.planning.collision_model import fixed_bodies, movable_bodies
-from picktree.robot.planning.requests import Scaling
 from picktree.robot.planning.scene_queries import FclSolid, distance_between, hull, place, solid
-from picktree.robot.planning.time_parameterization import time_corners
 from picktree.robot.planning.trajectory_verifier import (
     MAX_JOINT_STEP,
     MAX_TCP_STEP,
@@ -19,11 +17,8 @@ from picktree.robot.planning.trajectory_verifier import (
     TrajectoryVerifier,
     moments_of,
 )
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.shapes import Box, ConvexMesh, Sphere
-from picktree.world.values import Array, Pose, Trajectory
+from picktree.world import Array, Box, ConvexMesh, PlanningScene, Pose, Sphere, Trajectory
+from picktree.world.robot_model import RobotModel, load_robot
 
 from .motion_cell import HOME, MODEL, item, littered, table_scene
 

@@ -5,17 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from picktree.robot.planning import CollisionChecker, InverseKinematics
 from picktree.robot.planning.cartesian_lines import (
     MAX_JOINT_JUMP,
     MAX_LINE_STEP,
     plan_line,
 )
-from picktree.robot.planning.collision_checker import CollisionChecker
-from picktree.robot.planning.inverse_kinematics import InverseKinematics
 from picktree.robot.planning.trajectory_check import StartTolerance
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.shapes import Box
-from picktree.world.values import Array, Pose, Quaternion
+from picktree.world import Array, Box, PlanningScene, Pose, Quaternion
 
 from .motion_cell import HOME, MODEL, down, item, table_scene
 

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.robot.planning.inverse_kinematics import InverseKinematics
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.values import Array
+from picktree.robot.planning import InverseKinematics
+from picktree.world import Array
+from picktree.world.robot_model import RobotModel, load_robot
 
 from .motion_cell import HOME, MODEL, down
 

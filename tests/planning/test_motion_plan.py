@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.robot.planning.collision_checker import CollisionChecker
-from picktree.robot.planning.requests import (
+from picktree.robot.planning import (
+    CollisionChecker,
     JointGoal,
     LineGoal,
     MotionPlan,
@@ -19,10 +19,7 @@ from picktree.robot.planning.requests import (
     PoseGoal,
     Scaling,
 )
-from picktree.world.causes import Failure, planning
-from picktree.world.journal import PlanEntry
-from picktree.world.shapes import Box
-from picktree.world.values import Array, Pose
+from picktree.world import Array, Box, Failure, PlanEntry, Pose, planning
 
 from ..other_process import OtherProcess
 from .motion_cell import HOME, MODEL, TICK, Cell, down, item, littered, run, shelf_scene, table_scene

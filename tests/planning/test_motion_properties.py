@@ -11,12 +11,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.robot.planning import trajectory_check
-from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning import (
+    CollisionChecker,
+    JointGoal,
+    PoseGoal,
+    Scaling,
+    time_corners,
+    trajectory_check,
+)
 from picktree.robot.planning.collision_model import CollisionMargins
 from picktree.robot.planning.joint_planner import retreat_path
-from picktree.robot.planning.requests import JointGoal, PoseGoal, Scaling
-from picktree.robot.planning.time_parameterization import time_corners
 from picktree.robot.planning.trajectory_check import (
     MAX_JOINT_STEP,
     MAX_TCP_STEP,
@@ -27,11 +31,19 @@ from picktree.robot.planning.trajectory_check import (
     is_trajectory_free,
     sampled_configurations,
 )
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.shapes import Box, Cylinder, Shape, Sphere
-from picktree.world.values import Array, Bounds, ObjectId, Pose, Trajectory
+from picktree.world import (
+    Array,
+    Bounds,
+    Box,
+    Cylinder,
+    ObjectId,
+    PlanningScene,
+    Pose,
+    Shape,
+    Sphere,
+    Trajectory,
+)
+from picktree.world.robot_model import RobotModel, load_robot
 
 from .motion_cell import HOME, MODEL, Cell, item, littered, run, shelf_scene, table_scene
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.robot.planning.requests import NamedGoal, OffsetGoal, PoseGoal, Request
-from picktree.world.journal import PlanEntry
-from picktree.world.shapes import Box
-from picktree.world.values import Pose
+from picktree.robot.planning import NamedGoal, OffsetGoal, PoseGoal, Request
+from picktree.world import Box, PlanEntry, Pose
 
 from .motion_cell import HOME, MODEL, Cell, down, item, run, table_scene
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.robot.planning.scene_queries import SceneQueries, place, solid
-from picktree.world.shapes import Box, ConvexMesh, Cylinder, Sphere
-from picktree.world.values import Pose
+from picktree.robot.planning import SceneQueries
+from picktree.robot.planning.scene_queries import place, solid
+from picktree.world import Box, ConvexMesh, Cylinder, Pose, Sphere
 
 from .motion_cell import MODEL, down, item, table_scene
 

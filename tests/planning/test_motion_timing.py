@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
+from picktree.robot.planning import Scaling, time_corners, time_smooth
 from picktree.robot.planning.path_curves import (
     JointCurve,
     blend_curves,
@@ -15,17 +16,14 @@ from picktree.robot.planning.path_curves import (
     rounded_polyline,
     spline_through,
 )
-from picktree.robot.planning.requests import Scaling
 from picktree.robot.planning.time_parameterization import (
     ACCELERATION_RISE_TIME,
     TORQUE_LIMIT_SHARE,
     ScaledStretch,
     TimeLaw,
-    time_corners,
     time_curve,
-    time_smooth,
 )
-from picktree.world.values import Array, Trajectory
+from picktree.world import Array, Trajectory
 
 from .motion_cell import HOME, MODEL
 

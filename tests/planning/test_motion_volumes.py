@@ -8,13 +8,9 @@ import numpy as np
 import pytest
 
 from picktree.robot.perception.obstacle_volumes import Keys, cells_in_body, merge_cells, obstacle_from_cells
-from picktree.robot.planning.collision_checker import CollisionChecker
-from picktree.robot.planning.requests import JointGoal
+from picktree.robot.planning import CollisionChecker, JointGoal
 from picktree.robot.planning.trajectory_verifier import TrajectoryVerifier
-from picktree.world.causes import Failure
-from picktree.world.planning_scene import BeliefObject, PlanningScene
-from picktree.world.shapes import Box, ConvexMesh
-from picktree.world.values import ObjectId, Pose
+from picktree.world import BeliefObject, Box, ConvexMesh, Failure, ObjectId, PlanningScene, Pose
 
 from .motion_cell import HOME, MODEL, Cell, run, table_scene
 

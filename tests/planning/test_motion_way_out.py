@@ -6,16 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from picktree.robot.planning.collision_checker import CollisionChecker
+from picktree.robot.planning import DIRECTIONS, CollisionChecker
 from picktree.robot.planning.penetration_escape import (
     EscapeSearch,
     StepConstraints,
     least_distance,
 )
-from picktree.robot.planning.requests import DIRECTIONS
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.shapes import Box, Sphere
-from picktree.world.values import Array, Pose
+from picktree.world import Array, Box, PlanningScene, Pose, Sphere
 
 from .motion_cell import HOME, MODEL, item, littered, table_scene
 

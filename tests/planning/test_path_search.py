@@ -6,8 +6,8 @@ import itertools
 
 import numpy as np
 
+from picktree.robot.planning import PoseGoal, Request, Scaling
 from picktree.robot.planning.joint_planner import CheckBudget, FoundPath, JointPlanner
-from picktree.robot.planning.requests import PoseGoal, Request, Scaling
 from picktree.robot.planning.rrt_connect import (
     SearchChecks,
     improve_path,
@@ -16,7 +16,7 @@ from picktree.robot.planning.rrt_connect import (
     shorten_path,
 )
 from picktree.robot.planning.trajectory_check import StartTolerance, is_trajectory_free
-from picktree.world.values import Array, Pose
+from picktree.world import Array, Pose
 
 from .motion_cell import MODEL, Cell, shelf_scene
 

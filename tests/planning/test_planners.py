@@ -15,32 +15,27 @@ import numpy as np
 import pytest
 
 from picktree.apps.cli.file_schemas import CHECKS
-from picktree.apps.commissioning.plan_trial import PlanQuery, plan_in_scene
-from picktree.files.errors import PicktreeError
+from picktree.apps.commissioning import PlanQuery, plan_in_scene
+from picktree.files import PicktreeError
 from picktree.files.file_checks import check_files
-from picktree.logs.run_log import RunLog
-from picktree.robot.planning import ompl_planners
-from picktree.robot.planning.path_constraints import PathConstraints
-from picktree.robot.planning.requests import (
+from picktree.logs import RunLog
+from picktree.robot.planning import (
     JointGoal,
     MotionPlan,
     OffsetGoal,
     PlannerOverrides,
     PoseGoal,
     Request,
+    RequestSolver,
     UprightConstraint,
+    ompl_planners,
 )
-from picktree.robot.planning.solver import RequestSolver
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.world.causes import Failure, planning
-from picktree.world.journal import PlanEntry
+from picktree.robot.planning.path_constraints import PathConstraints
+from picktree.session import RunRequest, Session
+from picktree.world import Array, Box, Failure, ObjectId, PlanEntry, PlanningScene, Pose, planning
 from picktree.world.planner_names import AUTO, BUILT_IN
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.description import Fixture
-from picktree.world.shapes import Box
-from picktree.world.values import Array, ObjectId, Pose
+from picktree.world.robot_model import load_robot
+from picktree.world.scene import Fixture
 
 from ..other_process import OtherProcess
 from .motion_cell import MODEL, Cell, down, run

@@ -8,8 +8,8 @@ from math import degrees, radians
 import numpy as np
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.robot.planning.requests import (
+from picktree.files import PicktreeError
+from picktree.robot.planning import (
     BoxConstraint,
     HeldObject,
     JointGoal,
@@ -19,15 +19,12 @@ from picktree.robot.planning.requests import (
     PoseGoal,
     RegionGoal,
     Request,
+    RequestSolver,
     Scaling,
     UprightConstraint,
 )
-from picktree.robot.planning.solver import RequestSolver
-from picktree.world.causes import Failure, planning
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.scene.description import Fixture
-from picktree.world.shapes import Box
-from picktree.world.values import Array, Bounds, ObjectId, Pose
+from picktree.world import Array, Bounds, Box, Failure, ObjectId, PlanningScene, Pose, planning
+from picktree.world.scene import Fixture
 
 from .motion_cell import HOME, MODEL, down, item, table_scene
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.world.causes import all_causes
+from picktree.world import all_causes
 
 PAGE = Path(__file__).parents[2] / "docs/planning.md"
 

@@ -11,28 +11,24 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.robot.planning.limits import start_excess
-from picktree.robot.planning.penetration_escape import EscapeSearch
-from picktree.robot.planning.requests import (
+from picktree.robot.planning import (
     Constraint,
     JointGoal,
     LineGoal,
     MotionPlan,
     NamedGoal,
     Request,
+    RequestSolver,
     Target,
+    TrajectoryGate,
     UprightConstraint,
 )
+from picktree.robot.planning.limits import start_excess
+from picktree.robot.planning.penetration_escape import EscapeSearch
 from picktree.robot.planning.return_path import ReturnSearch
-from picktree.robot.planning.solver import RequestSolver
 from picktree.robot.planning.trajectory_check import StartTolerance
-from picktree.robot.planning.trajectory_gate import TrajectoryGate
-from picktree.world.causes import Failure, planning
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.shapes import Box
-from picktree.world.values import Array, Bounds, Pose
+from picktree.world import Array, Bounds, Box, Failure, PlanningScene, Pose, planning
+from picktree.world.robot_model import RobotModel, load_robot
 
 from .motion_cell import HOME, MODEL, Cell, item, littered, run, table_scene
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.check import check_mission
-from picktree.authoring.rehearsal.rehearsal import rehearse_files
-from picktree.files.yaml.document import read_document
+from picktree.authoring import check_mission
+from picktree.authoring.rehearsal import rehearse_files
+from picktree.files.yaml import read_document
 from picktree.robot.operator_desk import OperatorQuestion, OperatorRequests
 
 MISSION = """\

@@ -8,10 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.scene.description import Fixture
-from picktree.world.shapes import Box, Cylinder
-from picktree.world.values import ObjectId, Pose, Vector3
+from picktree.world import BeliefObject, Box, Cylinder, ObjectId, Pose, Vector3
+from picktree.world.scene import Fixture
 
 from ..skills.cell import Cell, items, mission
 

@@ -7,14 +7,12 @@ from typing import cast
 
 import pytest
 
-from picktree.files.yaml.document import read_document
+from picktree.files.yaml import read_document
 from picktree.recovery import NODES as RECOVERY
-from picktree.robot.world import World
-from picktree.trees.flow import NodeStatus
-from picktree.trees.loading.loader import examine, parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.runner import build
-from picktree.world.causes import all_causes, matches
+from picktree.robot import World
+from picktree.trees import NodeStatus, build
+from picktree.trees.loading import NodeRegistry, examine, parse_mission
+from picktree.world import all_causes, matches
 
 from ..trees.scripted import FILE, NODES, FakeWorld, Run
 

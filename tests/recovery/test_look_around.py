@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 
 from picktree.simulation.fault_entries import AtTime, CameraDrop
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.trees.skill import Doing
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.values import Pose
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.trees import Doing
+from picktree.world import Pose
+from picktree.world.scene import load_scene
 
 from ..skills.cell import Cell, mission
 

@@ -9,19 +9,11 @@ from textwrap import indent
 from typing import cast
 
 from picktree.recovery import NODES as RECOVERY
-from picktree.robot.planning.requests import (
-    DEFAULT_CHECK_BUDGET,
-    NamedGoal,
-    OffsetGoal,
-    PlannerOverrides,
-    Request,
-)
-from picktree.robot.world import World
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.runner import build
-from picktree.trees.skill import Skill, Steps
-from picktree.world.causes import Failure, planning
+from picktree.robot import World
+from picktree.robot.planning import DEFAULT_CHECK_BUDGET, NamedGoal, OffsetGoal, PlannerOverrides, Request
+from picktree.trees import Skill, Steps, build
+from picktree.trees.loading import NodeRegistry, parse_mission
+from picktree.world import Failure, planning
 
 from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters
 

@@ -6,11 +6,9 @@ from textwrap import indent
 from typing import cast
 
 from picktree.recovery import Recover
-from picktree.robot.world import World
-from picktree.trees.flow import NodeStatus
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.runner import build
+from picktree.robot import World
+from picktree.trees import NodeStatus, build
+from picktree.trees.loading import NodeRegistry, parse_mission
 
 from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from picktree.files.yaml.document import read_document
-from picktree.trees.loading.loader import examine
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.world.causes import all_causes, matches
+from picktree.files.yaml import read_document
+from picktree.trees.loading import NodeRegistry, examine
+from picktree.world import all_causes, matches
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "recovery.md").read_text("utf-8")

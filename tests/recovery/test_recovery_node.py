@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import cast
 
 from picktree.recovery import RecoveryNode
-from picktree.robot.world import World
-from picktree.trees.flow import NodeStatus
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.runner import build
-from picktree.world.causes import FailureReport
+from picktree.robot import World
+from picktree.trees import NodeStatus, build
+from picktree.trees.loading import NodeRegistry, parse_mission
+from picktree.world import FailureReport
 
 from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters
 
@@ -61,7 +59,8 @@ def test_a_recovery_node_does_not_cure_a_fault_of_the_program() -> None:
     report = failed(run)
     assert str(report.cause) == "internal.error"
     assert (report.message, report.node) == (
-        "ZeroDivisionError while Scripted was ticked: scripted (scripted.py, line 94)", "Main/RecoveryNode/Do"
+        "ZeroDivisionError while Scripted was ticked: scripted (scripted.py, line 113)",
+        "Main/RecoveryNode/Do",
     )  # fmt: skip
     assert "start Cure" not in run.trace
 

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from picktree.simulation.fault_entries import AtTime, GripperJam
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.causes import Cause, Failure, control, safety
-from picktree.world.shapes import Box
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.world import Box, Cause, Failure, control, safety
 
 from ..skills.cell import Cell, items, mission
 
 if TYPE_CHECKING:
-    from picktree.trees.skill import Doing
+    from picktree.trees import Doing
 
 
 def cell(body: str) -> tuple[Cell, KinematicHardware]:
@@ -158,7 +157,7 @@ def test_fingers_must_open_but_for_some_millimetres(
         hardware.gripper.width = hardware.gripper.target = 0.08 - short
         yield
 
-    monkeypatch.setattr("picktree.recovery.look_around.open_gripper", opens)
+    monkeypatch.setattr("picktree.robot.manipulation.held_object.open_gripper", opens)
     if told:
         told = f"control.gripper: after 1 tries the fingers still do not follow: {told}"
     assert ended(made)[0] == told

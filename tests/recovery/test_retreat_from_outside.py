@@ -7,12 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.simulation.checkpoints import Backend
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.description import SceneDescription
-from picktree.world.shapes import Box
-from picktree.world.values import Bounds, ObjectId, Pose
+from picktree.simulation import Backend
+from picktree.world import BeliefObject, Bounds, Box, ObjectId, Pose
+from picktree.world.robot_model import load_robot
+from picktree.world.scene import SceneDescription
 
 from ..skills.cell import Cell, items, mission
 

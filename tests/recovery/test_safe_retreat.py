@@ -12,19 +12,28 @@ from picktree.robot.manipulation.retreat import (
     RetreatMotion,
     _free_spots,  # pyright: ignore[reportPrivateUsage]
 )
-from picktree.robot.planning.plan_service import PlanService
-from picktree.robot.planning.requests import ContactPair, MotionPlan, OffsetGoal, Request
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.causes import Cause, Failure, FailureReport, control, place, planning
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.scene.description import Fixture
-from picktree.world.shapes import Box
-from picktree.world.values import Array, ObjectId, Pose, Vector3
+from picktree.robot.planning import ContactPair, MotionPlan, OffsetGoal, PlanService, Request
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.world import (
+    Array,
+    BeliefObject,
+    Box,
+    Cause,
+    Failure,
+    FailureReport,
+    ObjectId,
+    Pose,
+    Vector3,
+    control,
+    place,
+    planning,
+)
+from picktree.world.scene import Fixture
 
 from ..skills.cell import Cell, items, mission
 
 if TYPE_CHECKING:
-    from picktree.trees.skill import Doing
+    from picktree.trees import Doing
 
 LOOK = "Observe: {camera: overhead}"
 
@@ -193,8 +202,7 @@ def test_what_is_touched_on_the_way_home_is_left_and_gone_around(
     direction begins where the touch has left the arm."""
     from dataclasses import replace
 
-    from picktree.robot.control.commands import JointImpedanceResult
-    from picktree.robot.control.motions import ArmMotion
+    from picktree.robot.control import ArmMotion, JointImpedanceResult
 
     made = cell()
     assert do(made, "GoTo: {pose: rest}") == ("SUCCESS", "")
@@ -246,7 +254,7 @@ class Ways:
 
         patch.setattr(RetreatMotion, "out", out_)
         patch.setattr(RetreatMotion, "anew", anew)
-        patch.setattr("picktree.recovery.safe_retreat.go_home", home_)
+        patch.setattr("picktree.robot.manipulation.retreat.go_home", home_)
         patch.setattr(world.plan, "contacts", self._contacts)
         patch.setattr(world.vision, "look", looking)
 
@@ -357,7 +365,7 @@ def test_what_cannot_be_put_down_is_told_at_home(
             world.scene.detach(ObjectId(item), Pose(), "table", "test")
         raise told
 
-    monkeypatch.setattr("picktree.recovery.safe_retreat.put_down", refuses)
+    monkeypatch.setattr("picktree.robot.manipulation.retreat.put_down", refuses)
     made.events.clear()
     assert do(made, "SafeRetreat: {hand: put_down}")[1] == (cause.name if drops else "place.occupied")
     assert at(made, "home")

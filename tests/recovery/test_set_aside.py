@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from picktree.simulation.fault_entries import AtTime, CameraDrop
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import NodeRegistry
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.trees.loading import NodeRegistry, parse_mission
 
 from ..skills.cell import Cell, items, mission
 

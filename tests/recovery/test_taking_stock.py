@@ -9,20 +9,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from picktree.recovery.belief_restart import ResyncReport, _recognise, resync_belief  # pyright: ignore[reportPrivateUsage]
+from picktree.recovery import ResyncReport, resync_belief
+from picktree.recovery.belief_restart import _recognise  # pyright: ignore[reportPrivateUsage]
 from picktree.simulation.fault_entries import AtTime, CameraDrop, GripperJam
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.causes import Failure, control, safety
-from picktree.world.journal import JournalEvent
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.shapes import Box
-from picktree.world.values import ObjectId, Pose
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.world import BeliefObject, Box, Failure, JournalEvent, ObjectId, Pose, control, safety
 
 from ..skills.cell import LIMIT, Cell, items, mission
 
 if TYPE_CHECKING:
-    from picktree.robot.world import World
-    from picktree.trees.skill import Doing
+    from picktree.robot import World
+    from picktree.trees import Doing
 
 FIRST = "the run goes on as things stand: it looks first, with the belief of before"
 

@@ -12,12 +12,10 @@ import pybullet as pb
 import pytest
 
 from picktree.simulation.checkpoints import GripperCommand
-from picktree.simulation.physics.engine import Client, reset
-from picktree.simulation.physics.robot_body import RobotBody
-from picktree.world.robot_model.description import RobotDescription
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.values import Array
+from picktree.simulation.physics import Client, RobotBody
+from picktree.simulation.physics.engine import reset
+from picktree.world import Array
+from picktree.world.robot_model import RobotDescription, RobotModel, load_robot
 
 PERIOD = 1 / 240
 

@@ -10,17 +10,15 @@ import pybullet
 import pytest
 import trimesh
 
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
 from picktree.logs.binary_gltf import link_meshes, read_glb
-from picktree.robot.planning.collision_checker import robot_geometry
-from picktree.simulation.physics.engine import Client
-from picktree.simulation.physics.robot_body import RobotBody
-from picktree.world.robot_model.link_shapes import geometry_faults, link_shapes
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot, robot_names
-from picktree.world.robot_model.urdf import links_seen_only
-from picktree.world.shapes import ConvexMesh, Cylinder, Sphere, corners, greatest_length
-from picktree.world.values import Pose
+from picktree.robot.planning import robot_geometry
+from picktree.simulation.physics import Client, RobotBody
+from picktree.world import ConvexMesh, Cylinder, Pose, Sphere, corners, greatest_length
+from picktree.world.robot_model import RobotModel, link_shapes, load_robot
+from picktree.world.robot_model.link_solids import geometry_faults
+from picktree.world.robot_model.robot_file import robot_names
+from picktree.world.robot_model.urdf_parser import links_seen_only
 
 CASE = "<{kind}>{origin}<geometry>{shape}</geometry></{kind}>"
 

@@ -10,13 +10,13 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull
 
+from picktree.apps.commissioning import ProposalRequest, propose
 from picktree.apps.commissioning.base_pose import YAWS, places
 from picktree.apps.commissioning.link_geometry import MAX_STICK_OUT
-from picktree.apps.commissioning.proposal import Proposal, ProposalRequest, propose
-from picktree.robot.planning.inverse_kinematics import InverseKinematics
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.shapes import Box, corners
-from picktree.world.values import Array, Pose
+from picktree.apps.commissioning.proposal import Proposal
+from picktree.robot.planning import InverseKinematics
+from picktree.world import Array, Box, Pose, corners
+from picktree.world.robot_model import RobotModel
 
 from .arms import mini
 

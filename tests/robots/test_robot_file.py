@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from picktree.files.errors import FileError, PicktreeError
-from picktree.simulation.physics.engine import Client
-from picktree.simulation.physics.robot_body import RobotBody, patched_urdf
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot, parse_robot, robot_names
-from picktree.world.robot_model.urdf import UrdfPrimitive, link_geometry
-from picktree.world.shapes import Box
+from picktree.files import FileError, PicktreeError
+from picktree.simulation.physics import Client, RobotBody
+from picktree.simulation.physics.robot_body import patched_urdf
+from picktree.world import Box
+from picktree.world.robot_model import RobotModel, load_robot, parse_robot
+from picktree.world.robot_model.robot_file import robot_names
+from picktree.world.robot_model.urdf_parser import UrdfPrimitive, link_geometry
 
 URDF = """\
 <robot name="arm">
@@ -241,7 +241,7 @@ def test_faulty_parts_of_fingers_are_refused(robot_file: Path, old: str, new: st
 def test_reading_a_known_robot_imports_no_simulator() -> None:
     load_robot("panda")  # its meshes are in the disk cache from here on
     code = (
-        "import sys; from picktree.world.robot_model.robot_file import load_robot; load_robot('panda');"
+        "import sys; from picktree.world.robot_model import load_robot; load_robot('panda');"
         "print([m for m in ('pybullet', 'pybullet_data', 'pinocchio', 'trimesh') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

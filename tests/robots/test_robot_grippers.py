@@ -14,18 +14,22 @@ import pybullet as pb
 import pytest
 import trimesh
 
-from picktree.apps.commissioning.proposal import ProposalRequest, propose
-from picktree.files.errors import FileError
+from picktree.apps.commissioning import ProposalRequest, propose
+from picktree.files import FileError
 from picktree.simulation.checkpoints import GripperCommand
-from picktree.simulation.physics.engine import Client, reset
-from picktree.simulation.physics.robot_body import RobotBody
-from picktree.world.robot_model.description import RobotDescription
-from picktree.world.robot_model.finger_linkage import LinkageFingers, SliderPair, fingers_of
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot, parse_robot
-from picktree.world.robot_model.urdf import link_geometry
-from picktree.world.shapes import corners
-from picktree.world.values import Array
+from picktree.simulation.physics import Client, RobotBody
+from picktree.simulation.physics.engine import reset
+from picktree.world import Array, corners
+from picktree.world.robot_model import (
+    LinkageFingers,
+    RobotDescription,
+    RobotModel,
+    fingers_of,
+    load_robot,
+    parse_robot,
+)
+from picktree.world.robot_model.finger_linkage import SliderPair
+from picktree.world.robot_model.urdf_parser import link_geometry
 
 from .arms import HINGED_HAND, mini
 

@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.files.errors import PicktreeError
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.values import Array, Pose
+from picktree.files import PicktreeError
+from picktree.world import Array, Pose
+from picktree.world.robot_model import RobotModel, load_robot
 
 PANDA = load_robot("panda")
 MODEL = RobotModel(PANDA)

@@ -7,14 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 from picktree.apps.cli.file_schemas import CHECKS
 from picktree.files.file_checks import check_files
-from picktree.robot.planning.collision_checker import robot_geometry
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.robot_model.urdf import parsed_urdf
-from picktree.world.robot_model.urdf_faults import UrdfError
+from picktree.robot.planning import robot_geometry
+from picktree.world.robot_model import RobotModel, UrdfError, load_robot
+from picktree.world.robot_model.urdf_parser import parsed_urdf
 
 from .arms import ROBOT, joint, link, mini
 

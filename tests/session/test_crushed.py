@@ -7,11 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.explain.run_explanation import explain
-from picktree.analysis.run import Run
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.world.events import CrushedEvent
+from picktree.analysis import Run
+from picktree.analysis.explain import explain
+from picktree.session import RunRequest, Session
+from picktree.world.event_types import CrushedEvent
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -8,11 +8,10 @@ from typing import cast
 
 import pytest
 
-from picktree.robot.world import World
-from picktree.session.debugger import Breakpoint, Debugger, DebuggerStop
-from picktree.trees.flow import NodeStatus
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.runner import BehaviourTree, build
+from picktree.robot import World
+from picktree.session import Breakpoint, Debugger, DebuggerStop
+from picktree.trees import BehaviourTree, NodeStatus, build
+from picktree.trees.loading import parse_mission
 
 from ..trees.scripted import FakeWorld, Run, registry, start
 

@@ -8,16 +8,13 @@ from pathlib import Path
 
 import pytest
 
+from picktree.analysis import Run, RunChanges
 from picktree.analysis.resim import ResimOrder, run_order
-from picktree.analysis.run import Run
-from picktree.analysis.run_changes import RunChanges
-from picktree.logs.run_result import RunResult
+from picktree.logs import RunResult
+from picktree.session import Observer, RecordedRun, RunRequest, Session, simulated_messages
 from picktree.session.checkpoints import RunState
-from picktree.session.observer import Observer
-from picktree.session.recipe import Recording, RunRequest
-from picktree.session.recorded_recipe import RecordedRun, simulated_messages
-from picktree.session.session import Session
-from picktree.trees.runner import TickReport
+from picktree.session.run_recipe import Recording
+from picktree.trees import TickReport
 from picktree.world.world_facts import FeedProgressState
 
 SCENE = """\

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from picktree.logs.run_log import RunLog
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.mission import RecordedFiles
+from picktree.logs import RunLog
+from picktree.session import RunRequest, Session
+from picktree.trees import RecordedFiles
+from picktree.trees.loading import parse_mission
 
 MISSION = """
 picktree: 1

@@ -14,16 +14,11 @@ from types import ModuleType
 
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.logs import topics
-from picktree.logs.recording.recorder import Recorder
-from picktree.logs.run_log import RunLog
-from picktree.logs.run_result import RunResult
-from picktree.session.live_view import LiveServer
-from picktree.session.observer import WallClockPacer
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.world.planning_scene import PlanningScene
+from picktree.files import PicktreeError
+from picktree.logs import RunLog, RunResult, topics
+from picktree.logs.recording import Recorder
+from picktree.session import LiveServer, RunRequest, Session, WallClockPacer
+from picktree.world import PlanningScene
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

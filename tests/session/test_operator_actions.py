@@ -8,18 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from picktree.analysis import Run, resimulate, what_if
 from picktree.analysis.explain.explanation_text import notes_on
-from picktree.analysis.resim import resimulate
-from picktree.analysis.run import Run
-from picktree.analysis.whatif import what_if
 from picktree.apps.cli.debug_prompt import DebugPrompt
-from picktree.logs.run_result import RunResult
-from picktree.session.debugger import Debugger
-from picktree.session.recipe import RunRequest
-from picktree.session.recorded_recipe import RecordedRun
-from picktree.session.resumption import ResumeRequest, Resumption
-from picktree.session.session import Session
-from picktree.world.events import BlackboardSetEvent
+from picktree.logs import RunResult
+from picktree.session import Debugger, RecordedRun, ResumeRequest, Resumption, RunRequest, Session
+from picktree.world.event_types import BlackboardSetEvent
 
 MISSION = """\
 picktree: 1

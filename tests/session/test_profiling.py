@@ -15,17 +15,15 @@ from typing import Any
 import jsonschema
 import pytest
 
-from picktree.apps.cli.app import answer
-from picktree.logs.run_log import RunLog
+from picktree.apps.cli import answer
+from picktree.logs import RunLog
+from picktree.session import Observer, Profiler, ResumeRequest, Resumption, RunRequest, Session
 from picktree.session.execution import TICK_LENGTH
-from picktree.session.observer import Observer
-from picktree.session.profiler import NodeCost, Profiler, RunProfile
-from picktree.session.recipe import DEFAULT_TIME_LIMIT, RunRequest
-from picktree.session.resumption import ResumeRequest, Resumption
-from picktree.session.session import Session
-from picktree.simulation.checkpoints import Backend
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.trees.runner import TickReport
+from picktree.session.profiler import NodeCost, RunProfile
+from picktree.session.run_recipe import DEFAULT_TIME_LIMIT
+from picktree.simulation import Backend
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.trees import TickReport
 
 MISSION = Path(__file__).parents[1] / "golden" / "one_item.yaml"
 WORKING = '''\
@@ -33,12 +31,12 @@ WORKING = '''\
 
 import time
 
-from picktree.robot.world import World
-from picktree.trees.decorators import Decorator
-from picktree.trees.flow import ChildFlow
-from picktree.trees.ports import In, port
-from picktree.trees.skill import Skill, Steps
-from picktree.trees.flow import NodeStatus
+from picktree.robot import World
+from picktree.trees import Decorator
+from picktree.trees.control_flow import ChildFlow
+from picktree.trees import In, port
+from picktree.trees import Skill, Steps
+from picktree.trees import NodeStatus
 
 
 class Around(Decorator):

@@ -17,13 +17,13 @@ from pydantic import BaseModel, BeforeValidator
 
 from picktree.files.file_system import ROOT
 from picktree.files.yaml.file_models import NamedFile, ShortForm
-from picktree.session.recipe import Recipe, RecipeFile, RunRequest, read_recipe, recipe_files, write_recipe
+from picktree.session import RunRequest
+from picktree.session.run_recipe import Recipe, RecipeFile, read_recipe, recipe_files, write_recipe
 from picktree.simulation.fault_entries import FaultsFile
 from picktree.simulation.heap_spawning import mesh_files
-from picktree.world.robot_model.link_shapes import link_shapes
+from picktree.world.robot_model import link_shapes
 from picktree.world.robot_model.robot_file import RobotFile
-from picktree.world.scene.description import SceneDescription
-from picktree.world.scene.scene_schema import SceneFile
+from picktree.world.scene import SceneDescription, SceneFile
 
 from ..robots.test_robot_file import ROBOT, URDF
 
@@ -54,8 +54,8 @@ trees:
 """
 LOOK = "picktree: 1\nkind: mission\nlibrary: true\nplugins: [nod.py]\ntrees: {Look: Nod}\n"
 WAVE = '''\
-from picktree.trees.skill import Skill, Steps
-from picktree.robot.world import World
+from picktree.trees import Skill, Steps
+from picktree.robot import World
 
 
 class Wave(Skill):

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.analysis.run import Run
-from picktree.files.errors import PicktreeError
-from picktree.logs.mcap.reader import RawMessage
-from picktree.logs.run_result import RunResult
+from picktree.analysis import Run
+from picktree.files import PicktreeError
+from picktree.logs import RunResult
+from picktree.logs.mcap import RawMessage
+from picktree.session import RecordedRun, RunRequest, Session, simulated_messages
 from picktree.session.checkpoints import RunState
-from picktree.session.recipe import Recording, RunRequest
-from picktree.session.recorded_recipe import RecordedRun, complete_state, simulated_messages
-from picktree.session.session import Session
-from picktree.simulation.checkpoints import Backend
-from picktree.world.planning_scene import BeliefObject
+from picktree.session.recorded_recipe import complete_state
+from picktree.session.run_recipe import Recording
+from picktree.simulation import Backend
+from picktree.world import BeliefObject
 
 from ..other_process import OtherProcess
 

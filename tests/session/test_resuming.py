@@ -14,21 +14,26 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.run import Run
-from picktree.apps.cli.app import answer
-from picktree.files.errors import PicktreeError
-from picktree.logs.mcap.reader import McapReader
-from picktree.logs.run_log import RunLog, Stamped
-from picktree.logs.run_result import RunResult
-from picktree.session.execution import TICK_LENGTH, Execution
-from picktree.session.observer import Observer, PresetAnswers
-from picktree.session.recipe import Recording, RunRequest
-from picktree.session.recorded_recipe import RecordedRun
-from picktree.session.resumption import ResumeRequest, Resumption
-from picktree.session.session import Session
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.trees.runner import TickReport
-from picktree.world.journal import JournalEvent
+from picktree.analysis import Run
+from picktree.apps.cli import answer
+from picktree.files import PicktreeError
+from picktree.logs import RunLog, RunResult, Stamped
+from picktree.logs.mcap import McapReader
+from picktree.session import (
+    Execution,
+    Observer,
+    PresetAnswers,
+    RecordedRun,
+    ResumeRequest,
+    Resumption,
+    RunRequest,
+    Session,
+)
+from picktree.session.execution import TICK_LENGTH
+from picktree.session.run_recipe import Recording
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.trees import TickReport
+from picktree.world import JournalEvent
 
 from ..logs.rewriting import ORDER, WRITING, Content
 

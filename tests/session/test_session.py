@@ -12,17 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.logs.run_log import RunLog
-from picktree.logs.run_result import RunResult
+from picktree.files import PicktreeError
+from picktree.logs import RunLog, RunResult
+from picktree.session import Observer, RunRequest, Session, frozen_before_runs
 from picktree.session.checkpoints import RunState
 from picktree.session.execution import TICK_LENGTH
-from picktree.session.observer import Observer
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session, frozen_before_runs
-from picktree.simulation.truth import TrueBody
-from picktree.trees.flow import NodeStatus
-from picktree.trees.runner import TickReport
+from picktree.simulation import TrueBody
+from picktree.trees import NodeStatus, TickReport
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 TOPICS = {
@@ -155,7 +151,7 @@ def test_a_signal_before_the_first_tick_leaves_a_whole_log(
         os.kill(os.getpid(), number)
         signal.pause()
 
-    monkeypatch.setattr("picktree.session.session_recording.link_meshes", interrupted)
+    monkeypatch.setattr("picktree.logs.binary_gltf.link_meshes", interrupted)
     before = signal.getsignal(number)
     with pytest.raises(KeyboardInterrupt):
         Session(request(tmp_path)).run()

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from picktree.logs.run_log import RunLog
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.simulation.scorer import rests
+from picktree.logs import RunLog
+from picktree.session import RunRequest, Session
+from picktree.simulation import rests
 
 MISSION = """\
 picktree: 1

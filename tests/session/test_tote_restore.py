@@ -9,14 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.analysis.explain.case import scene_of
-from picktree.analysis.run import Run
-from picktree.logs.run_result import RunResult
-from picktree.session.recipe import Recording, RunRequest
-from picktree.session.recorded_recipe import RecordedRun, simulated_messages
-from picktree.session.session import Session
+from picktree.analysis import Run
+from picktree.analysis.explain import scene_of
+from picktree.logs import RunResult
+from picktree.session import RecordedRun, RunRequest, Session, simulated_messages
+from picktree.session.run_recipe import Recording
 from picktree.simulation.heap_spawning import mesh_files
-from picktree.world.events import BinEmptiedEvent, ItemDoneEvent
+from picktree.world.event_types import BinEmptiedEvent, ItemDoneEvent
 
 SCENE = """\
 picktree: 1

@@ -7,14 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.logs.run_log import RunLog
-from picktree.logs.run_result import RunResult
-from picktree.session.execution import Execution
+from picktree.logs import RunLog, RunResult
+from picktree.session import Execution, Observer, RunRequest, Session
 from picktree.session.mission_edits import FileWatch, MissionReload
-from picktree.session.observer import Observer
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.trees.runner import TickReport
+from picktree.trees import TickReport
 
 SORTING = """\
 picktree: 1
@@ -281,7 +277,7 @@ def test_an_included_file_may_be_edited(tmp_path: Path) -> None:
 
 
 PLUGIN = '''\
-from picktree.trees.skill import Skill
+from picktree.trees import Skill
 class Pause(Skill):
     """Wait a moment."""
     def run(self, world):

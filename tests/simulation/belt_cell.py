@@ -6,13 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from picktree.simulation import belt_feed
-from picktree.simulation.belt_feed import BeltDrive
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.scene.description import Belt, CatalogueEntry, Fixture, SceneDescription, Spawn
-from picktree.world.shapes import Box, Cylinder, Sphere, bottom
-from picktree.world.values import ObjectId, Pose, Quaternion, Vector3
+from picktree.simulation import BeltDrive, belt_feed
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import Box, Cylinder, ObjectId, Pose, Quaternion, Sphere, Vector3, bottom
+from picktree.world.scene import Belt, CatalogueEntry, Fixture, SceneDescription, Spawn
 
 from .simulated_cell import WEDGE, cell, panda
 from .test_simulation_physics import SILENT

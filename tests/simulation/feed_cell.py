@@ -8,11 +8,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from picktree.simulation.checkpoints import Backend, Checkpoint, KinematicState
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.scene.description import Delivery, Exchange, SceneDescription, Spawn, When, WhenClear
-from picktree.world.values import Vector3
+from picktree.simulation import Backend
+from picktree.simulation.checkpoints import Checkpoint, KinematicState
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import Vector3
+from picktree.world.scene import Delivery, SceneDescription, Spawn, WhenClear
+from picktree.world.scene.description import Exchange, When
 
 from .simulated_cell import cell, panda
 

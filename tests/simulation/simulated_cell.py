@@ -5,19 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from picktree.world.robot_model.description import RobotDescription
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.description import (
-    Bin,
-    CameraDescription,
-    CatalogueEntry,
-    Destination,
-    Fixture,
-    SceneDescription,
-    Spawn,
-)
-from picktree.world.shapes import Box, ConvexMesh, Cylinder, Sphere
-from picktree.world.values import ObjectId, Pose
+from picktree.world import Box, ConvexMesh, Cylinder, ObjectId, Pose, Sphere
+from picktree.world.robot_model import RobotDescription, load_robot
+from picktree.world.scene import Bin, CameraDescription, CatalogueEntry, Fixture, SceneDescription, Spawn
+from picktree.world.scene.description import Destination
 
 ROOF = ((-0.02, -0.015, -0.01), (0.02, -0.015, -0.01), (-0.02, 0.015, -0.01), (0.02, 0.015, -0.01))
 WEDGE = ConvexMesh((*ROOF, (-0.02, 0.0, 0.02), (0.02, 0.0, 0.02)), "wedge")

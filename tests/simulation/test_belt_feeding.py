@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from picktree.simulation import TrueBody
 from picktree.simulation.checkpoints import Checkpoint, KinematicState
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.truth import TrueBody
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.scene.description import Delivery, SceneDescription, Spawn
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world.robot_model import RobotModel
+from picktree.world.scene import Delivery, SceneDescription, Spawn
 
 from ..other_process import OtherProcess
 from .belt_cell import AT, BELT, KINDS, TOP, Hardware, belt_of, belt_scene

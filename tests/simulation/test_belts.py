@@ -11,14 +11,12 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
 from picktree.simulation.belt_feed import BELT_ACCELERATION
 from picktree.simulation.checkpoints import Checkpoint
-from picktree.simulation.physics import belts
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.scene.description import Fixture
-from picktree.world.shapes import Box
-from picktree.world.values import Array, ObjectId, Pose
+from picktree.simulation.physics import PhysicsHardware, belts
+from picktree.world import Array, Box, ObjectId, Pose
+from picktree.world.scene import Fixture
 
 from .belt_cell import (
     BELT,

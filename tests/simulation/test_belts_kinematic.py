@@ -9,9 +9,9 @@ from dataclasses import replace
 import pytest
 
 from picktree.simulation.checkpoints import KinematicState
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.scene.description import SceneDescription
-from picktree.world.values import Pose
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.world import Pose
+from picktree.world.scene import SceneDescription
 
 from .belt_cell import AT, TOP, belt_of, belt_scene, lying, positions, ride, wait
 from .simulated_cell import panda

@@ -9,17 +9,15 @@ from itertools import pairwise
 
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.simulation.checkpoints import Backend, Checkpoint, KinematicState
+from picktree.files import PicktreeError
+from picktree.simulation import Backend, TrueBody, score
+from picktree.simulation.checkpoints import Checkpoint, KinematicState
 from picktree.simulation.fault_entries import FaultTarget
 from picktree.simulation.fault_injector import choose_target
 from picktree.simulation.feeder import goes_with
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.physics.engine import pb
-from picktree.simulation.scorer import score
-from picktree.simulation.truth import TrueBody
+from picktree.simulation.physics import PhysicsHardware, pb
+from picktree.world import ObjectId, Pose, Vector3
 from picktree.world.scene.description import Exchange
-from picktree.world.values import ObjectId, Pose, Vector3
 
 from .feed_cell import Hardware, build, fed, load, moved, told, turn_to, wait
 from .simulated_cell import cell

@@ -10,18 +10,15 @@ import pytest
 from numpy.typing import NDArray
 from trimesh import Trimesh
 
+from picktree.simulation import HoledFixtures, HoleSeating, SpawnedItem, displace_fixtures
 from picktree.simulation.checkpoints import Checkpoint
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.physics.bodies import add_fixed, add_item
+from picktree.simulation.physics import Client, PhysicsHardware, add_item, pb
+from picktree.simulation.physics.bodies import add_fixed
 from picktree.simulation.physics.contacts import Penetrations
-from picktree.simulation.physics.engine import Client, pb
-from picktree.simulation.spawn import SpawnedItem, displace_fixtures
-from picktree.simulation.truth import HoledFixtures, HoleSeating
-from picktree.world.holes import convex_pieces, outline, surface
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.scene_loading import load_scene, parse_scene
-from picktree.world.shapes import Box
-from picktree.world.values import Array, ObjectId, Pose
+from picktree.world import Array, Box, ObjectId, Pose
+from picktree.world.hole_geometry import convex_pieces, outline, surface
+from picktree.world.robot_model import load_robot
+from picktree.world.scene import load_scene, parse_scene
 
 SCENE = """\
 picktree: 1

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from picktree.simulation import load_faults
 from picktree.simulation.fault_entries import REQUIRED_KEYS
-from picktree.simulation.fault_loading import load_faults
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "examples/faults").glob("*.yaml"))

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files.errors import FileError
+from picktree.files import FileError
+from picktree.simulation import load_faults, parse_faults
 from picktree.simulation.fault_entries import (  # fmt: skip
     ALLOWED_KEYS,
     REQUIRED_KEYS,
@@ -36,10 +37,9 @@ from picktree.simulation.fault_entries import (  # fmt: skip
     WrenchBias,
     WrenchDead,
 )
-from picktree.simulation.fault_loading import load_faults, parse_faults
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.values import Pose
+from picktree.world import Pose
+from picktree.world.robot_model import load_robot
+from picktree.world.scene import load_scene
 
 HEAD = "picktree: 1\nkind: faults\nfaults:\n"
 HERE = Path("f.yaml")

@@ -6,10 +6,11 @@ import json
 
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.simulation.checkpoints import Backend, Checkpoint, KinematicState
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.values import ObjectId
+from picktree.files import PicktreeError
+from picktree.simulation import Backend
+from picktree.simulation.checkpoints import Checkpoint, KinematicState
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import ObjectId
 
 from ..other_process import OtherProcess
 from .feed_cell import Hardware, build, digest, fed, load, moved, resumed, wait

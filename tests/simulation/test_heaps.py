@@ -11,29 +11,27 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.robot.perception.camera_geometry import PosedCamera
+from picktree.files import PicktreeError
+from picktree.robot.perception import PosedCamera
 from picktree.robot.perception.heap_mapping import map_heaps
 from picktree.robot.perception.segmentation import SegmentationInput
-from picktree.simulation.footprints import distance, footprint
-from picktree.simulation.heap_spawning import Sticker, mesh_files, read_thing, upright_turn
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.simulation.physics.backend import PhysicsHardware
+from picktree.simulation import Sticker, distance, footprint, spawn_items
+from picktree.simulation.heap_spawning import mesh_files, read_thing, upright_turn
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.simulation.physics import PhysicsHardware, RenderedImage
 from picktree.simulation.physics.bodies import inertia
-from picktree.simulation.physics.rgbd_camera import RenderedImage, draw_tag
-from picktree.simulation.spawn import spawn_items
-from picktree.world.heaps import heap_regions
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.description import (
+from picktree.simulation.physics.rgbd_camera import draw_tag
+from picktree.world import CompoundMesh, ConvexMesh, ObjectId, Pose, Sphere, bottom, heap_geometry, top
+from picktree.world.robot_model import load_robot
+from picktree.world.scene import (
     Assortment,
     CameraDescription,
     CatalogueEntry,
-    Destination,
     SceneDescription,
+    load_scene,
+    parse_scene,
 )
-from picktree.world.scene.scene_loading import load_scene, parse_scene
-from picktree.world.shapes import CompoundMesh, ConvexMesh, Sphere, bottom, top
-from picktree.world.values import ObjectId, Pose
+from picktree.world.scene.description import Destination
 
 CUBE = "".join(f"v {x} {y} {z}\n" for x in (0, 20) for y in (0, 20) for z in (0, 20))
 FACES = "f 1 2 3 4\nf 5 6 7 8\nf 1 5 2 6\n"
@@ -149,7 +147,7 @@ def test_a_pile_lies_together_and_nothing_holds_it_when_the_run_begins():
     scene = replace(scene, spawn=(narrow,))
     hardware = PhysicsHardware(scene, load_robot("panda"), 2)
     bodies = hardware.truth()
-    (region,) = heap_regions(scene).values()
+    (region,) = heap_geometry.heap_regions(scene).values()
     assert region.id == "table" and region.size == pytest.approx((0.24, 0.24))
     assert region.covers(np.array([body.pose.position for body in bodies])).all()
     assert max(float(np.linalg.norm(body.velocity)) for body in bodies) < 0.01

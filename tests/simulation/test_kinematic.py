@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
 from picktree.simulation.checkpoints import KinematicState
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.robot_model.description import RobotDescription
-from picktree.world.scene.description import SceneDescription
-from picktree.world.values import Pose
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.world import Pose
+from picktree.world.robot_model import RobotDescription
+from picktree.world.scene import SceneDescription
 
 from ..control.control_cell import DOWN, ROBOT, Cell, reach, swing
 from .simulated_cell import cell as sorting_cell

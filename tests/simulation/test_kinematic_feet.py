@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.simulation.kinematic import KinematicHardware
 from picktree.simulation.kinematic.contact_forces import KinematicContacts
-from picktree.world.shapes import bottom
-from picktree.world.values import GRAVITY, Pose
+from picktree.world import GRAVITY, Pose, bottom
 
 from ..control.control_cell import DOWN, Cell
 from .simulated_cell import CATALOGUE

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from picktree.simulation.kinematic.bodies import KinematicBodies, KinematicBody, Prism
-from picktree.world.scene.scene_loading import parse_scene
-from picktree.world.values import ObjectId, Pose
+from picktree.world import ObjectId, Pose
+from picktree.world.scene import parse_scene
 
 SCENE = """\
 picktree: 1

@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from picktree.simulation.feed_cell import LightCurtain, Zone
-from picktree.world.robot_model.model import RobotModel
+from picktree.simulation import LightCurtain, Zone
+from picktree.world.robot_model import RobotModel
 
 from .simulated_cell import panda
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from picktree.simulation.physics.contacts import Penetrations
-from picktree.world.values import ObjectId
+from picktree.world import ObjectId
 
 ITEM, OTHER = ObjectId("item_00"), ObjectId("item_01")
 BOARD, TABLE = 7, 3

@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.simulation.scorer import score
-from picktree.simulation.truth import HoledFixtures, TrueBody
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.values import ObjectId, Pose
+from picktree.simulation import HoledFixtures, TrueBody, score
+from picktree.world import ObjectId, Pose
+from picktree.world.scene import load_scene
 
 SCENE = load_scene("pegs")
 BOARD = SCENE.fixture("board")

@@ -7,10 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.simulation.scorer import score
-from picktree.simulation.truth import HoledFixtures, HoleSeating
-from picktree.world.shapes import Box, Shape, Sphere, bottom
-from picktree.world.values import Pose, Vector3
+from picktree.simulation import HoledFixtures, HoleSeating, score
+from picktree.world import Box, Pose, Shape, Sphere, Vector3, bottom
 
 from .test_scorer_holes import BOARD, peg
 from .test_scorer_holes import SCENE as PEGS

@@ -9,14 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.simulation.backends import build_hardware
-from picktree.simulation.checkpoints import Backend, KinematicState
-from picktree.simulation.fault_injector import FaultInjector
-from picktree.simulation.fault_loading import parse_faults
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.protocols import NoImage, RgbdImage
-from picktree.world.values import Pose
+from picktree.simulation import Backend, FaultInjector, build_hardware, parse_faults
+from picktree.simulation.checkpoints import KinematicState
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import NoImage, Pose, RgbdImage
 
 from .simulated_cell import cell, panda
 

@@ -8,17 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
+from picktree.simulation import FaultInjector, parse_faults, score
 from picktree.simulation.checkpoints import Checkpoint, KinematicState
-from picktree.simulation.fault_injector import FaultInjector
-from picktree.simulation.fault_loading import parse_faults
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.scorer import score
-from picktree.world.scene.description import Fixture
-from picktree.world.scene.scene_loading import parse_scene
-from picktree.world.shapes import Box, Cylinder
-from picktree.world.values import ObjectId, Pose
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import Box, Cylinder, ObjectId, Pose
+from picktree.world.scene import Fixture, parse_scene
 
 from .simulated_cell import cell, panda
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from picktree.simulation import FaultInjector, FaultState, new_states, parse_faults
 from picktree.simulation.fault_entries import AtNode, AtTime, FaultFile
-from picktree.simulation.fault_injector import DueFault, FaultInjector, FaultSchedule, FaultState, new_states
-from picktree.simulation.fault_loading import parse_faults
-from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.simulation.fault_injector import DueFault, FaultSchedule
+from picktree.simulation.kinematic import KinematicHardware
 
 from .simulated_cell import cell, panda
 

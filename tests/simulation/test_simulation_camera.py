@@ -7,11 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.protocols import RgbdImage
-from picktree.world.scene.description import CameraDescription, Fixture, SceneDescription
-from picktree.world.shapes import Box
-from picktree.world.values import Array, ObjectId, Pose
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import Array, Box, ObjectId, Pose, RgbdImage
+from picktree.world.scene import CameraDescription, Fixture, SceneDescription
 
 from .simulated_cell import cell, looking_down, panda
 

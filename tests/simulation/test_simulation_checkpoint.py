@@ -7,9 +7,9 @@ import json
 import numpy as np
 import pytest
 
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
 from picktree.simulation.checkpoints import Checkpoint
-from picktree.simulation.physics.backend import PhysicsHardware
+from picktree.simulation.physics import PhysicsHardware
 
 from ..other_process import OtherProcess
 from .simulated_cell import cell, panda

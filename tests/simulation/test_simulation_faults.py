@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.simulation.fault_injector import FaultInjector
-from picktree.simulation.fault_loading import parse_faults
-from picktree.simulation.physics.backend import PhysicsHardware
+from picktree.files import PicktreeError
+from picktree.simulation import FaultInjector, parse_faults
+from picktree.simulation.physics import PhysicsHardware
 
 from .simulated_cell import cell, panda
 

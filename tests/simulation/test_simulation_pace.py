@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.scene_loading import load_scene
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world.robot_model import load_robot
+from picktree.world.scene import load_scene
 
 SCENE, ROBOT = load_scene("sort_small"), load_robot("panda")
 

@@ -11,15 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.physics.bodies import ItemShapes, add_item
-from picktree.simulation.physics.engine import Client, pb
-from picktree.simulation.spawn import SpawnedItem
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.scene.description import CatalogueEntry, SceneDescription, SensorNoise, Spawn
-from picktree.world.shapes import Box
-from picktree.world.values import ObjectId, Pose
+from picktree.files import PicktreeError
+from picktree.simulation import SpawnedItem
+from picktree.simulation.physics import Client, ItemShapes, PhysicsHardware, add_item, pb
+from picktree.world import Box, ObjectId, Pose
+from picktree.world.robot_model import RobotModel
+from picktree.world.scene import CatalogueEntry, SceneDescription, SensorNoise, Spawn
 
 from ..other_process import OtherProcess
 from .simulated_cell import CATALOGUE, cell, panda

@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.simulation.scorer import score
-from picktree.simulation.truth import TrueBody
-from picktree.world.scene.description import CatalogueEntry, Delivery, Spawn
-from picktree.world.values import ObjectId, Pose, Vector3
+from picktree.simulation import TrueBody, score
+from picktree.world import ObjectId, Pose, Vector3
+from picktree.world.scene import CatalogueEntry, Delivery, Spawn
 
 from .simulated_cell import cell
 

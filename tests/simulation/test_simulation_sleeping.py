@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.scene.description import CatalogueEntry, Form, SceneDescription, Spawn
-from picktree.world.shapes import Box, Cylinder, Shape, Sphere
-from picktree.world.values import Pose, Quaternion, Vector3, vector3
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import Box, Cylinder, Pose, Quaternion, Shape, Sphere, Vector3, vector3
+from picktree.world.robot_model import RobotModel
+from picktree.world.scene import CatalogueEntry, Form, SceneDescription, Spawn
 
 from .simulated_cell import cell, panda
 from .test_simulation_physics import SILENT, down_at, go, held_block, lifted

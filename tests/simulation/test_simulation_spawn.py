@@ -8,12 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.files.errors import PicktreeError
-from picktree.simulation.footprints import distance, footprint
-from picktree.simulation.spawn import TUMBLE_HEIGHT, spawn_items
-from picktree.world.scene.description import Spawn
-from picktree.world.shapes import Box, Cylinder, bottom
-from picktree.world.values import Pose
+from picktree.files import PicktreeError
+from picktree.simulation import distance, footprint, spawn_items
+from picktree.simulation.spawn import TUMBLE_HEIGHT
+from picktree.world import Box, Cylinder, Pose, bottom
+from picktree.world.scene import Spawn
 
 from .simulated_cell import cell
 

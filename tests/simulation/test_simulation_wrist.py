@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from picktree.simulation.sensor_noise import WrenchBiasNoise
-from picktree.world.random_streams import RandomStreams
-from picktree.world.scene.description import SensorNoise
+from picktree.world import RandomStreams
+from picktree.world.scene import SensorNoise
 
 from ..manipulation.test_closing import INGOT, Bench
 

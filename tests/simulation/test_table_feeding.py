@@ -7,12 +7,11 @@ from collections import Counter
 
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.simulation.checkpoints import Backend
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.spawn import spawn_items
-from picktree.world.protocols import FeedSignals
-from picktree.world.scene.description import AtIntervals, AtTimes
+from picktree.files import PicktreeError
+from picktree.simulation import Backend, spawn_items
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import FeedSignals
+from picktree.world.scene import AtIntervals, AtTimes
 
 from .feed_cell import BELOW, build, fed, load, moved, places, told, turn_to, wait
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.scene.description import CatalogueEntry, Spawn
-from picktree.world.shapes import Box
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import Box
+from picktree.world.scene import CatalogueEntry, Spawn
 
 from .simulated_cell import cell, panda
 

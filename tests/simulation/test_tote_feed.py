@@ -6,14 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.scorer import is_inside, score
-from picktree.simulation.truth import TrueBody
-from picktree.world.protocols import FeedSignals
-from picktree.world.scene.description import Exchange, SceneDescription
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.values import ObjectId
+from picktree.files import PicktreeError
+from picktree.simulation import TrueBody, score
+from picktree.simulation.physics import PhysicsHardware
+from picktree.simulation.scorer import is_inside
+from picktree.world import FeedSignals, ObjectId
+from picktree.world.scene import SceneDescription, load_scene
+from picktree.world.scene.description import Exchange
 
 from .feed_cell import build, digest, resumed, told, turn_to, wait
 

@@ -9,15 +9,14 @@ from typing import TypeVar
 
 import pytest
 
-from picktree.robot.world import World
-from picktree.session.execution import TICK_LENGTH, assemble_world
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.world.causes import Failure
-from picktree.world.journal import JournalEvent
-from picktree.world.protocols import Camera, NoImage, RgbdImage
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.scene_loading import load_scene
+from picktree.robot import World
+from picktree.session import assemble_world
+from picktree.session.execution import TICK_LENGTH
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.simulation.physics import PhysicsHardware
+from picktree.world import Camera, Failure, JournalEvent, NoImage, RgbdImage
+from picktree.world.robot_model import load_robot
+from picktree.world.scene import load_scene
 
 T = TypeVar("T")
 

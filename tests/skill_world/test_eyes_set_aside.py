@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import pytest
 
+from picktree.robot.perception import LABEL_NAMES
 from picktree.robot.perception.item_fitting import ItemFitter
-from picktree.robot.perception.segmentation import LABEL_NAMES, Blob
+from picktree.robot.perception.segmentation import Blob
 
 from .test_eyes_missing import cell, driven
 

@@ -14,21 +14,16 @@ from textwrap import indent
 
 import numpy as np
 
-from picktree.session.execution import TICK_LENGTH, assemble_world
-from picktree.simulation.backends import build_hardware
-from picktree.simulation.checkpoints import Backend
-from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.scorer import Score, score
-from picktree.trees.flow import NodeStatus
-from picktree.trees.loading.loader import load_mission, parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.mission import Mission
-from picktree.trees.runner import TickReport, build
-from picktree.world.journal import JournalEvent
-from picktree.world.robot_model.description import RobotDescription
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.description import SceneDescription
-from picktree.world.scene.scene_loading import load_scene
+from picktree.session import assemble_world
+from picktree.session.execution import TICK_LENGTH
+from picktree.simulation import Backend, build_hardware, score
+from picktree.simulation.physics import PhysicsHardware
+from picktree.simulation.scorer import Score
+from picktree.trees import Mission, NodeStatus, TickReport, build
+from picktree.trees.loading import NodeRegistry, load_mission, parse_mission
+from picktree.world import JournalEvent
+from picktree.world.robot_model import RobotDescription, load_robot
+from picktree.world.scene import SceneDescription, load_scene
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 LIMIT = 240.0

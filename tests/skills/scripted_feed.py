@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from picktree.world.protocols import Clock, FeedSignals
-from picktree.world.values import ObjectId
+from picktree.world import Clock, FeedSignals, ObjectId
 
 
 @dataclass

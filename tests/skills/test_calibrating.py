@@ -12,12 +12,11 @@ from picktree.robot.calibration import calibration_targets, target_detection
 from picktree.robot.calibration.calibration_targets import TouchPoint
 from picktree.robot.calibration.observations import DetectedTile, TargetImage
 from picktree.simulation.fault_entries import AtTime, CameraDrop
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.trees.skill import Steps
-from picktree.world.events import CalibrationShotEvent, CalibrationTouchEvent
-from picktree.world.protocols import RgbdImage
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.values import Array, Pose, Vector3
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.trees import Steps
+from picktree.world import Array, Pose, RgbdImage, Vector3
+from picktree.world.event_types import CalibrationShotEvent, CalibrationTouchEvent
+from picktree.world.scene import load_scene
 
 from .cell import Cell, mission
 
@@ -165,15 +164,13 @@ def test_what_is_not_there_is_told() -> None:
 def wanted(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """So many touches, of the top; those beside it are nothing that a cell without physics feels."""
 
+    touch_points = calibration_targets.touch_points
+
     def tops(target: Pose, size: Vector3, at_tips: Array, turned: float) -> tuple[TouchPoint, ...]:
-        found = [
-            c
-            for c in calibration_targets.touch_points(target, size, at_tips, turned)
-            if c.name.startswith("top")
-        ]
+        found = [c for c in touch_points(target, size, at_tips, turned) if c.name.startswith("top")]
         return tuple((*found, *found)[:count])
 
-    monkeypatch.setattr("picktree.skills.touch_target.touch_points", tops)
+    monkeypatch.setattr("picktree.robot.calibration.calibration_targets.touch_points", tops)
 
 
 def test_touches_are_made_with_two_forces_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,11 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.logs.run_log import RunLog
-from picktree.logs.run_result import RunResult
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.simulation.checkpoints import Backend
+from picktree.logs import RunLog, RunResult
+from picktree.session import RunRequest, Session
+from picktree.simulation import Backend
 
 from .cell import EXAMPLES
 

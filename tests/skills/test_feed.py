@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from picktree.robot.manipulation.bin_belief import bin_fill_level
-from picktree.robot.perception.view import BinView
-from picktree.world.scene.description import Belt
-from picktree.world.values import ObjectId, Pose
+from picktree.robot.perception import BinView
+from picktree.world import ObjectId, Pose
+from picktree.world.scene import Belt
 
 from .cell import Cell, items, mission
 from .scripted_feed import ScriptedFeed

@@ -11,19 +11,17 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from picktree.robot.manipulation.grasps import grasp_candidates
+from picktree.robot.manipulation import grasp_candidates
 from picktree.robot.manipulation.held_object import GripCheck, LightObject
 from picktree.robot.manipulation.pick_candidates import PickPlaceCandidate
 from picktree.robot.manipulation.pick_stream import CandidateSearch
-from picktree.robot.planning.requests import Request
-from picktree.simulation.checkpoints import Backend
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.trees.flow import NodeStatus
-from picktree.trees.skill import Doing
-from picktree.world.causes import Cause, Failure, FailureReport, control, planning
-from picktree.world.events import PickEvent
-from picktree.world.scene.description import SceneDescription
-from picktree.world.values import Array, ObjectId
+from picktree.robot.planning import Request
+from picktree.simulation import Backend
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.trees import Doing, NodeStatus
+from picktree.world import Array, Cause, Failure, FailureReport, ObjectId, control, planning
+from picktree.world.event_types import PickEvent
+from picktree.world.scene import SceneDescription
 from picktree.world.world_facts import GRASP, AttemptMemory, Refusal
 
 from .cell import Cell, items, mission, sorting
@@ -197,7 +195,7 @@ def test_a_miss_is_told_with_what_was_felt_and_remembered(kind: str, monkeypatch
     cell, (block,) = looked(block=1)
     hardware = cell.hardware
     assert isinstance(hardware, KinematicHardware)
-    monkeypatch.setattr("picktree.skills.grasp.relocate_object", _nothing)
+    monkeypatch.setattr("picktree.robot.manipulation.object_pick.relocate_object", _nothing)
     if kind == "gone":
         hardware.remove(str(hardware.truth()[0].id))
     else:

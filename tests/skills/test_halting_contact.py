@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from picktree.trees.loading.loader import load_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.mission import Mission
-from picktree.world.scene.description import SceneDescription
-from picktree.world.scene.scene_loading import load_scene
+from picktree.trees import Mission
+from picktree.trees.loading import NodeRegistry, load_mission
+from picktree.world.scene import SceneDescription, load_scene
 
 from .cell import EXAMPLES, Cell, Phases, halted_at
 

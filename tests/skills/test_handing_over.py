@@ -9,17 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.robot.control.motions import ArmMotion
+from picktree.robot.control import ArmMotion
 from picktree.robot.manipulation.pick_candidates import TRANSFER_STAGE
 from picktree.robot.manipulation.pick_place_motions import transfer_requests
-from picktree.robot.perception.view import BinView
-from picktree.robot.planning.requests import OffsetGoal, Request
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.trees.skill import Steps
-from picktree.world.journal import CandidateSearchEntry, Entry
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.shapes import Box
-from picktree.world.values import ObjectId
+from picktree.robot.perception import BinView
+from picktree.robot.planning import OffsetGoal, Request
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.trees import Steps
+from picktree.world import BeliefObject, Box, CandidateSearchEntry, Entry, ObjectId
 
 from .cell import Cell, items, mission
 

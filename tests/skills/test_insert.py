@@ -7,12 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.causes import FailureReport
-from picktree.world.events import ItemDoneEvent
-from picktree.world.scene.description import SceneDescription
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.values import ObjectId, Pose
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.world import FailureReport, ObjectId, Pose
+from picktree.world.event_types import ItemDoneEvent
+from picktree.world.scene import SceneDescription, load_scene
 
 from .cell import Cell, mission
 

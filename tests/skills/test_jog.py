@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.simulation.checkpoints import Backend
+from picktree.files import PicktreeError
+from picktree.simulation import Backend
 
 from .cell import Cell, items, mission
 

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.world.protocols import SensorStamps
+from picktree.files import PicktreeError
+from picktree.trees.loading import NodeRegistry, parse_mission
+from picktree.world import SensorStamps
 
 from ..rooms import ROOT, modules
 from .cell import Cell, items, mission
@@ -158,8 +157,8 @@ def test_a_stop_from_before_does_not_fail_what_only_waits(tmp_path: Path) -> Non
 
 
 WAITING = '''
-from picktree.trees.skill import ARM, Skill, Steps
-from picktree.world.causes import safety
+from picktree.trees import ARM, Skill, Steps
+from picktree.world import safety
 
 
 class Waits(Skill):
@@ -191,9 +190,9 @@ NODES = (Waits, WaitsWithTheArm, SeesToStops)
 '''
 
 RAISING = '''
-from picktree.trees.skill import ARM, Skill, Steps
-from picktree.world.causes import control
-from picktree.robot.control.commands import Twist
+from picktree.trees import ARM, Skill, Steps
+from picktree.world import control
+from picktree.robot.control import Twist
 
 
 class Raising(Skill):

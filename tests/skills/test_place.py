@@ -9,18 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from picktree.robot import PlaceCandidate, World
 from picktree.robot.manipulation import object_placement
 from picktree.robot.manipulation.pick_place_motions import lower
 from picktree.robot.manipulation.release_poses import bin_target, levels, opens_freely, place_candidates
-from picktree.robot.perception.view import BinView
-from picktree.robot.planning.requests import LegFailure, MotionPlan, Request
-from picktree.robot.world import PlaceCandidate, World
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.trees.skill import Doing, Steps
-from picktree.world.causes import Cause, Failure, planning
-from picktree.world.events import ItemDoneEvent
-from picktree.world.shapes import Box, bottom, top
-from picktree.world.values import ObjectId, Pose, Trajectory
+from picktree.robot.perception import BinView
+from picktree.robot.planning import LegFailure, MotionPlan, Request
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.trees import Doing, Steps
+from picktree.world import Box, Cause, Failure, ObjectId, Pose, Trajectory, bottom, planning, top
+from picktree.world.event_types import ItemDoneEvent
 
 from .cell import Cell, items, mission
 

@@ -40,7 +40,7 @@ def typed() -> dict[str, str]:
 def test_it_has_the_names_that_a_type_checker_sees() -> None:
     assert dir(plugin) == sorted(typed())
     for name, module in typed().items():
-        found = __import__(f"picktree.{module}", fromlist=[name])
+        found = __import__(module, fromlist=[name])
         assert getattr(plugin, name) is getattr(found, name)
     with pytest.raises(AttributeError, match=r"module 'picktree.skills.plugin' has no attribute 'Dance'"):
         _ = plugin.Dance  # pyright: ignore[reportAttributeAccessIssue, reportUnknownVariableType, reportUnknownMemberType]

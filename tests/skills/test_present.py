@@ -8,18 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.analysis.run import Run
-from picktree.logs.run_result import RunResult
+from picktree.analysis import Run
+from picktree.logs import RunResult
 from picktree.robot.manipulation.presentation import SeenThing, presenting_poses
-from picktree.robot.perception import segmentation
-from picktree.robot.perception.held_thing import HeldView
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.world.events import PresentEvent, PutDownEvent
+from picktree.robot.perception import HeldView, segmentation
+from picktree.session import RunRequest, Session
+from picktree.world import ObjectId, Pose, greatest_length
+from picktree.world.event_types import PresentEvent, PutDownEvent
 from picktree.world.scene.description import Destination
 from picktree.world.scene.destinations import ItemTraits, unknown_traits
-from picktree.world.shapes import greatest_length
-from picktree.world.values import ObjectId, Pose
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "empty_the_tote.yaml"
 SCENE = """\

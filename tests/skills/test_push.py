@@ -9,21 +9,18 @@ from typing import Any
 
 import pytest
 
-from picktree.files.errors import FileError
+from picktree.files import FileError
+from picktree.robot import World
 from picktree.robot.manipulation.closed_loop_pushing import observe_closely
 from picktree.robot.manipulation.singulation import has_room
 from picktree.robot.manipulation.stroke_planning import PushGoal, PushStroke, push_strokes
-from picktree.robot.world import World
-from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.simulation.kinematic import KinematicHardware
 from picktree.simulation.kinematic.bodies import KinematicBody
-from picktree.trees.skill import Doing
-from picktree.world.causes import FailureReport
-from picktree.world.events import PushEvent
+from picktree.trees import Doing
+from picktree.world import BeliefObject, FailureReport, ObjectId, Pose
+from picktree.world.event_types import PushEvent
 from picktree.world.planar_geometry import PlanarPose, planar, wrap_angle
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.scene.description import SceneDescription
-from picktree.world.scene.scene_loading import load_scene
-from picktree.world.values import ObjectId, Pose
+from picktree.world.scene import SceneDescription, load_scene
 
 from .cell import Cell, items, mission
 

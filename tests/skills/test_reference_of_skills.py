@@ -9,13 +9,12 @@ from pathlib import Path
 import pytest
 
 from picktree.apps.cli.author_commands import registry
-from picktree.authoring.schema.node_reference import markdown, node_entry
+from picktree.authoring.schema import markdown
+from picktree.authoring.schema.node_reference import node_entry
 from picktree.recovery import NODES as RECOVERY
 from picktree.skills import NODES as SKILLS
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.node import Node
-from picktree.trees.runner import build
+from picktree.trees import Node, build
+from picktree.trees.loading import NodeRegistry, parse_mission
 
 from .cell import Cell, items, mission
 

@@ -8,16 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from picktree.robot import Vision
 from picktree.robot.manipulation.replanning import MAX_REPLANS
-from picktree.robot.perception.view import BinView
-from picktree.robot.planning.trajectory_gate import TrajectoryGate
-from picktree.robot.vision import Vision
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.causes import Failure, perception, planning
-from picktree.world.events import ItemDoneEvent, ReplannedEvent
-from picktree.world.scene.description import Fixture
-from picktree.world.shapes import Box
-from picktree.world.values import ObjectId, Pose
+from picktree.robot.perception import BinView
+from picktree.robot.planning import TrajectoryGate
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.world import Box, Failure, ObjectId, Pose, perception, planning
+from picktree.world.event_types import ItemDoneEvent, ReplannedEvent
+from picktree.world.scene import Fixture
 
 from .cell import Cell, items, mission
 

@@ -8,12 +8,11 @@ from typing import get_args
 
 import pytest
 
-from picktree.authoring.check import check_mission
-from picktree.files.yaml.document import read_document
+from picktree.authoring import check_mission
+from picktree.files.yaml import read_document
 from picktree.robot.control.jog_motion import StoppedBy
-from picktree.trees.loading.loader import load_mission, parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.world.causes import all_causes
+from picktree.trees.loading import NodeRegistry, load_mission, parse_mission
+from picktree.world import all_causes
 
 from .cell import Cell, items
 

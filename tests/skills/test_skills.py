@@ -7,12 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.trees.skill import Steps
-from picktree.world.causes import Failure, world
-from picktree.world.planning_scene import BeliefObject
-from picktree.world.shapes import Box
-from picktree.world.values import ObjectId
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.trees import Steps
+from picktree.world import BeliefObject, Box, Failure, ObjectId, world
 
 from .cell import Cell, items, mission
 

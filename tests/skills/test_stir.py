@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.analysis.run import Run
-from picktree.logs.records import BodyRecord
-from picktree.logs.run_result import RunResult
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.world.events import PushEvent
+from picktree.analysis import Run
+from picktree.logs import RunResult
+from picktree.logs.log_records import BodyRecord
+from picktree.session import RunRequest, Session
+from picktree.world.event_types import PushEvent
 
 SCENE = """\
 picktree: 1

@@ -7,10 +7,9 @@ from typing import Any
 
 import pytest
 
-from picktree.robot.perception.pipeline import Perception
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.causes import Failure, FailureReport, perception
-from picktree.world.values import ObjectId, Pose
+from picktree.robot.perception import Perception
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.world import Failure, FailureReport, ObjectId, Pose, perception
 
 from .cell import Cell, items, mission
 

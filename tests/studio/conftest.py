@@ -18,7 +18,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from picktree.apps.studio.server import link, listen, make_server
 from picktree.apps.studio.workspace import Workspace
-from picktree.trees.loading.plugin import PLUGINS_VARIABLE
+from picktree.trees.loading import PLUGINS_VARIABLE
 
 PATIENCE = 300.0
 """Wall seconds within which an answer comes, however busy the machine is."""

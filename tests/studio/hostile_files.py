@@ -8,17 +8,22 @@ from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
-from picktree.apps.batch.batch import Batch
-from picktree.apps.batch.plan import BatchPlan
-from picktree.apps.batch.store import RESULTS_FILE, Store
+from picktree.apps.batch import RESULTS_FILE, Batch, BatchPlan, Store
 from picktree.apps.batch.tables import JobRows
 from picktree.files.file_system import ROOT
-from picktree.logs.recording.recorder import Recorder
-from picktree.logs.records import NodeStatusRecord, Tick, TransitionRecord, Tree, TreeNode, WriteRecord
-from picktree.world.journal import CandidateEntry, CandidateSearchEntry, ImageEntry, OtherEvent, PlanEntry
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.shapes import Box
-from picktree.world.values import ObjectId, Pose
+from picktree.logs.log_records import NodeStatusRecord, Tick, TransitionRecord, Tree, TreeNode, WriteRecord
+from picktree.logs.recording import Recorder
+from picktree.world import (
+    Box,
+    CandidateEntry,
+    CandidateSearchEntry,
+    ImageEntry,
+    ObjectId,
+    OtherEvent,
+    PlanEntry,
+    PlanningScene,
+    Pose,
+)
 
 from ..batch.test_store import ITEMS, MISSED, SLIP
 

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
+from picktree.session import RunRequest, Session
 
 from ..browser import Chromium
 from .conftest import Client, Served, serving

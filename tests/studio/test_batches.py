@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from picktree.apps.batch.cost_forecast import forecast, recorded_batches
-from picktree.apps.batch.plan import load_plan
+from picktree.apps.batch import forecast, load_plan, recorded_batches
 from picktree.apps.studio.batch_slice import BatchFolder, form_of, with_key
 
 from .conftest import Refused, Served

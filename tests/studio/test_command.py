@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 
 
 def test_without_the_extra_it_says_how_to_add_it(

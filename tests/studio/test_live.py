@@ -17,7 +17,7 @@ from picktree.apps.studio.jobs import Jobs
 from picktree.apps.studio.live_slice import LiveSlice, RunOrder
 from picktree.apps.studio.slice import Studio
 from picktree.apps.studio.workspace import Workspace
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
 from picktree.session.attach_socket import SOCKET_NAME, connect_to_run
 from picktree.world.robot_model.robot_file import robot_names
 

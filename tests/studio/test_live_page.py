@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from picktree.analysis.run import Run
+from picktree.analysis import Run
 
 from ..browser import Chromium, Told, wait_until
 from ..needs import CHROMIUM, needs, packages

@@ -11,7 +11,7 @@ import pytest
 from picktree.apps.studio.answers import Places
 from picktree.apps.studio.mission_slice import written
 from picktree.files.file_system import ROOT
-from picktree.trees.ports import PortDeclaration, PortType
+from picktree.trees import PortDeclaration, PortType
 from picktree.world.scene.scene_loading import SHIPPED
 
 from .conftest import Client, Refused, Served

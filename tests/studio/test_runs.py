@@ -10,10 +10,9 @@ import pytest
 
 from picktree.apps.studio.run_slice import Query, RunTable
 from picktree.apps.studio.workspace import Workspace
+from picktree.logs import RunResult
 from picktree.logs.log_files import Rotation
-from picktree.logs.run_result import RunResult
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
+from picktree.session import RunRequest, Session
 
 from .conftest import Refused, Served
 

@@ -16,17 +16,16 @@ from picktree.apps.studio.folder_slice import EXAMPLES, example_files
 from picktree.apps.studio.job_process import MAX_OUTPUT
 from picktree.apps.studio.jobs import Job, Jobs, job_text
 from picktree.apps.studio.workspace import Workspace
-from picktree.files.errors import PicktreeError
-from picktree.logs.run_log import RunLog
-from picktree.logs.run_result import RunResult
-from picktree.trees.loading.plugin import PLUGINS_VARIABLE
+from picktree.files import PicktreeError
+from picktree.logs import RunLog, RunResult
+from picktree.trees.loading import PLUGINS_VARIABLE
 
 from .conftest import PATIENCE, Refused, Served, serving
 
 T = TypeVar("T")
 MISSION = "picktree: 1\nkind: mission\nname: wave\nplugins: [wave.py]\ntrees:\n  Main: Wave\n"
 PLUGIN = '''
-from picktree.trees.skill import Skill
+from picktree.trees import Skill
 open("ran", "w").close()
 
 

@@ -7,22 +7,30 @@ from pathlib import Path
 from textwrap import dedent, indent
 from typing import cast
 
+from picktree.authoring.rehearsal import Rehearsal, rehearse
 from picktree.authoring.rehearsal.case_checks import examine_cases
 from picktree.authoring.rehearsal.cases import CaseFile
-from picktree.authoring.rehearsal.rehearsal import CaseResult, Rehearsal, rehearse
-from picktree.files.yaml.document import Document, read_document
-from picktree.robot.world import World
-from picktree.trees.decorators import Decorator
-from picktree.trees.flow import LeafFlow, NodeStatus
-from picktree.trees.leaves import ConditionNode
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.mission import Mission
-from picktree.trees.node import Node
-from picktree.trees.ports import In, Out, port
-from picktree.trees.skill import ARM, CAMERA, GRIPPER, Skill, Steps
-from picktree.world.causes import grasp, perception, place, planning, safety
-from picktree.world.values import ObjectId
+from picktree.authoring.rehearsal.rehearsal import CaseResult
+from picktree.files.yaml import Document, read_document
+from picktree.robot import World
+from picktree.trees import (
+    ARM,
+    CAMERA,
+    GRIPPER,
+    ConditionNode,
+    Decorator,
+    In,
+    Mission,
+    Node,
+    NodeStatus,
+    Out,
+    Skill,
+    Steps,
+    port,
+)
+from picktree.trees.control_flow import LeafFlow
+from picktree.trees.loading import NodeRegistry, parse_mission
+from picktree.world import ObjectId, grasp, perception, place, planning, safety
 
 HERE = Path("cases.yaml")
 

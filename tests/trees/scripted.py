@@ -8,25 +8,44 @@ from pathlib import Path
 from textwrap import dedent
 from typing import TYPE_CHECKING, ClassVar, cast
 
-from picktree.files.expressions import ANY, ValueType
-from picktree.trees.flow import NodeStatus
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.mission import Mission
-from picktree.trees.node import Node
-from picktree.trees.ports import In, Out, port
-from picktree.trees.runner import BehaviourTree, TickReport, build
-from picktree.trees.skill import ARM, Skill, Steps
-from picktree.world.causes import Failure, cause_named, control, grasp, perception, safety
-from picktree.world.journal import Entry, Journal, JournalEvent, Plain
-from picktree.world.planning_scene import BeliefObject, PlanningScene
-from picktree.world.random_streams import RandomStreams
-from picktree.world.shapes import Box
-from picktree.world.values import ObjectId, Pose
+from picktree.files import ANY, ValueType
+from picktree.trees import (
+    ARM,
+    BehaviourTree,
+    In,
+    Mission,
+    Node,
+    NodeStatus,
+    Out,
+    Skill,
+    Steps,
+    TickReport,
+    build,
+    port,
+)
+from picktree.trees.loading import NodeRegistry, parse_mission
+from picktree.world import (
+    BeliefObject,
+    Box,
+    Entry,
+    Failure,
+    Journal,
+    JournalEvent,
+    ObjectId,
+    Plain,
+    PlanningScene,
+    Pose,
+    RandomStreams,
+    cause_named,
+    control,
+    grasp,
+    perception,
+    safety,
+)
 from picktree.world.world_facts import AttemptMemory
 
 if TYPE_CHECKING:
-    from picktree.robot.world import World
+    from picktree.robot import World
 
 TICK = 0.05
 

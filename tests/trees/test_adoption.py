@@ -7,10 +7,9 @@ from typing import cast
 
 import pytest
 
-from picktree.trees.control_nodes import NODES
-from picktree.trees.flow import NodeStatus
+from picktree.trees import NODES, NodeStatus
 from picktree.trees.runner import StateTransfer
-from picktree.world.journal import JournalEvent, Plain
+from picktree.world import JournalEvent, Plain
 
 from .scripted import FakeWorld, Run, letters, start
 from .test_state import MISSIONS

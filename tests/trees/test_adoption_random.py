@@ -12,18 +12,12 @@ from typing import Any, TypeAlias, cast
 
 import pytest
 
-from picktree.files.yaml.document import read_document
+from picktree.files.yaml import read_document
 from picktree.recovery import NODES as RECOVERY
-from picktree.robot.world import World
-from picktree.trees.flow import NodeStatus
-from picktree.trees.loading.loader import examine
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.mission import Mission
-from picktree.trees.node import Node
-from picktree.trees.runner import build
-from picktree.trees.skill import Steps
-from picktree.world.causes import Failure, grasp, perception, place, safety
-from picktree.world.values import ObjectId
+from picktree.robot import World
+from picktree.trees import Mission, Node, NodeStatus, Steps, build
+from picktree.trees.loading import NodeRegistry, examine
+from picktree.world import Failure, ObjectId, grasp, perception, place, safety
 from tests.trees import rehearsing
 
 from .random_missions import Author

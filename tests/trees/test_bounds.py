@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files.yaml.document import read_document
-from picktree.trees.loading.loader import MissionReadResult, examine
-from picktree.trees.loading.registry import NodeRegistry
+from picktree.files.yaml import read_document
+from picktree.trees.loading import MissionReadResult, NodeRegistry, examine
 from picktree.trees.mission import MAX_FAULTS, MAX_NODES
 
 from ..effort import counted

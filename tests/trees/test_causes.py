@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from picktree.trees.flow import NodeStatus
-from picktree.world.causes import FailureReport
+from picktree.trees import NodeStatus
+from picktree.world import FailureReport
 
 from .scripted import Run, letters, start
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from picktree.files.expression_syntax import ExpressionError
-from picktree.trees.flow import NodeStatus
+from picktree.trees import NodeStatus
 from picktree.trees.loading.port_reader import MAX_ASSIGNMENTS, parse_assignments
 
 from .scripted import Run, letters, start

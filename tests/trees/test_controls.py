@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.trees.flow import NodeStatus
+from picktree.trees import NodeStatus
 
 from .scripted import Run, letters, start
 

@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING, cast
 import py_trees
 import pytest
 
-from picktree.trees.flow import NodeStatus
-from picktree.trees.loading.loader import load_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.runner import build
+from picktree.trees import NodeStatus, build
+from picktree.trees.loading import NodeRegistry, load_mission
 
 from .scripted import FakeWorld, start
 
 if TYPE_CHECKING:
-    from picktree.robot.world import World
+    from picktree.robot import World
 
 FOLDER = Path(__file__).parents[2] / "examples"
 EXAMPLES = [f for f in sorted(FOLDER.glob("*.yaml")) if "\nkind: mission\n" in f.read_text("utf-8")]

@@ -7,16 +7,11 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.files.errors import FileError
-from picktree.files.yaml.document import read_document
-from picktree.trees.loading.loader import (
-    MAX_INCLUDED_FILES,
-    examine,
-    load_mission,
-    parse_mission,
-    read_mission,
-)
-from picktree.trees.mission import Mission, RecordedFiles
+from picktree.files import FileError
+from picktree.files.yaml import read_document
+from picktree.trees import Mission, RecordedFiles
+from picktree.trees.loading import examine, load_mission, parse_mission, read_mission
+from picktree.trees.loading.loader import MAX_INCLUDED_FILES
 
 from .scripted import registry
 

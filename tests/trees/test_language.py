@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.trees.flow import NodeStatus
+from picktree.files import PicktreeError
+from picktree.trees import NodeStatus
 from picktree.trees.references import ATTRIBUTES, Reference
 
 from .scripted import FakeWorld, letters, start

@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 from picktree.files.expression_syntax import FUNCTIONS
-from picktree.trees.declaration import COMMON_KEYS
-from picktree.trees.loading.loader import MAX_INCLUDED_FILES, load_mission
-from picktree.trees.mission import MAX_NODES, library_names
+from picktree.trees import COMMON_KEYS, library_names
+from picktree.trees.loading import load_mission
+from picktree.trees.loading.loader import MAX_INCLUDED_FILES
+from picktree.trees.mission import MAX_NODES
 from picktree.trees.references import ATTRIBUTES
 from picktree.world.world_facts import FACTS
 

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.check import check_mission
-from picktree.files.yaml.document import read_document
-from picktree.trees.loading.loader import examine
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.mission import LIBRARY, library_names, path_of
+from picktree.authoring import check_mission
+from picktree.files.yaml import read_document
+from picktree.trees import LIBRARY, library_names, path_of
+from picktree.trees.loading import NodeRegistry, examine
 
 
 @pytest.mark.parametrize("name", library_names())

@@ -7,8 +7,8 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.files.errors import FileError
-from picktree.trees.loading.loader import load_mission, parse_mission
+from picktree.files import FileError
+from picktree.trees.loading import load_mission, parse_mission
 
 from .scripted import FILE, mission, registry
 

@@ -10,8 +10,8 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.files.errors import FileError
-from picktree.world.causes import known_causes
+from picktree.files import FileError
+from picktree.world import known_causes
 
 from .waving import WAVE, below, forgotten, mission
 
@@ -174,7 +174,7 @@ FAULTS: dict[str, tuple[str, str, str]] = {  # source, code, text after the plug
         "ConditionNode or Control)",
     ),
     "a base in NODES": (
-        "from picktree.trees.skill import Skill\nNODES = (Skill,)",
+        "from picktree.trees import Skill\nNODES = (Skill,)",
         "P253",
         "Skill in NODES is not a node class (a class derived from Skill, "
         "ConditionNode or Control)",
@@ -209,7 +209,7 @@ FAULTS: dict[str, tuple[str, str, str]] = {  # source, code, text after the plug
         "node Wave: it has no 'run' (as 'def run(self, world): ...', with a 'yield' in it)",
     ),
     "no on_tick": (
-        WAVE.replace("trees.skill import Skill", "trees.node import Node as Skill"),
+        WAVE.replace("trees import Skill", "trees import Node as Skill"),
         "P254",
         "node Wave: it has no 'on_tick' (derive it from Skill and write 'run', or "
         "write 'on_tick')",

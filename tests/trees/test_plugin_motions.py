@@ -9,11 +9,10 @@ from typing import cast
 
 import pytest
 
-from picktree.files.errors import FileError
-from picktree.robot.world import World
-from picktree.trees.flow import NodeStatus
-from picktree.trees.runner import build
-from picktree.world.causes import remedy_of
+from picktree.files import FileError
+from picktree.robot import World
+from picktree.trees import NodeStatus, build
+from picktree.world import remedy_of
 
 from .scripted import FakeWorld, Run
 from .waving import WAVE, forgotten, mission

@@ -11,13 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.check import check_mission
-from picktree.files.errors import FileError, PicktreeError
-from picktree.files.yaml.document import read_document
-from picktree.session.recipe import mission_files, plugin_versions
-from picktree.trees.loading.loader import load_mission, parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.world.causes import cause_named
+from picktree.authoring import check_mission
+from picktree.files import FileError, PicktreeError
+from picktree.files.yaml import read_document
+from picktree.session.run_recipe import mission_files, plugin_versions
+from picktree.trees.loading import NodeRegistry, load_mission, parse_mission
+from picktree.world import cause_named
 
 from .waving import WAVE, below, forgotten, mission
 
@@ -256,7 +255,7 @@ def test_a_plug_in_that_prints_leaves_stdout_to_the_answer(tmp_path: Path) -> No
     (tmp_path / "wave.py").write_text(WAVE + "print('hello')\n")
     program = f"""
 from pathlib import Path
-from picktree.trees.loading.loader import load_mission
+from picktree.trees.loading import load_mission
 print(load_mission(Path({str(tmp_path / "m.yaml")!r})).main.root.id)
 """
     (tmp_path / "m.yaml").write_text("picktree: 1\nkind: mission\nplugins: [wave.py]\ntrees: {Main: Wave}\n")

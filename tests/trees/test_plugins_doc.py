@@ -13,14 +13,13 @@ from typing import cast
 
 import pytest
 
-from picktree.apps.cli.app import answer
+from picktree.apps.cli import answer
 from picktree.files.fault_codes import page
-from picktree.robot.world import World
+from picktree.robot import World
 from picktree.skills import plugin
-from picktree.trees.loading.loader import load_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.runner import build
-from picktree.world.causes import all_causes
+from picktree.trees import build
+from picktree.trees.loading import NodeRegistry, load_mission
+from picktree.world import all_causes
 
 from .scripted import FakeWorld, Run, letters
 from .waving import forgotten

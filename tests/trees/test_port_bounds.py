@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files.errors import FileError, PicktreeError
-from picktree.trees.leaves import ConditionNode
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.ports import In, PortType, Range, accept_value, convert_literal, port
+from picktree.files import FileError, PicktreeError
+from picktree.trees import ConditionNode, In, PortType, Range, convert_literal, port
+from picktree.trees.loading import NodeRegistry, parse_mission
+from picktree.trees.ports import accept_value
 
 
 def fault_of(node: str) -> str:

@@ -7,8 +7,7 @@ from typing import cast
 
 import pytest
 
-from picktree.world.causes import tree
-from picktree.world.journal import Plain
+from picktree.world import Plain, tree
 
 from .scripted import FakeWorld, Run, letters, start
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from picktree.trees.flow import NodeStatus
+from picktree.trees import NodeStatus
 
 from .scripted import letters, start
 

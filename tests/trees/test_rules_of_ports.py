@@ -7,9 +7,8 @@ from textwrap import dedent, indent
 
 import pytest
 
-from picktree.files.errors import FileError
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import NodeRegistry
+from picktree.files import FileError
+from picktree.trees.loading import NodeRegistry, parse_mission
 
 
 def faults(trees: str) -> list[str]:

@@ -13,14 +13,10 @@ import pytest
 import yaml
 
 from picktree import recovery
-from picktree.files.yaml.reader import resolve
-from picktree.robot.world import World
-from picktree.trees import control_nodes
-from picktree.trees.flow import NodeStatus
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.node import Node
-from picktree.trees.runner import build
+from picktree.files.yaml import resolve
+from picktree.robot import World
+from picktree.trees import Node, NodeStatus, build, control_nodes
+from picktree.trees.loading import NodeRegistry, parse_mission
 
 from .scripted import FILE, AnyFacts, FakeWorld, Run
 

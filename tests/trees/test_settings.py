@@ -4,12 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.session.recipe import RunRequest
-from picktree.session.session import Session
-from picktree.trees.loading.loader import load_mission
+from picktree.files import PicktreeError
+from picktree.session import RunRequest, Session
+from picktree.trees import read_settings
+from picktree.trees.loading import load_mission
 from picktree.trees.references import Constant
-from picktree.trees.run_settings import read_settings
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SORT_ONE = "Main/Repeat/Sequence/ForEach/SortOne"

@@ -6,20 +6,15 @@ from typing import TYPE_CHECKING, Literal, cast
 
 import pytest
 
-from picktree.files.errors import PicktreeError
-from picktree.trees.flow import NodeStatus
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.node import Node
-from picktree.trees.ports import In, Out, port
-from picktree.trees.runner import build
-from picktree.trees.skill import Skill, Steps
-from picktree.world.events import InternalErrorEvent
+from picktree.files import PicktreeError
+from picktree.trees import In, Node, NodeStatus, Out, Skill, Steps, build, port
+from picktree.trees.loading import NodeRegistry, parse_mission
+from picktree.world.event_types import InternalErrorEvent
 
 from .scripted import FILE, NODES, FakeWorld, Run, letters, start
 
 if TYPE_CHECKING:
-    from picktree.robot.world import World
+    from picktree.robot import World
 
 
 class Stubborn(Skill):
@@ -131,7 +126,7 @@ def test_a_body_that_resists_halting_does_not_keep_its_siblings_from_it(name: st
         notes[0].message
         == {
             "Stubborn": "Stubborn yields while it is halted: a finally cannot wait",
-            "Exploding": "OSError while Exploding was halted: no (test_skill.py, line 42)",
+            "Exploding": "OSError while Exploding was halted: no (test_skill.py, line 37)",
         }[name]
     )
     if name == "Exploding":
@@ -145,7 +140,7 @@ def test_a_crash_is_an_internal_error_with_its_traceback() -> None:
     report = run.tree.failure
     assert report is not None
     assert str(report.cause) == "internal.error"
-    assert report.message == "ZeroDivisionError while Scripted was ticked: scripted (scripted.py, line 94)"
+    assert report.message == "ZeroDivisionError while Scripted was ticked: scripted (scripted.py, line 113)"
     assert 'raise ZeroDivisionError("scripted")' in str(report.evidence["traceback"])
     assert [n.message for n in run.notes("internal_error")] == [report.message]
 
@@ -157,7 +152,7 @@ def test_a_crash_is_an_internal_error_with_its_traceback() -> None:
         (
             "Wrong",
             "TypeError while Wrong was ticked: output 'width': 'wide' is not a number "
-            "(test_skill.py, line 63)",
+            "(test_skill.py, line 58)",
         ),
         ("Plain", "TypeError while Plain was ticked: 'NoneType' object is not iterable"),
     ],

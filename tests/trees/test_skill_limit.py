@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, cast
 
-from picktree.skills.feed import AwaitItems
-from picktree.trees.flow import NodeStatus
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.ports import In, port
-from picktree.trees.runner import build
-from picktree.trees.skill import Skill, Steps
+from picktree.skills import AwaitItems
+from picktree.trees import In, NodeStatus, Skill, Steps, build, port
+from picktree.trees.loading import NodeRegistry, parse_mission
 
 from .scripted import FILE, NODES, FakeWorld, Run
 
 if TYPE_CHECKING:
-    from picktree.robot.world import World
+    from picktree.robot import World
 
 
 class Endless(Skill):

@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
+from picktree.trees import NodeStatus
 from picktree.trees.failure_reports import pack, report_from_plain, report_to_plain, unpack
-from picktree.trees.flow import NodeStatus
-from picktree.world.causes import FailureReport, all_causes
-from picktree.world.journal import Plain
+from picktree.world import FailureReport, Plain, all_causes
 
 from .scripted import FakeWorld, Run, start
 

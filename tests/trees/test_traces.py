@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from picktree.trees.failure_reports import portable_trace
-from picktree.trees.loading.plugin import load_plugin
+from picktree.trees.loading import load_plugin
 
 PLUGIN = """\
-from picktree.trees.node import Node
-from picktree.trees.flow import NodeStatus
+from picktree.trees import Node
+from picktree.trees import NodeStatus
 
 
 class Wave(Node):

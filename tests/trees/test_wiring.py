@@ -6,14 +6,11 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.files.errors import FileError
-from picktree.robot.world import World
-from picktree.trees.leaves import ConditionNode
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.ports import In, Out, port
-from picktree.trees.skill import Skill, Steps
-from picktree.world.values import ObjectId
+from picktree.files import FileError
+from picktree.robot import World
+from picktree.trees import ConditionNode, In, Out, Skill, Steps, port
+from picktree.trees.loading import NodeRegistry, parse_mission
+from picktree.world import ObjectId
 
 from ..effort import counted
 from .scripted import FILE, NODES

@@ -8,16 +8,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from textwrap import dedent, indent
 
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.mission import Mission
-from picktree.world.causes import known_causes, restore_causes
+from picktree.trees import Mission
+from picktree.trees.loading import NodeRegistry, parse_mission
+from picktree.world import known_causes, restore_causes
 
 WAVE = '''\
 """Waves."""
-from picktree.trees.ports import In, Out, port
-from picktree.trees.skill import Skill
-from picktree.world.causes import Cause, Failure, register_cause
+from picktree.trees import In, Out, port
+from picktree.trees import Skill
+from picktree.world import Cause, Failure, register_cause
 
 TIRED = register_cause(Cause("wave.tired", "The arm is tired.", "wait"))
 

@@ -18,17 +18,15 @@ from picktree.authoring.lint.outcomes import (
     States,
 )
 from picktree.recovery import NODES as RECOVERY
-from picktree.skills.watch_scene import WatchScene
-from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import NodeRegistry
-from picktree.trees.ports import Out, port
-from picktree.trees.skill import Skill, Steps
-from picktree.world.causes import control, grasp, perception
+from picktree.skills import WatchScene
+from picktree.trees import Out, Skill, Steps, port
+from picktree.trees.loading import NodeRegistry, parse_mission
+from picktree.world import control, grasp, perception
 
 from .scripted import FILE
 
 if TYPE_CHECKING:
-    from picktree.robot.world import World
+    from picktree.robot import World
 
 
 class Pick(Skill):

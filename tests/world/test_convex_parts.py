@@ -15,7 +15,18 @@ from pydantic import TypeAdapter
 
 from picktree.files.disk_cache import VARIABLE
 from picktree.logs.triangle_meshes import shape_mesh
-from picktree.world import convex_decomposition
+from picktree.world import (
+    CompoundMesh,
+    ConvexMesh,
+    Pose,
+    Shape,
+    convex_decomposition,
+    half_spaces,
+    inside,
+    pad_contacts,
+    ray_hits,
+    top_heights,
+)
 from picktree.world.convex_decomposition import (
     MAX_PARTS,
     body_of,
@@ -25,11 +36,8 @@ from picktree.world.convex_decomposition import (
     read_parts,
 )
 from picktree.world.mesh_reader import FlatMesh, MeshError
-from picktree.world.pad_contacts import pad_contacts, top_heights
 from picktree.world.scene.scene_entries import load_body
 from picktree.world.scene.scene_loading import SHIPPED
-from picktree.world.shapes import CompoundMesh, ConvexMesh, Shape, half_spaces, inside, ray_hits
-from picktree.world.values import Pose
 
 ANGLE = [(0.0, 0.0), (0.06, 0.0), (0.06, 0.006), (0.006, 0.006), (0.006, 0.04), (0.0, 0.04)]
 ANGLE_TRIANGLES = [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)]

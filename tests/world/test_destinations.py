@@ -6,12 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files.errors import FileError
-from picktree.world.scene.description import Destination, SceneDescription
+from picktree.files import FileError
+from picktree.world import Box, ConvexMesh, Cylinder, ObjectId, Shape, Sphere, greatest_length
+from picktree.world.scene import SceneDescription, load_scene, parse_scene
+from picktree.world.scene.description import Destination
 from picktree.world.scene.destinations import ItemTraits, destination_rule
-from picktree.world.scene.scene_loading import load_scene, parse_scene
-from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, greatest_length
-from picktree.world.values import ObjectId
 
 
 def scene(rule: str) -> SceneDescription:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from picktree.world.planning_scene import PlanningScene
-from picktree.world.world_facts import FACTS, facts
+from picktree.world import PlanningScene, facts
+from picktree.world.world_facts import FACTS
 
 
 @pytest.mark.parametrize("looked", [True, False])

@@ -10,10 +10,10 @@ import pytest
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
-from picktree.logs import topics
-from picktree.logs.event_records import BeliefEvent, decode_event, event_record, events_page
-from picktree.logs.records import encode
-from picktree.world.events import (
+from picktree.logs import BeliefEvent, encode, event_record, topics
+from picktree.logs.event_records import decode_event, events_page
+from picktree.world import EVENT_KINDS, Journal, JournalEvent, OtherEvent, event_fields
+from picktree.world.event_types import (
     FaultEvent,
     HandledEvent,
     ItemDoneEvent,
@@ -23,7 +23,6 @@ from picktree.world.events import (
     SafetyStopEvent,
     event_of,
 )
-from picktree.world.journal import EVENT_KINDS, Journal, JournalEvent, OtherEvent, event_fields
 
 Validator: Any = Draft202012Validator
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from picktree.world import Array
 from picktree.world.mesh_reader import FlatMesh, MeshError, hull_corners, hulls_text, read_mesh
-from picktree.world.values import Array
 
 CORNERS: Array = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.2, 0], [0, 0, 0.3]])
 FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))

@@ -4,11 +4,18 @@ from dataclasses import FrozenInstanceError, replace
 
 import pytest
 
-from picktree.files.errors import PicktreeError
+from picktree.files import PicktreeError
 from picktree.robot.manipulation.held_object import release_object
-from picktree.world.causes import (
+from picktree.world import (
+    BeliefObject,
+    Box,
     Cause,
+    ComputeTimeAccount,
     Failure,
+    ObjectId,
+    PlanningScene,
+    Pose,
+    RandomStreams,
     all_causes,
     cause_named,
     grasp,
@@ -16,12 +23,7 @@ from picktree.world.causes import (
     matches,
     register_cause,
 )
-from picktree.world.computing_time import ComputeTimeAccount
-from picktree.world.planning_scene import BeliefObject, PlanningScene
-from picktree.world.random_streams import RandomStreams
-from picktree.world.scene.description import Bin, Fixture
-from picktree.world.shapes import Box
-from picktree.world.values import ObjectId, Pose
+from picktree.world.scene import Bin, Fixture
 from picktree.world.world_facts import AttemptMemory
 
 TABLE = Fixture(ObjectId("table"), Box((1.0, 1.0, 0.04)), Pose((0.5, 0.0, -0.02)))

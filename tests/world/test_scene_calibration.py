@@ -8,15 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.files.errors import FileError
-from picktree.session.execution import assemble_world
-from picktree.simulation.backends import build_hardware
-from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.robot_model.model import RobotModel
-from picktree.world.robot_model.robot_file import load_robot
-from picktree.world.scene.description import SceneDescription
-from picktree.world.scene.scene_loading import parse_scene
-from picktree.world.values import Pose
+from picktree.files import FileError
+from picktree.session import assemble_world
+from picktree.simulation import build_hardware
+from picktree.simulation.kinematic import KinematicHardware
+from picktree.world import Pose
+from picktree.world.robot_model import RobotModel, load_robot
+from picktree.world.scene import SceneDescription, parse_scene
 
 HEAD = """\
 picktree: 1

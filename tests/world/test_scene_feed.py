@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files.errors import FileError
-from picktree.files.yaml.document import read_document
-from picktree.world.scene.description import AtIntervals, AtTimes, Belt, Delivery, Exchange, Spawn, WhenClear
-from picktree.world.scene.scene_loading import check_scene, parse_scene
-from picktree.world.shapes import Box
+from picktree.files import FileError
+from picktree.files.yaml import read_document
+from picktree.world import Box
+from picktree.world.scene import AtIntervals, AtTimes, Belt, Delivery, Spawn, WhenClear, parse_scene
+from picktree.world.scene.description import Exchange
+from picktree.world.scene.scene_loading import check_scene
 
 SCENE = """\
 picktree: 1

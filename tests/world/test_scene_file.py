@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from picktree.files.errors import FileError, PicktreeError
-from picktree.world.heaps import heap_regions
-from picktree.world.scene.scene_loading import load_scene, parse_scene, scene_names
-from picktree.world.shapes import Box, ConvexMesh, Cylinder, Sphere
-from picktree.world.values import Pose
+from picktree.files import FileError, PicktreeError
+from picktree.world import Box, ConvexMesh, Cylinder, Pose, Sphere, heap_geometry
+from picktree.world.scene import load_scene, parse_scene
+from picktree.world.scene.scene_loading import scene_names
 
 SCENE = """\
 picktree: 1
@@ -46,7 +45,7 @@ def faults(text: str, path: Path = HERE) -> str:
 def test_a_tote_is_a_container_from_which_items_are_taken() -> None:
     tote = "  bin_b: {tote: [0.37, 0.27, 0.12], wall: 4 mm, at: [0.5, -0.5, 0], yaw: 90 deg}\n"
     scene = parse_scene(SCENE.replace("cameras:", tote + "cameras:"), HERE)
-    regions = heap_regions(scene)
+    regions = heap_geometry.heap_regions(scene)
     assert [(b.id, b.is_tote) for b in scene.bins] == [("bin_a", False), ("bin_b", True)]
     assert list(regions) == ["bin_b"] and regions["bin_b"].rim == 0.12
     low, high = scene.bins[1].inside()

@@ -8,12 +8,12 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.files.errors import FileError, PicktreeError
-from picktree.simulation.fault_loading import parse_faults
+from picktree.files import FileError, PicktreeError
+from picktree.simulation import parse_faults
+from picktree.world.robot_model import parse_robot
 from picktree.world.robot_model.robot_file import SHIPPED as ROBOTS
-from picktree.world.robot_model.robot_file import parse_robot
+from picktree.world.scene import parse_scene
 from picktree.world.scene.scene_loading import SHIPPED as SCENES
-from picktree.world.scene.scene_loading import parse_scene
 
 SCENE = SCENES / "three_bins.yaml"
 FED = (

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from picktree.world.values import Pose, quaternion_from_rotation
+from picktree.world import Pose
+from picktree.world.values import quaternion_from_rotation
 
 number = st.floats(-2.0, 2.0)
 angle = st.one_of(

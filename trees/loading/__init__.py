@@ -1,1 +1,5 @@
 """Loading of mission files: text to checked Mission values."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -9,17 +9,25 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
-from ...files.errors import Location, Mark
-from ...files.yaml.document import Document
-from ...files.yaml.reader import Value
-from ...files.yaml.syntax_faults import structure_hint
-from ...world.causes import OUR_PREFIXES
-from ..control_nodes import Sequence
-from ..declaration import AUTOREMAP, COMMON_KEYS, IDENTIFIER, NodeDeclaration
-from ..mission import MissionDiagnostics, NodeSpec
-from ..node import Node
-from ..ports import PortDeclaration, PortValues, SlotDeclaration, show
-from ..references import Binding, Constant, ExpressionLocator
+from picktree.files import Location, Mark
+from picktree.files.yaml import Document, Value, syntax_faults
+from picktree.trees import (
+    AUTOREMAP,
+    COMMON_KEYS,
+    IDENTIFIER,
+    MissionDiagnostics,
+    Node,
+    NodeDeclaration,
+    NodeSpec,
+    PortDeclaration,
+    PortValues,
+    Sequence,
+    SlotDeclaration,
+    references,
+    show,
+)
+from picktree.world import OUR_PREFIXES
+
 from .port_reader import PortReader
 from .registry import NodeRegistry
 
@@ -281,7 +289,7 @@ class NodeSpecReader:
         registry: NodeRegistry,
         trees: Mapping[str, tuple[PortDeclaration, ...]],
         faults: MissionDiagnostics,
-        pointer: ExpressionLocator,
+        pointer: references.ExpressionLocator,
         *,
         lacking: bool = False,
         ambiguous: frozenset[str] = frozenset(),
@@ -387,7 +395,7 @@ class NodeSpecReader:
                 self._fault(loc, above, message, hint, code="P207", key=key, detail=detail)
         else:
             words = identity.split()
-            hint = structure_hint(identity)
+            hint = syntax_faults.structure_hint(identity)
             if not hint and len(words) > 1 and all(map(self._is_node, words)):
                 hint = f"each node of a list begins with a '-': write '- {words[0]}'"
             hint = hint or "a letter or '_', then letters, digits and '_'"
@@ -404,7 +412,7 @@ class NodeSpecReader:
     def _subtree(self, identity: str, name: str, body: Value, site: _Site) -> NodeSpec | None:
         ports = {port.key: port for port in self._trees[identity]}
         given = self._mapping(identity, body, site)
-        bindings: dict[str, Binding] = {}
+        bindings: dict[str, references.Binding] = {}
         for key, value in given.items():
             port, loc = ports.get(key), (*site.loc, key)
             if port is not None:
@@ -428,7 +436,7 @@ class NodeSpecReader:
     def _node(self, node: type[Node], name: str, body: Value, site: _Site) -> NodeSpec:
         declaration = node.declaration
         given, locations = self._body(declaration, body, site)
-        bindings: dict[str, Binding] = {}
+        bindings: dict[str, references.Binding] = {}
         slots: dict[str, Filled] = {}
         places: dict[str, Mark] = {}
         names = ChildNames()
@@ -461,12 +469,14 @@ class NodeSpecReader:
         self,
         node: type[Node],
         given: Mapping[str, Value],
-        bindings: Mapping[str, Binding],
+        bindings: Mapping[str, references.Binding],
         locations: Mapping[str, Location],
         site: _Site,
     ) -> None:
         """Report the errors that the node's class finds in its values (`check_ports`)."""
-        constants = {key: bound.value for key, bound in bindings.items() if isinstance(bound, Constant)}
+        constants = {
+            key: bound.value for key, bound in bindings.items() if isinstance(bound, references.Constant)
+        }
         slots = [slot for slot in node.declaration.slots if slot.key in given]
         labels = {slot.key: labels_of(slot, given[slot.key]) for slot in slots}
         for wrong in node.check_ports(PortValues(frozenset(given), constants, labels)):
@@ -487,7 +497,7 @@ class NodeSpecReader:
         node: type[Node] | None,
         site: _Site,
         given: Mapping[str, Value],
-        bindings: Mapping[str, Binding],
+        bindings: Mapping[str, references.Binding],
         slots: Mapping[str, Filled],
         places: Mapping[str, Mark],
     ) -> NodeSpec:
@@ -537,7 +547,7 @@ class NodeSpecReader:
                 self._fault(site.loc, site.trail, f"{identity} has no children", code="P230")
             case _:
                 message = f"the ports of {identity} are a mapping"
-                hint = structure_hint(body) if isinstance(body, str) else ""
+                hint = syntax_faults.structure_hint(body) if isinstance(body, str) else ""
                 self._fault(site.loc, site.trail, message, hint or "as '{port: value}'", code="P230")
         return {}
 

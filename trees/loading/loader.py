@@ -11,37 +11,48 @@ from graphlib import CycleError
 from pathlib import Path
 from typing import Final, Literal
 
-from ...files.errors import Diagnostic, FileError, Location, PicktreeError, where
-from ...files.expression_syntax import ExpressionError
-from ...files.expressions import INT, Expression, ValueType, check_types
-from ...files.value_wording import suggest_name
-from ...files.yaml.document import Document, read_document
-from ...files.yaml.reader import Value
-from ...world.heaps import heap_regions
-from ...world.planner_names import BUILT_IN
-from ...world.robot_model.description import RobotDescription
-from ...world.robot_model.robot_file import load_robot
-from ...world.scene.description import SceneDescription
-from ...world.scene.scene_loading import load_scene
-from ...world.world_facts import FACTS
-from ..data_flow import FACT_TYPES, ValueFlow, uses_of
-from ..declaration import AUTOREMAP, IDENTIFIER
-from ..mission import (
+from picktree.files import (
+    INT,
+    Diagnostic,
+    Expression,
+    FileError,
+    Location,
+    PicktreeError,
+    ValueType,
+    check_types,
+    expression_syntax,
+    suggest_name,
+    where,
+)
+from picktree.files.yaml import Document, Value, read_document
+from picktree.trees import (
+    AUTOREMAP,
+    IDENTIFIER,
     IN_LIBRARY,
     MAIN,
     FilesOnDisk,
     Mission,
     MissionDiagnostics,
     MissionFiles,
+    NameKind,
+    Node,
     NodeSpec,
+    PortDeclaration,
+    PortType,
     TreeSpec,
     bottom_up,
     check_calls,
+    data_flow,
+    expression_faults,
+    references,
+    show,
+    unlike_comparisons,
+    wiring_faults,
 )
-from ..node import Node
-from ..ports import NameKind, PortDeclaration, PortType, show
-from ..references import ROOT_KEY, ExpressionLocator, Reference
-from ..wiring_faults import expression_faults, unlike_comparisons, wiring_faults
+from picktree.world import heap_geometry, planner_names, world_facts
+from picktree.world.robot_model import RobotDescription, load_robot
+from picktree.world.scene import SceneDescription, load_scene
+
 from .grammar import ChildNames, NodeSpecReader
 from .plugin_import import PluginError
 from .port_reader import TreePorts
@@ -83,17 +94,25 @@ def _remapping(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> NodeSpec:
     }
     if spec.autoremap is None or spec.id not in trees:
         return replace(spec, slots=slots) if slots else spec
-    same = {port.key: Reference(port.key) for port in trees[spec.id].ports if port.key not in spec.ports}
+    same = {
+        port.key: references.Reference(port.key)
+        for port in trees[spec.id].ports
+        if port.key not in spec.ports
+    }
     return replace(spec, ports={**spec.ports, **same}, autoremap=frozenset(same))
 
 
 def _shared_keys(tree: TreeSpec, trees: Mapping[str, TreeSpec]) -> Iterator[PortDeclaration]:
     """Yield a port for each key of the tree that is not one of its ports."""
-    uses = [use for spec in tree.root.iterate() for use in uses_of(spec, trees)]
+    uses = [use for spec in tree.root.iterate() for use in data_flow.uses_of(spec, trees)]
     written = {use.key for use in uses if use.writes}
     ports = {port.key for port in tree.ports}
     for key in dict.fromkeys(use.key for use in uses):
-        if key not in ports and not key.startswith(("_", ROOT_KEY)) and (key in written or key not in FACTS):
+        if (
+            key not in ports
+            and not key.startswith(("_", references.ROOT_KEY))
+            and (key in written or key not in world_facts.FACTS)
+        ):
             way: Literal["in", "out"] = "out" if key in written else "in"
             yield PortDeclaration(key, key, way, PortType("any"), "", remapped=True)
 
@@ -218,7 +237,12 @@ class TreeSetReader:
     """Reader of `trees:` of several documents. `lacking`: some included file could not be read."""
 
     def __init__(
-        self, registry: NodeRegistry, faults: MissionDiagnostics, pointer: ExpressionLocator, *, lacking: bool
+        self,
+        registry: NodeRegistry,
+        faults: MissionDiagnostics,
+        pointer: references.ExpressionLocator,
+        *,
+        lacking: bool,
     ) -> None:
         self._registry = registry
         self._faults = faults
@@ -351,12 +375,12 @@ def scene_names(scene: SceneDescription, robot: RobotDescription) -> SceneNames:
         "camera": tuple(camera.name for camera in scene.cameras),
         "pose": tuple(robot.named),
         "bin": bins,
-        "tote": tuple(heap_regions(scene)),
+        "tote": tuple(heap_geometry.heap_regions(scene)),
         "hole": tuple(str(each.id) for fixture in bored for each in (fixture, *fixture.holes)),
         "fixture": (*(str(fixture.id) for fixture in scene.fixtures), *bins),
         "kind": tuple(entry.kind for entry in scene.catalogue),
         "colour": tuple(colours),
-        "planner": tuple(BUILT_IN),
+        "planner": tuple(planner_names.BUILT_IN),
     }
     return SceneNames(scene.name, robot.name, names)
 
@@ -374,7 +398,7 @@ class MissionHead:
         document: Document,
         registry: NodeRegistry,
         faults: MissionDiagnostics,
-        pointer: ExpressionLocator,
+        pointer: references.ExpressionLocator,
     ) -> None:
         self._document = document
         self._registry = registry
@@ -417,7 +441,7 @@ class MissionHead:
             return None
         try:
             goal = Expression.parse(value)
-        except ExpressionError as error:
+        except expression_syntax.ExpressionError as error:
             self._goal_fault(value, error, "P225")
             return None
         unknown = sorted(goal.names - set(_GOAL_NAMES))
@@ -425,11 +449,11 @@ class MissionHead:
             self._fault(("goal",), f"a goal knows no {name!r}", suggest_name(name, _GOAL_NAMES), code="P203")
         try:
             check_types(goal, dict.fromkeys((*_GOAL_NAMES, *unknown), INT), {})
-        except ExpressionError as error:
+        except expression_syntax.ExpressionError as error:
             self._goal_fault(value, error, "P226")
         return goal
 
-    def _goal_fault(self, goal: str, error: ExpressionError, code: str) -> None:
+    def _goal_fault(self, goal: str, error: expression_syntax.ExpressionError, code: str) -> None:
         mark, message = self._pointer.told(self._document.mark(("goal",)), goal, error)
         self._faults.add(Diagnostic(mark, "goal", message, "", code))
 
@@ -467,9 +491,9 @@ class MissionReadResult:
 
     mission: Mission
     faults: tuple[Diagnostic, ...]
-    circuit: ValueFlow | None
+    circuit: data_flow.ValueFlow | None
     """Connections between ports; None where sub-trees call each other in a circle."""
-    pointer: ExpressionLocator
+    pointer: references.ExpressionLocator
 
 
 def load_mission(path: Path, registry: NodeRegistry | None = None) -> Mission:
@@ -482,7 +506,7 @@ def parse_mission(
     path: Path,
     registry: NodeRegistry | None = None,
     files: MissionFiles | None = None,
-    facts: Mapping[str, ValueType] = FACT_TYPES,
+    facts: Mapping[str, ValueType] = data_flow.FACT_TYPES,
 ) -> Mission:
     """Read a mission from a text. `path`: the place of the file, for files next to it.
 
@@ -496,7 +520,7 @@ def read_mission(
     document: Document,
     registry: NodeRegistry | None = None,
     files: MissionFiles | None = None,
-    facts: Mapping[str, ValueType] = FACT_TYPES,
+    facts: Mapping[str, ValueType] = data_flow.FACT_TYPES,
 ) -> Mission:
     """Check a document of kind `mission`. Raises FileError with all its errors, and for a library."""
     reading = examine(document, registry, files, facts)
@@ -513,7 +537,7 @@ def examine(
     document: Document,
     registry: NodeRegistry | None = None,
     files: MissionFiles | None = None,
-    facts: Mapping[str, ValueType] = FACT_TYPES,
+    facts: Mapping[str, ValueType] = data_flow.FACT_TYPES,
 ) -> MissionReadResult:
     """Read a mission as `read_mission` does, but return faulty missions and libraries, too."""
     beside = files or FilesOnDisk(document.path.parent)
@@ -538,7 +562,7 @@ class _Reader:
         included = IncludeReader(self._files, faults).of(document)
         lacking = len(faults) > before
         documents = (document, *included)
-        pointer = ExpressionLocator(documents)
+        pointer = references.ExpressionLocator(documents)
         heads = [MissionHead(each, self._registry, faults, pointer) for each in documents]
         plugins: list[str] = []
         for head in heads:
@@ -560,7 +584,9 @@ class _Reader:
         )
         return MissionReadResult(mission, faults.all(), circuit, pointer)
 
-    def _circuit(self, trees: Mapping[str, TreeSpec], pointer: ExpressionLocator) -> ValueFlow | None:
+    def _circuit(
+        self, trees: Mapping[str, TreeSpec], pointer: references.ExpressionLocator
+    ) -> data_flow.ValueFlow | None:
         """Check the connections between nodes; report errors that single nodes do not show."""
         calls = tuple(check_calls(trees))
         for fault in calls:
@@ -569,7 +595,7 @@ class _Reader:
             return None
         # Nodes that could not be read may write further keys.
         unfinished = [name for name in trees if self._faults.within(name)]
-        circuit = ValueFlow(trees, self._facts)
+        circuit = data_flow.ValueFlow(trees, self._facts)
         found = (*wiring_faults(circuit), *expression_faults(circuit, pointer, unfinished))
         for fault in found or unlike_comparisons(circuit, pointer):
             self._faults.add(fault)

@@ -21,13 +21,10 @@ from pathlib import Path
 from types import CodeType, GeneratorType, ModuleType
 from typing import Final, TypeGuard, cast, get_args
 
-from ...files.file_system import is_file
-from ...world.causes import OUR_PREFIXES, Cause, Family, known_causes, restore_causes
-from ..declaration import Kind, NodeDeclaration, Resource
-from ..description import FILE_MODULE
-from ..flow import Hand
-from ..mission import Plugin
-from ..node import Node
+from picktree.files import file_system
+from picktree.trees import FILE_MODULE, Kind, Node, NodeDeclaration, Plugin, Resource, control_flow
+from picktree.world import OUR_PREFIXES, Cause, Family, known_causes, restore_causes
+
 from .plugin_import import PluginError, importing
 
 _GENERATORS = ("Doing", "Steps", "Generator", "Iterator")
@@ -347,6 +344,14 @@ def _world_motions() -> Mapping[str, frozenset[str]]:
     return {ast.unparse(node.target): source.motions(ast.unparse(node.annotation)) for node in fields}
 
 
+def _imported_file(path: Path, node: ast.ImportFrom) -> Path:
+    """Return the module from which a file imports, or the stub of the door."""
+    names = (node.module or "").split(".")
+    if node.level:
+        return path.parents[node.level - 1].joinpath(*names).with_suffix(".py")
+    return file_system.ROOT.joinpath(*names[1:], "__init__.pyi")
+
+
 class _Source:
     """Classes of one of our files, and the files from which it imports others."""
 
@@ -354,11 +359,9 @@ class _Source:
         tree = ast.parse(path.read_bytes())
         self.classes = {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
         self._files = {
-            alias.name: path.parents[node.level - 1]
-            .joinpath(*(node.module or "").split("."))
-            .with_suffix(".py")
+            alias.name: _imported_file(path, node)
             for node in ast.walk(tree)
-            if isinstance(node, ast.ImportFrom) and node.level
+            if isinstance(node, ast.ImportFrom)
             for alias in node.names
         }
 
@@ -429,8 +432,8 @@ def _check(node: type[Node], plugin: str) -> None:
         raise wrong("it has no 'on_tick'", "derive it from Skill and write 'run', or write 'on_tick'")
     if declaration.kind not in get_args(Kind):
         raise wrong(f"its kind {declaration.kind!r} is unknown", _one_of(Kind))
-    if declaration.hand_after not in get_args(Hand):
-        raise wrong(f"its hand_after {declaration.hand_after!r} is unknown", _one_of(Hand))
+    if declaration.hand_after not in get_args(control_flow.Hand):
+        raise wrong(f"its hand_after {declaration.hand_after!r} is unknown", _one_of(control_flow.Hand))
     if not _are(declaration.uses, Resource):
         raise wrong("'uses' is a tuple of resources", "as 'uses = (ARM, GRIPPER)'")
     if not _are(declaration.causes, Cause, Family):
@@ -505,7 +508,7 @@ def _named(name: str, folder: Path) -> Plugin:
         hint = "as 'my_cell.skills', or 'wave.py' for a file beside the mission"
         raise PluginError(f"{name!r} cannot be the name of a module", hint, code="P257")
     beside = f"{name}.py"
-    hint = f"for the file beside the mission write {beside!r}" if is_file(folder / beside) else ""
+    hint = f"for the file beside the mission write {beside!r}" if file_system.is_file(folder / beside) else ""
     try:
         return load_installed(name)
     except PluginError as error:
@@ -532,7 +535,7 @@ def _file(plugin: str, folder: Path) -> Plugin:
     if outside:
         message = f"the plug-in {plugin!r} lies outside of the mission's folder"
         raise PluginError(message, "copy it there, or install it and name its module", code="P251")
-    if not is_file(path):
+    if not file_system.is_file(path):
         raise PluginError(f"there is no plug-in {plugin!r} beside the mission", code="P257")
     with importing(plugin):
         source = path.read_bytes()

@@ -8,13 +8,12 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Generator, Mapping
+from collections.abc import Generator
 from contextlib import contextmanager, redirect_stdout, suppress
-from importlib import import_module
 from types import FrameType, TracebackType
 
-from ...files.errors import PicktreeError
-from ...world.causes import CauseError, known_causes, restore_causes
+from picktree.files import PicktreeError
+from picktree.world import CauseError, known_causes, restore_causes
 
 GROUP = "picktree.nodes"
 """Group of the entry points under which distributions offer nodes."""
@@ -30,19 +29,6 @@ class PluginError(PicktreeError):
         self.message, self.hint, self.code, self.detail = message, hint, code, detail
         line = message + (f" ({hint})" if hint else "")
         super().__init__(f"{line}\n{detail}" if detail else line)
-
-
-def lazy_node(package: str, modules: Mapping[str, str], name: str) -> object:
-    """Return a class of a package that imports its nodes on first use, or all of them as `NODES`.
-
-    `modules`: modules of the package by class. For the package's `__getattr__`; raises AttributeError as that
-    does.
-    """
-    if name == "NODES":
-        return tuple(lazy_node(package, modules, node) for node in modules)
-    if name not in modules:
-        raise AttributeError(f"module {package!r} has no attribute {name!r}")
-    return getattr(import_module(f".{modules[name]}", package), name)
 
 
 @contextmanager

@@ -9,27 +9,31 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, Literal, cast
 
-from ...files.errors import Diagnostic, Location
-from ...files.expression_syntax import ExpressionError, Name
-from ...files.expressions import Expression
-from ...files.quantities import UNITS, suggested
-from ...files.value_wording import suggest_name, suggest_number
-from ...files.yaml.document import Document
-from ...files.yaml.reader import Value
-from ...world.journal import Plain
-from ..declaration import BREAKPOINT, COMMON_KEYS, IDENTIFIER, POSTCONDITIONS, PRECONDITIONS
-from ..mission import MissionDiagnostics
-from ..ports import NAMES_IN_FILES, PortDeclaration, PortType, convert_literal, show
-from ..references import (
-    ATTRIBUTES,
-    REFERENCE_IN_TEXT,
-    Assignment,
-    Binding,
-    Constant,
-    ExpressionLocator,
-    PortExpression,
-    Reference,
+from picktree.files import (
+    Diagnostic,
+    Expression,
+    Location,
+    expression_syntax,
+    quantities,
+    suggest_name,
+    suggest_number,
 )
+from picktree.files.yaml import Document, Value
+from picktree.trees import (
+    BREAKPOINT,
+    COMMON_KEYS,
+    IDENTIFIER,
+    NAMES_IN_FILES,
+    POSTCONDITIONS,
+    PRECONDITIONS,
+    MissionDiagnostics,
+    PortDeclaration,
+    PortType,
+    convert_literal,
+    references,
+    show,
+)
+from picktree.world import Plain
 
 MAX_ASSIGNMENTS: Final = 20
 MAX_ASSIGNMENTS_LENGTH: Final = 4000
@@ -37,19 +41,21 @@ _PIECE = re.compile(r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|;|[^;'"]+|['"]""", r
 _ASSIGNMENT = re.compile(r"\s*(@?[A-Za-z_]\w{0,59})\s*([-:+*/]?=)(?!=)", re.ASCII)
 
 
-def parse_assignments(text: str) -> tuple[Assignment, ...]:
+def parse_assignments(text: str) -> tuple[references.Assignment, ...]:
     """Parse assignments. Raises ExpressionError with the index of the wrong character."""
     if len(text) > MAX_ASSIGNMENTS_LENGTH:
-        raise ExpressionError(f"the assignments are longer than {MAX_ASSIGNMENTS_LENGTH} characters")
-    found: list[Assignment] = []
+        raise expression_syntax.ExpressionError(
+            f"the assignments are longer than {MAX_ASSIGNMENTS_LENGTH} characters"
+        )
+    found: list[references.Assignment] = []
     for at, part in _parts(text):
         if not part.strip():
             continue
         if len(found) == MAX_ASSIGNMENTS:
-            raise ExpressionError(f"more than {MAX_ASSIGNMENTS} assignments", at)
+            raise expression_syntax.ExpressionError(f"more than {MAX_ASSIGNMENTS} assignments", at)
         found.append(_assignment(part, at))
     if not found:
-        raise ExpressionError("there is no assignment; as 'key := expression'")
+        raise expression_syntax.ExpressionError("there is no assignment; as 'key := expression'")
     return tuple(found)
 
 
@@ -64,34 +70,34 @@ def _parts(text: str) -> Iterator[tuple[int, str]]:
     yield start, text[start:]
 
 
-def _assignment(part: str, at: int) -> Assignment:
+def _assignment(part: str, at: int) -> references.Assignment:
     first = at + len(part) - len(part.lstrip())
     match = _ASSIGNMENT.match(part)
     if match is None:
-        raise ExpressionError("an assignment is 'key := expression'", first)
+        raise expression_syntax.ExpressionError("an assignment is 'key := expression'", first)
     text = part[match.end() :]
     if not text.strip():
-        raise ExpressionError(f"a value is missing after {match[2]!r}", at + match.start(2))
+        raise expression_syntax.ExpressionError(f"a value is missing after {match[2]!r}", at + match.start(2))
     begins = at + len(part) - len(text.lstrip())
     try:
         value = Expression.parse(text.strip())
-    except ExpressionError as error:
-        raise ExpressionError(str(error), begins + error.offset) from None
+    except expression_syntax.ExpressionError as error:
+        raise expression_syntax.ExpressionError(str(error), begins + error.offset) from None
     if match[2] not in (":=", "="):
         value = Expression.parse(f"{match[1]} {match[2][0]} ({value})")
-    return Assignment(match[1], value, match[2] == ":=", begins)
+    return references.Assignment(match[1], value, match[2] == ":=", begins)
 
 
 def _as_expression(text: str) -> str:
     """Return the hint for a text in braces that is no reference: without blanks, or as an expression."""
     tight = re.sub(r"(?<=\{)\s+|\s+(?=\})", "", text)
-    if tight != text and REFERENCE_IN_TEXT.fullmatch(tight):
+    if tight != text and references.REFERENCE_IN_TEXT.fullmatch(tight):
         return f'write "{tight}"'
     try:
         inner = Expression.parse(text[1:-1].strip())
-    except ExpressionError:
+    except expression_syntax.ExpressionError:
         inner = None
-    if inner is None or isinstance(inner.root, Name):
+    if inner is None or isinstance(inner.root, expression_syntax.Name):
         return 'a reference is "{key}" or "{key.attribute}"'
     return f"an expression begins with '=': \"{{= {inner}}}\""
 
@@ -103,38 +109,42 @@ def _literal_hint(value: Value, port: PortDeclaration) -> str:
     if port.type.name not in ("int", "float") or not isinstance(value, str):
         return ""
     if port.type.name == "float" and port.unit is not None:
-        return suggest_number(value) or suggested(value, "s" if port.unit == "ms" else port.unit)
-    return suggest_number(value) or suggested(value, "")
+        return suggest_number(value) or quantities.suggested(value, "s" if port.unit == "ms" else port.unit)
+    return suggest_number(value) or quantities.suggested(value, "")
 
 
 def _inner_reference(value: Value) -> str | None:
     """Return the first reference that stands in a longer text, or in a list; None where there is none."""
     if isinstance(value, list):
         return next(filter(None, map(_inner_reference, value)), None)
-    found = REFERENCE_IN_TEXT.search(value) if isinstance(value, str) else None
+    found = references.REFERENCE_IN_TEXT.search(value) if isinstance(value, str) else None
     return found[0] if found is not None else None
 
 
 class PortReader:
     """Reader of the values under the nodes of one document."""
 
-    def __init__(self, document: Document, faults: MissionDiagnostics, pointer: ExpressionLocator) -> None:
+    def __init__(
+        self, document: Document, faults: MissionDiagnostics, pointer: references.ExpressionLocator
+    ) -> None:
         self._document = document
         self._faults = faults
         self._pointer = pointer
 
-    def binding(self, port: PortDeclaration, value: Value, loc: Location, trail: str) -> Binding | None:
+    def binding(
+        self, port: PortDeclaration, value: Value, loc: Location, trail: str
+    ) -> references.Binding | None:
         """Return the reference or constant of a port; None (with an error reported) when the value does not
         fit."""
         what = f"port {port.key!r}"
         if port.takes == "assignments":
-            return Constant(value, cast("Plain", value))  # read with the postconditions
+            return references.Constant(value, cast("Plain", value))  # read with the postconditions
         if isinstance(value, str) and port.type.name != "expression":
             try:
-                computed = PortExpression.parse(value) if port.direction == "in" else None
+                computed = references.PortExpression.parse(value) if port.direction == "in" else None
                 wanted = computed is None and not value.startswith("{=")
-                reference = Reference.parse(value) if wanted else None
-            except ExpressionError as error:
+                reference = references.Reference.parse(value) if wanted else None
+            except expression_syntax.ExpressionError as error:
                 self._expression_fault(error, value, loc, trail, what)
                 return None
             except ValueError as error:
@@ -162,8 +172,8 @@ class PortReader:
             return None
         try:
             literal = convert_literal(value, port.type, port.unit, port.choices, port.within)
-            return Constant(literal, cast("Plain", value))
-        except ExpressionError as error:
+            return references.Constant(literal, cast("Plain", value))
+        except expression_syntax.ExpressionError as error:
             self._expression_fault(error, value, loc, trail, what)
         except ValueError as error:
             hint = _literal_hint(value, port) or port.doc
@@ -189,8 +199,8 @@ class PortReader:
         self._fault(loc, trail, message, hint, code="P221")
 
     def _reference(
-        self, port: PortDeclaration, reference: Reference, loc: Location, trail: str
-    ) -> Binding | None:
+        self, port: PortDeclaration, reference: references.Reference, loc: Location, trail: str
+    ) -> references.Binding | None:
         if port.direction == "out" and reference.attributes:
             message = f"port {port.key!r} is an output: {reference} cannot be written"
             self._fault(loc, trail, message, code="P223")
@@ -200,9 +210,11 @@ class PortReader:
             self._fault(loc, trail, message, code="P223")
             return None
         for name in reference.attributes:
-            if name not in ATTRIBUTES:
+            if name not in references.ATTRIBUTES:
                 message = f"port {port.key!r}: {reference}: an object has no attribute {name!r}"
-                self._fault(loc, trail, message, self._faults.nearest(name, ATTRIBUTES), code="P222")
+                self._fault(
+                    loc, trail, message, self._faults.nearest(name, references.ATTRIBUTES), code="P222"
+                )
                 return None
         return reference
 
@@ -230,17 +242,17 @@ class PortReader:
             value = given[name]
             try:
                 if not isinstance(value, str | bool):
-                    raise ExpressionError(f"{show(value)} is not an expression")
+                    raise expression_syntax.ExpressionError(f"{show(value)} is not an expression")
                 found[name] = Expression.parse(value if isinstance(value, str) else str(value).lower())
-            except ExpressionError as error:
+            except expression_syntax.ExpressionError as error:
                 self._expression_fault(error, value, (*loc, name), trail, name)
         return found
 
     def postconditions(
         self, given: Mapping[str, Value], loc: Location, trail: str, scripts: tuple[str, ...] = ()
-    ) -> dict[str, tuple[Assignment, ...]]:
+    ) -> dict[str, tuple[references.Assignment, ...]]:
         """Return the assignments by key; those of the ports `scripts` come first."""
-        found: dict[str, tuple[Assignment, ...]] = {}
+        found: dict[str, tuple[references.Assignment, ...]] = {}
         for name in (*scripts, *POSTCONDITIONS):
             if name not in given:
                 continue
@@ -251,7 +263,7 @@ class PortReader:
                 continue
             try:
                 found[name] = parse_assignments(value)
-            except ExpressionError as error:
+            except expression_syntax.ExpressionError as error:
                 self._expression_fault(error, value, (*loc, name), trail, name)
         return found
 
@@ -269,7 +281,7 @@ class PortReader:
                 return None
 
     def _expression_fault(
-        self, error: ExpressionError, value: Value, loc: Location, trail: str, what: str
+        self, error: expression_syntax.ExpressionError, value: Value, loc: Location, trail: str, what: str
     ) -> None:
         if self._faults.full or not isinstance(value, str):
             self._fault(loc, trail, f"{what}: {error}", code="P225")
@@ -381,9 +393,12 @@ class TreePorts:
         unit = self._text(given, "unit")
         if not unit:
             return None
-        if unit not in UNITS:
+        if unit not in quantities.UNITS:
             self._fault(
-                given.at("unit"), f"unknown unit {show(unit)}", suggest_name(unit, UNITS), code="P211"
+                given.at("unit"),
+                f"unknown unit {show(unit)}",
+                suggest_name(unit, quantities.UNITS),
+                code="P211",
             )
             return None
         if kind is not None and kind.name not in ("float", "any"):
@@ -419,7 +434,7 @@ class TreePorts:
             default = convert_literal(given.entry["default"], port.type, port.unit, port.choices)
         except ValueError as error:
             text = given.entry["default"]
-            hint = suggested(text, port.unit) if isinstance(text, str) and port.unit else ""
+            hint = quantities.suggested(text, port.unit) if isinstance(text, str) and port.unit else ""
             self._fault(given.at("default"), f"the default: {error}", hint, code="P213")
             return replace(port, default="")
         return replace(port, default=default)

@@ -12,10 +12,9 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
-from ...world.causes import OUR_PREFIXES, Cause, all_causes, matches
-from ..declaration import NodeDeclaration
-from ..mission import Plugin
-from ..node import Node
+from picktree.trees import Node, NodeDeclaration, Plugin
+from picktree.world import OUR_PREFIXES, Cause, all_causes, matches
+
 from .plugin import load_installed, load_plugin
 from .plugin_import import GROUP, PluginError
 
@@ -37,9 +36,7 @@ class NodeRegistry:
     """
 
     def __init__(self, nodes: Iterable[type[Node]] = (), *, installed: bool = True) -> None:
-        from ..control_nodes import (
-            NODES,  # the control nodes are made from the base, which the registry serves
-        )
+        from picktree.trees import NODES
 
         self._nodes: dict[str, type[Node]] = {}
         self._from: dict[str, str] = {}
@@ -58,8 +55,9 @@ class NodeRegistry:
             return known
         modules = [module for _, module, _ in installed_entries()]
         if all(map(_is_ours, modules)):
-            packages = map(import_module, modules)
-            return next((getattr(each, identity) for each in packages if identity in each.MODULES), None)
+            doors = map(import_module, modules)
+            found = next((getattr(door, identity) for door in doors if identity in door.__all__), None)
+            return found if isinstance(found, type) and issubclass(found, Node) else None
         self._load_installed()
         return self._nodes.get(identity)
 

@@ -7,9 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..planar_geometry import PlanarOutline
-from ..shapes import Box
-from ..values import Pose
+from picktree.world import Box, Pose, planar_geometry
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,11 +134,13 @@ class RobotDescription:
     The belief has the calibrated value, the simulation alone the true one."""
 
 
-def tool_outline(gripper: GripperDescription, opening: float) -> tuple[PlanarOutline, PlanarOutline]:
+def tool_outline(
+    gripper: GripperDescription, opening: float
+) -> tuple[planar_geometry.PlanarOutline, planar_geometry.PlanarOutline]:
     """Return the outlines of the two fingers from above, the +y finger first. `opening` in m; frame: the
     TCP's planar frame, with y across the fingers."""
     depth, thick = gripper.finger_depth(whole=True), gripper.pads[0][0].size[1]
     near, far = opening / 2, opening / 2 + thick
     one = np.array([[-depth, near], [depth, near], [depth, far], [-depth, far]])
     other = np.array([[-depth, -far], [depth, -far], [depth, -near], [-depth, -near]])
-    return PlanarOutline(one), PlanarOutline(other)
+    return planar_geometry.PlanarOutline(one), planar_geometry.PlanarOutline(other)

@@ -10,10 +10,10 @@ from typing import Protocol
 
 import numpy as np
 
-from ..shapes import Box, corners
-from ..values import Array, Pose
+from picktree.world import Array, Box, Pose, corners
+
 from .description import Follower, GripperDescription, Linkage
-from .urdf import UrdfTree
+from .urdf_parser import UrdfTree
 
 
 class Fingers(Protocol):

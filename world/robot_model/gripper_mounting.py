@@ -11,13 +11,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...files.value_wording import suggest_name
-from ..colours import COLOURS
-from ..shapes import Box
-from ..values import Pose, Vector3
+from picktree.files import suggest_name
+from picktree.world import COLOURS, Box, Pose, Vector3
+
 from .description import RobotDescription
-from .urdf import PACKAGE, mesh_file, numbers_text, parsed_urdf, skeleton_of
 from .urdf_faults import UrdfError
+from .urdf_parser import PACKAGE, mesh_file, numbers_text, parsed_urdf, skeleton_of
 
 
 @dataclass(frozen=True, slots=True)

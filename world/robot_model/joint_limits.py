@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import degrees, tau
 from typing import TYPE_CHECKING
 
-from ..values import Array
+from picktree.world import Array
 
 if TYPE_CHECKING:
     import pinocchio as pin

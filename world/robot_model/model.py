@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from ...files.errors import PicktreeError
-from ..shapes import Box
-from ..values import Array, Pose, Vector3
+from picktree.files import PicktreeError
+from picktree.world import Array, Box, Pose, Vector3
+
 from .description import RobotDescription
 from .finger_linkage import fingers_of
 from .gripper_mounting import mount_tool
-from .link_shapes import LinkShape, link_shapes
-from .urdf import parsed_urdf
+from .link_solids import LinkShape, link_shapes
 from .urdf_faults import MOVING, UrdfError
+from .urdf_parser import parsed_urdf
 
 TCP_FRAME = "picktree_tcp"
 MIN_UPRIGHT_COSINE = 0.99

@@ -13,41 +13,26 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ...files.errors import CheckedFile, Location
-from ...files.file_system import find_file, is_file, shipped_names
-from ...files.value_wording import describe, suggest_name
-from ...files.yaml.document import Document, read_document
-from ...files.yaml.document_checker import DocumentChecker
-from ...files.yaml.file_models import (
-    Angle,
-    Angles,
-    FileModel,
-    Force,
-    Mass,
-    NamedFile,
-    Sizes,
-    Vector,
-    quantity,
-)
-from ..planner_names import PlannerName
-from ..shapes import Box
-from ..values import Pose
+from picktree.files import CheckedFile, Location, describe, file_system, suggest_name
+from picktree.files.yaml import Document, DocumentChecker, file_models, read_document
+from picktree.world import Box, Pose, planner_names
+
 from .description import Follower, GripperDescription, JointLimits, Linkage, PadContact, RobotDescription
 from .finger_linkage import LinkageParts, UnfitLinkage, solve_linkage
 from .gripper_mounting import GripperMount, InsertedFlange, LinkInertia, NamedUrdf, write_composed_urdf
-from .link_shapes import geometry_faults
-from .urdf import UrdfTree, package_folder, read_skeleton
+from .link_solids import geometry_faults
 from .urdf_faults import LIMITED, MOVING, UrdfError
+from .urdf_parser import UrdfTree, package_folder, read_skeleton
 
-Moment = Annotated[float, quantity("")]
+Moment = Annotated[float, file_models.quantity("")]
 
 
-class FrameFile(FileModel):
+class FrameFile(file_models.FileModel):
     """A place and an orientation."""
 
-    at: Vector = (0.0, 0.0, 0.0)
+    at: file_models.Vector = (0.0, 0.0, 0.0)
     """Where: x, y, z in the frame in which this one is given."""
-    rpy: Angles = (0.0, 0.0, 0.0)
+    rpy: file_models.Angles = (0.0, 0.0, 0.0)
     """How it is turned: about x, then y, then z of that frame."""
 
     def pose(self) -> Pose:
@@ -64,57 +49,57 @@ class TcpFile(FrameFile):
 class BoxFile(FrameFile):
     """A box that stands for a part of the gripper."""
 
-    box: Sizes
+    box: file_models.Sizes
     """Edge lengths along x, y, z; `at` is its centre."""
 
     def placed(self) -> tuple[Box, Pose]:
         return Box(self.box), self.pose()
 
 
-class JointFile(FileModel):
+class JointFile(file_models.FileModel):
     """Limits of one joint of the arm."""
 
-    lower: Angle
+    lower: file_models.Angle
     """Smallest angle."""
-    upper: Angle
+    upper: file_models.Angle
     """Greatest angle."""
-    velocity: Annotated[float, quantity("rad/s", above=0)]
+    velocity: Annotated[float, file_models.quantity("rad/s", above=0)]
     """Greatest speed."""
-    acceleration: Annotated[float, quantity("rad/s2", above=0)]
+    acceleration: Annotated[float, file_models.quantity("rad/s2", above=0)]
     """Greatest acceleration."""
-    torque: Annotated[float, quantity("Nm", above=0)]
+    torque: Annotated[float, file_models.quantity("Nm", above=0)]
     """Greatest torque."""
 
 
-class PadContactFile(FileModel):
+class PadContactFile(file_models.FileModel):
     """How the finger pads touch in simulation: pybullet's soft contact."""
 
-    stiffness: Annotated[float, quantity("N/m", above=0)] = PadContact().stiffness
+    stiffness: Annotated[float, file_models.quantity("N/m", above=0)] = PadContact().stiffness
     """Stiffness of the contact."""
-    damping: Annotated[float, quantity("", above=0)] = PadContact().damping
+    damping: Annotated[float, file_models.quantity("", above=0)] = PadContact().damping
     """Damping of the contact, in Ns/m."""
-    friction: Annotated[float, quantity("", above=0)] = PadContact().friction
+    friction: Annotated[float, file_models.quantity("", above=0)] = PadContact().friction
     """Coulomb's coefficient; it is multiplied with the item's."""
-    spinning_friction: Annotated[float, quantity("", least=0)] = PadContact().spinning_friction
+    spinning_friction: Annotated[float, file_models.quantity("", least=0)] = PadContact().spinning_friction
     """Coefficient against turning about the line between the pads."""
 
 
-class LinkageFile(FileModel):
+class LinkageFile(file_models.FileModel):
     """Fingers that one motor moves through hinges, as the knuckles of a four-bar linkage."""
 
     drive: str
     """The joint of the URDF that the motor turns."""
-    opened: Angle
+    opened: file_models.Angle
     """Its angle at the greatest opening."""
-    closed: Angle
+    closed: file_models.Angle
     """Its angle when the gripper is closed."""
-    followers: dict[str, Annotated[float, quantity("")]]
+    followers: dict[str, Annotated[float, file_models.quantity("")]]
     """The other joints that move with it, and how far each turns for a radian of the driven one."""
-    offsets: dict[str, Angle] = Field(default_factory=dict[str, float])
+    offsets: dict[str, file_models.Angle] = Field(default_factory=dict[str, float])
     """Where followers stand when the driven joint is at 0; those that are not named stand at 0."""
 
 
-class GripperFile(FileModel):
+class GripperFile(file_models.FileModel):
     """A gripper with two parallel fingers, on two sliders (`joints`) or moved by a `linkage`."""
 
     joints: tuple[str, str] | None = None
@@ -123,17 +108,17 @@ class GripperFile(FileModel):
     """Instead of `joints`, where one motor moves both fingers through hinges."""
     links: tuple[str, str]
     """The two finger links of the URDF, in the order of the joints; of a linkage, the +y finger first."""
-    max_width: Annotated[float, quantity("m", above=0)] | None = None
+    max_width: Annotated[float, file_models.quantity("m", above=0)] | None = None
     """Greatest opening between the pads. Needed with `joints`; of a linkage it is computed from the pads."""
-    max_force: Force
+    max_force: file_models.Force
     """Greatest grip force of a finger."""
-    speed: Annotated[float, quantity("m/s", above=0)]
+    speed: Annotated[float, file_models.quantity("m/s", above=0)]
     """Speed of each finger."""
-    gear: Annotated[float, quantity("")] = -1.0
+    gear: Annotated[float, file_models.quantity("")] = -1.0
     """Ratio of the constraint between the finger joints, as pybullet counts it: -1 for a mirror image."""
-    tip: Annotated[float, quantity("m", least=0)]
+    tip: Annotated[float, file_models.quantity("m", least=0)]
     """Distance from the TCP out to the finger tips, where they reach furthest."""
-    palm: Annotated[float, quantity("m", above=0)]
+    palm: Annotated[float, file_models.quantity("m", above=0)]
     """Distance from the TCP back to the palm."""
     pads: tuple[BoxFile, BoxFile]
     """The pads, each in the frame of its finger link, with edges along the x, y and z of the TCP."""
@@ -149,12 +134,12 @@ class GripperFile(FileModel):
     Without it, its pad and the bodies behind it are taken."""
 
 
-class InertiaFile(FileModel):
+class InertiaFile(file_models.FileModel):
     """Mass and inertia of a link, about its centre of mass in the axes of the link."""
 
-    mass: Mass
+    mass: file_models.Mass
     """Mass of the link."""
-    at: Vector
+    at: file_models.Vector
     """Its centre of mass in the link's frame."""
     moments: tuple[Moment, Moment, Moment]
     """ixx, iyy, izz in kg·m²."""
@@ -165,7 +150,7 @@ class InertiaFile(FileModel):
 class MountFile(FrameFile):
     """A gripper of another URDF, hung on the arm; `at` and `rpy` place its first link in the arm's link."""
 
-    urdf: Annotated[str, NamedFile("urdf")]
+    urdf: Annotated[str, file_models.NamedFile("urdf")]
     """The gripper's URDF, named as the arm's. It may hold more than the gripper."""
     link: str = ""
     """Its links from this one on are taken; without it, all."""
@@ -177,10 +162,10 @@ class MountFile(FrameFile):
     """Put before the names of the gripper's links and joints, where the arm has the same ones."""
 
 
-class RobotFile(FileModel):
+class RobotFile(file_models.FileModel):
     """A robot: an arm with a gripper, described beside its URDF."""
 
-    urdf: Annotated[str, NamedFile("urdf")]
+    urdf: Annotated[str, file_models.NamedFile("urdf")]
     """Its URDF: a path beside this file, or 'package:path' inside an installed Python package."""
     mount: MountFile | None = None
     """A gripper of another URDF, for an arm that comes without one."""
@@ -195,7 +180,7 @@ class RobotFile(FileModel):
     """Where its base stands in the world."""
     joints: dict[str, JointFile]
     """The arm's joints by their names in the URDF, from the base outwards."""
-    poses: dict[str, tuple[Angle, ...]]
+    poses: dict[str, tuple[file_models.Angle, ...]]
     """Named configurations, an angle for each joint; `home` is among them."""
     tcp: TcpFile
     """The tool centre point."""
@@ -204,11 +189,11 @@ class RobotFile(FileModel):
     flange_behind: str | None = None
     """The arm's last joint, of a URDF without a fixed joint between arm and hand. `flange_joint` is put in
     behind it, and what that joint moves becomes the hand."""
-    payload: Mass | None = None
+    payload: file_models.Mass | None = None
     """Rated payload: what may hang on the flange, the hand itself included. Not watched unless given."""
     gripper: GripperFile
     """Its gripper."""
-    planner: PlannerName | None = None
+    planner: planner_names.PlannerName | None = None
     """Planner of its free motions, unless the scene says another; `auto` unless one of the two files says."""
     disabled_pairs: tuple[tuple[str, str], ...] = ()
     """Pairs of links that are not checked for collision: neighbours, and those that never meet."""
@@ -226,7 +211,9 @@ def load_robot(name_or_path: str, beside: Path | None = None) -> RobotDescriptio
 
     Raises FileError with all faults of the file, PicktreeError when there is no such file.
     """
-    return check_robot(read_document(find_file(name_or_path, SHIPPED, beside, "robot"), "robot")).required()
+    return check_robot(
+        read_document(file_system.find_file(name_or_path, SHIPPED, beside, "robot"), "robot")
+    ).required()
 
 
 def parse_robot(text: str, path: Path) -> RobotDescription:
@@ -248,7 +235,7 @@ def read_tcp(text: str, path: Path) -> TcpFile | None:
 
 def robot_names() -> tuple[str, ...]:
     """Names of the shipped robots."""
-    return shipped_names(SHIPPED)
+    return file_system.shipped_names(SHIPPED)
 
 
 def check_robot(document: Document) -> CheckedFile[RobotDescription]:
@@ -398,7 +385,7 @@ def _urdf(check: DocumentChecker, loc: Location, text: str, source: Path) -> Nam
     else:
         # Libraries for meshes have rules of their own for relative paths.
         path = source.parent / text
-    if not is_file(path):
+    if not file_system.is_file(path):
         check.fault(loc, f"there is no file {path}", code="P501")
         return None
     return NamedUrdf(path, package if colon else "", root)

@@ -9,7 +9,7 @@ import xml.etree.ElementTree as ElementTree
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 
-from ...files.value_wording import describe, listed, suggest_name
+from picktree.files import describe, listed, suggest_name
 
 LIMITED = ("revolute", "prismatic")
 MOVING = ("revolute", "continuous", "prismatic")

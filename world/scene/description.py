@@ -10,10 +10,8 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from ...files.yaml.file_models import FileName
-from ..protocols import Intrinsics
-from ..shapes import Box, Shape
-from ..values import Array, Bounds, ObjectId, Pose, Vector3
+from picktree.files.yaml import file_models
+from picktree.world import Array, Bounds, Box, Intrinsics, ObjectId, Pose, Shape, Vector3
 
 TILE_COLOURS = ("red", "yellow", "blue", "purple", "green", "cyan")
 """Colours of the squares, row by row. All differ, so that each square is identified by itself and the
@@ -428,7 +426,7 @@ class SceneDescription:
     """Calibration of cameras and tool; the poses in `cameras` contain its corrections already."""
     assortment: Assortment | None = None
     """Things without a catalogue; None: there are none."""
-    files: tuple[FileName, ...] = field(default=(), compare=False, repr=False)
+    files: tuple[file_models.FileName, ...] = field(default=(), compare=False, repr=False)
     """Files that the scene names, each with its path as text."""
 
     @property

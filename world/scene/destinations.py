@@ -7,10 +7,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from ...files.expression_syntax import LiteralValue, walk
-from ...files.expressions import FLOAT, Expression, ValueType
-from ..colours import ITEM_COLOURS
-from ..values import ObjectId
+from picktree.files import FLOAT, Expression, ValueType, expression_syntax
+from picktree.world import ITEM_COLOURS, ObjectId
+
 from .description import Destination
 from .scene_schema import FORMS
 
@@ -148,8 +147,8 @@ def _measures(rule: Expression, greatest: float) -> tuple[float, ...]:
     """Return measures to try, up to the greatest one of an item."""
     numbers = {
         float(part.value)
-        for part in walk(rule.root)
-        if isinstance(part, LiteralValue) and isinstance(part.value, int | float)
+        for part in expression_syntax.walk(rule.root)
+        if isinstance(part, expression_syntax.LiteralValue) and isinstance(part.value, int | float)
     }
     tried = {0.5 * greatest, *(number * factor for number in numbers for factor in (0.99, 1.0, 1.01))}
     return tuple(sorted(number for number in tried if 0.0 <= number <= greatest))

@@ -12,14 +12,21 @@ from typing import Protocol
 
 import numpy as np
 
-from ...files.errors import Location
-from ...files.value_wording import describe, suggest_name
-from ...files.yaml.document import Document
-from ...files.yaml.document_checker import DocumentChecker
-from ...files.yaml.file_models import path_of
-from ..heaps import PILE_RIM
-from ..shapes import Box, Cylinder, Shape, Sphere, corners, extents
-from ..values import Bounds, ObjectId, Pose
+from picktree.files import Location, describe, suggest_name
+from picktree.files.yaml import Document, DocumentChecker, file_models
+from picktree.world import (
+    Bounds,
+    Box,
+    Cylinder,
+    ObjectId,
+    Pose,
+    Shape,
+    Sphere,
+    corners,
+    extents,
+    heap_geometry,
+)
+
 from .description import (
     ASSORTMENT,
     MESH_SETS,
@@ -71,7 +78,7 @@ def check_spawn(
     with check.readable():
         _check_heap(check, loc, entry, bodies)
     with check.readable():
-        rim = 0.0 if entry.drop is None else PILE_RIM
+        rim = 0.0 if entry.drop is None else heap_geometry.PILE_RIM
         may_lie = entry.area is not None and check_area(check, loc, entry.area, bodies, workspace, rim)
         if may_lie and entry.area is not None and entry.drop is None:
             check_crowding(check, loc, entry, entry.area, 0.0 if entry.touching else entry.gap, catalogue)
@@ -284,7 +291,7 @@ def _meshes(document: Document, name: str) -> str:
     """Return the name of a set, or the path of a folder, which counts from the file that names it."""
     if name in MESH_SETS:
         return name
-    return str(path_of(document, ("assortment", "meshes"), name).resolve())
+    return str(file_models.path_of(document, ("assortment", "meshes"), name).resolve())
 
 
 def tote_area(tote: Bin) -> tuple[tuple[float, float], tuple[float, float]]:

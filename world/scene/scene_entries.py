@@ -12,19 +12,24 @@ from pathlib import Path
 
 import numpy as np
 
-from ...files.disk_cache import cached_arrays
-from ...files.errors import Location
-from ...files.expressions import Expression
-from ...files.value_wording import listed
-from ...files.yaml.document_checker import DocumentChecker
-from ...files.yaml.file_models import path_of
-from ...files.yaml.file_text import Unreadable, read_bytes
-from .. import convex_decomposition, mesh_reader
-from ..convex_decomposition import as_arrays, body_of, decomposed, from_arrays, read_parts, simplified
-from ..holes import MIN_WALL, InterlockedHoles, outline, partition_top, tightest_hole, wall_thickness
-from ..mesh_reader import FlatMesh, MeshError, TriangleMesh, hull_corners, parse_mesh
-from ..shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, greatest_length
-from ..values import Array, ObjectId, Pose, Vector3
+from picktree.files import Expression, Location, disk_cache, listed
+from picktree.files.yaml import DocumentChecker, file_models, file_text
+from picktree.world import (
+    Array,
+    Box,
+    ConvexMesh,
+    Cylinder,
+    ObjectId,
+    Pose,
+    Shape,
+    Sphere,
+    Vector3,
+    convex_decomposition,
+    greatest_length,
+    hole_geometry,
+    mesh_reader,
+)
+
 from .description import (
     ASSORTMENT,
     MIN_TARGET_SIZE,
@@ -54,10 +59,10 @@ def load_body(path: Path, scale: float) -> ConvexMesh:
     The file of parts beside it is taken for them, if it is of this mesh. Raises MeshError.
     """
     try:
-        raw = read_bytes(path, MAX_MESH_BYTES)
-    except Unreadable as error:
-        raise MeshError(f"{path}: {error.message}") from None
-    told = read_parts(path, raw, scale)
+        raw = file_text.read_bytes(path, MAX_MESH_BYTES)
+    except file_text.Unreadable as error:
+        raise mesh_reader.MeshError(f"{path}: {error.message}") from None
+    told = convex_decomposition.read_parts(path, raw, scale)
     makers = (
         Path(__file__),
         mesh_reader,
@@ -69,43 +74,47 @@ def load_body(path: Path, scale: float) -> ConvexMesh:
         "coacd",
     )
     inputs = (raw, path.suffix, repr(scale), repr([part.tolist() for part in told or ()]))
-    kept = cached_arrays("mesh-body", inputs, makers, lambda: as_arrays(_body(raw, path, scale, told)))
-    return from_arrays(kept, str(path), scale)
+    kept = disk_cache.cached_arrays(
+        "mesh-body", inputs, makers, lambda: convex_decomposition.as_arrays(_body(raw, path, scale, told))
+    )
+    return convex_decomposition.from_arrays(kept, str(path), scale)
 
 
 def _body(raw: bytes, path: Path, scale: float, told: list[Array] | None) -> ConvexMesh:
     """The body of a mesh file's content, of the parts that are `told` if it is not convex. Raises
     MeshError."""
-    triangles = parse_mesh(raw, path)
+    triangles = mesh_reader.parse_mesh(raw, path)
     import trimesh  # slow to import
 
     mesh = trimesh.Trimesh(triangles.vertices * scale, triangles.faces)
-    hull_corners(mesh.vertices)
+    mesh_reader.hull_corners(mesh.vertices)
     hull = mesh.convex_hull
     volume = float(hull.volume)
     size = np.ptp(np.asarray(hull.vertices, dtype=np.float64), axis=0)
     if volume < 1e-12 or float(size.min()) < 1e-4:
-        raise FlatMesh
+        raise mesh_reader.FlatMesh
     if float(size.max()) > 1.0:
         hint = "is it in millimetres? then 'scale: 0.001'"
-        raise MeshError(f"the mesh is {float(size.max()):.3g} m large", hint)
+        raise mesh_reader.MeshError(f"the mesh is {float(size.max()):.3g} m large", hint)
     if not mesh.is_watertight:
         hint = f"close it; its hull, which could stand for it, has {volume * 1e6:.1f} cm³"
-        raise MeshError("the mesh is not closed: some of its edges do not belong to two faces", hint)
+        raise mesh_reader.MeshError(
+            "the mesh is not closed: some of its edges do not belong to two faces", hint
+        )
     mesh.fix_normals()  # pyright: ignore[reportUnknownMemberType]
     solid = float(mesh.volume)
     corners = np.asarray(hull.vertices, np.float64)
     if volume <= CONVEX_VOLUME_RATIO * solid:
-        points = simplified(corners) - np.asarray(hull.center_mass, np.float64)
-        return from_arrays({"0": points}, str(path), scale)
+        points = convex_decomposition.simplified(corners) - np.asarray(hull.center_mass, np.float64)
+        return convex_decomposition.from_arrays({"0": points}, str(path), scale)
     centre = np.asarray(mesh.center_mass, np.float64)
     if told is None:
         vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
         _log.info("decomposing %s into convex parts …", path.name)
-        parts = decomposed(TriangleMesh(vertices, faces, np.empty((0, 3))))
+        parts = convex_decomposition.decomposed(mesh_reader.TriangleMesh(vertices, faces, np.empty((0, 3))))
     else:
         parts = [part + centre for part in told]
-    return body_of(parts, str(path), scale, corners, centre)
+    return convex_decomposition.body_of(parts, str(path), scale, corners, centre)
 
 
 RESERVED_NAMES = ("arm", "gripper", "hand", "aside")
@@ -313,9 +322,9 @@ def _shape(check: DocumentChecker, loc: Location, entry: CatalogueFile) -> Shape
     if entry.mesh is not None:
         at = (*loc, "mesh")
         try:
-            file = path_of(check.document, (*at, "file"), entry.mesh.file)
+            file = file_models.path_of(check.document, (*at, "file"), entry.mesh.file)
             return load_body(file, entry.mesh.scale)
-        except MeshError as error:
+        except mesh_reader.MeshError as error:
             check.fault(at, error.message, error.hint, code="P409")
             return None
     return Box(entry.box) if entry.box is not None else None
@@ -384,10 +393,10 @@ def _check_places(
             )
             hint = f"the hole is {1000 * hole.depth:g} mm deep"
             check.fault((*at, "chamfer"), message, hint, code="P432")
-        if not _inside(outline(hole), x, y):
+        if not _inside(hole_geometry.outline(hole), x, y):
             hint = f"the top face reaches {500 * x:g} mm along x and {500 * y:g} mm along y from its middle"
             check.fault((*at, "at"), "the hole is not inside its box", hint, code="P433")
-        elif not _inside(outline(hole, hole.chamfer), x, y):
+        elif not _inside(hole_geometry.outline(hole, hole.chamfer), x, y):
             message = "the chamfer reaches beyond the box"
             check.fault((*at, "chamfer"), message, "it widens the mouth on every side", code="P432")
         if len(check.faults) == faults:
@@ -395,20 +404,22 @@ def _check_places(
     clashes = [
         (one, other)
         for one, other in itertools.combinations(good, 2)
-        if wall_thickness(good[one], good[other]) < MIN_WALL - 1e-9
+        if hole_geometry.wall_thickness(good[one], good[other]) < hole_geometry.MIN_WALL - 1e-9
     ]
     for one, other in clashes:
         message = f"{one!r} and {other!r} leave no wall between them"
-        hint = f"{1000 * MIN_WALL:g} mm at least, beside their chamfers"
+        hint = f"{1000 * hole_geometry.MIN_WALL:g} mm at least, beside their chamfers"
         check.fault((*loc, other), message, hint, code="P434", key=True)
-    if not clashes and isinstance(cut := partition_top(Box(box), tuple(good.values())), InterlockedHoles):
+    if not clashes and isinstance(
+        cut := hole_geometry.partition_top(Box(box), tuple(good.values())), hole_geometry.InterlockedHoles
+    ):
         names = listed(repr(str(hole.id)) for hole in cut.holes)
         hint = "move or turn one of them"
         check.fault(loc, f"no straight line parts the holes {names}", hint, code="P434", key=True)
 
 
 def _inside(corners: Array, x: float, y: float) -> bool:
-    room = MIN_WALL - 1e-9
+    room = hole_geometry.MIN_WALL - 1e-9
     return bool((abs(corners[:, 0]) <= x / 2 - room).all() and (abs(corners[:, 1]) <= y / 2 - room).all())
 
 
@@ -435,7 +446,7 @@ def check_fits(
             continue
         told.add((n, kind))
         to = rules[n][1]
-        if tightest_hole(bored[to], entry.shape) is None:
+        if hole_geometry.tightest_hole(bored[to], entry.shape) is None:
             misses = f"does not fit the hole {to!r}" if "/" in to else f"fits no hole of {to!r}"
             hint = _wanted(entry.shape)
             check.fault(("destinations", n, "to"), f"a {kind} {misses}", hint, code="P435")

@@ -8,15 +8,23 @@ from pathlib import Path
 
 import yaml
 
-from ...files.errors import CheckedFile, Diagnostic, FileError, Location, PicktreeError
-from ...files.expression_syntax import ExpressionError
-from ...files.expressions import INT, Expression, ValueType, check_types
-from ...files.file_system import find_file, shipped_names
-from ...files.value_wording import suggest_name
-from ...files.yaml.document import Document, merge_patch, read_document
-from ...files.yaml.document_checker import DocumentChecker
-from ...files.yaml.file_models import located
-from ..values import Bounds, ObjectId, Pose
+from picktree.files import (
+    INT,
+    CheckedFile,
+    Diagnostic,
+    Expression,
+    FileError,
+    Location,
+    PicktreeError,
+    ValueType,
+    check_types,
+    expression_syntax,
+    file_system,
+    suggest_name,
+)
+from picktree.files.yaml import Document, DocumentChecker, file_models, merge_patch, read_document
+from picktree.world import Bounds, ObjectId, Pose
+
 from .description import (
     MESH_SETS,
     MIN_FELT_MASS,
@@ -78,8 +86,8 @@ def condition(
         expression = Expression.parse(text)
         kind = check_types(expression, names, {})
         if kind.kind not in ("bool", "any"):
-            raise ExpressionError(f"true or false is wanted, not {kind.words()}")
-    except ExpressionError as error:
+            raise expression_syntax.ExpressionError(f"true or false is wanted, not {kind.words()}")
+    except expression_syntax.ExpressionError as error:
         message, _, hint = str(error).partition("; ")
         check.fault(loc, message, hint, code=code, character=error.offset)
         return None
@@ -109,7 +117,9 @@ def load_scene(name_or_path: str, beside: Path | None = None) -> SceneDescriptio
 
     Raises FileError with all faults of the file, PicktreeError when there is no such file.
     """
-    return check_scene(read_document(find_file(name_or_path, SHIPPED, beside, "scene"), "scene")).required()
+    return check_scene(
+        read_document(file_system.find_file(name_or_path, SHIPPED, beside, "scene"), "scene")
+    ).required()
 
 
 def parse_scene(text: str, path: Path) -> SceneDescription:
@@ -119,7 +129,7 @@ def parse_scene(text: str, path: Path) -> SceneDescription:
 
 def scene_names() -> tuple[str, ...]:
     """Names of the shipped scenes."""
-    return shipped_names(SHIPPED)
+    return file_system.shipped_names(SHIPPED)
 
 
 def check_scene(own: Document) -> CheckedScene:
@@ -146,7 +156,7 @@ def _on_base(document: Document, depth: int) -> Document:
         message = f"more than {MAX_BASES} scenes stand on one another"
         raise FileError([document.fault(("base",), message, code="P402")])
     try:
-        path = find_file(name, SHIPPED, document.path, "scene")
+        path = file_system.find_file(name, SHIPPED, document.path, "scene")
     except PicktreeError as error:
         raise FileError([document.fault(("base",), str(error), code="P402")]) from None
     return merge_patch(_on_base(read_document(path, "scene"), depth - 1), document)
@@ -242,13 +252,13 @@ class _Parts:
             calibration=known,
             planner=rest.planner or "",
             assortment=assortment(self.document, rest.assortment),
-            files=located(self.document, SceneFile, MESH_SETS),
+            files=file_models.located(self.document, SceneFile, MESH_SETS),
         )
 
     def _robot(self, name: str) -> Path | None:
         """The robot's file; its path counts from the file that names it: this one or its base."""
         try:
-            return find_file(name, ROBOTS, Path(self.document.mark(("robot",)).file), "robot")
+            return file_system.find_file(name, ROBOTS, Path(self.document.mark(("robot",)).file), "robot")
         except PicktreeError as error:
             self.checker.fault(("robot",), str(error), code="P401")
             return None

@@ -1,7 +1,7 @@
 """Opens the hand, or would."""
 
-from picktree.robot.world import World
-from picktree.trees.skill import GRIPPER, Skill, Steps
+from picktree.robot import World
+from picktree.trees import GRIPPER, Skill, Steps
 
 
 class Wave(Skill):

@@ -12,18 +12,25 @@ from typing import TypeAlias
 
 import numpy as np
 
+from picktree.world.scene import Fixture, Hole
+
 from .causes import Failure, world
 from .planning_scene import PlanningScene
-from .scene.description import Fixture, Hole
 from .shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, convex_hull
 from .values import Array, Pose
 
 ROUND_HOLE_SIDES = 32
 """Sides of a round hole's outline; the circle that counts touches each of them from inside."""
+
+
 MIN_WALL = 0.001
 """Least wall between two holes' mouths, and from one to the sides of the box, m."""
+
+
 MIN_AREA = 1e-10
 """Areas below this are none, m²."""
+
+
 Polygon: TypeAlias = Array
 """Corners (n, 2), counter-clockwise and convex, in the fixture's frame, m."""
 
@@ -213,6 +220,8 @@ def _hull(levels: Iterable[tuple[Polygon, float]]) -> tuple[ConvexMesh, Pose]:
 
 VISIBILITY_OFFSET = 1e-6
 """A face is seen unless this much above its middle is inside another piece, m."""
+
+
 TOLERANCE = 1e-8
 """Distance outside a piece up to which a point counts as inside, m: faces of pieces meet."""
 

@@ -13,7 +13,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from .scene.description import Bin, SceneDescription, Spawn
+from picktree.world.scene import Bin, SceneDescription, Spawn
+
 from .shapes import Box, top
 from .values import Array, ObjectId, Pose
 
@@ -89,12 +90,20 @@ def region_of(scene: SceneDescription, spawn: Spawn) -> str:
 
 RESOLUTION = 1e-4
 """Step of the stored heights, m."""
+
+
 CHANGED_DEPTH = 0.003
 """Change of the depth from which on a place counts as changed, m."""
+
+
 BARRED_RADIUS = 0.012
 """Distance around a failed grasp within which no other one begins, m."""
+
+
 WALL_SHADOW = 0.006
 """Distance from a wall up to which depth may belong to the wall, m."""
+
+
 _UNSEEN, _WALL = -32768, -32767
 
 

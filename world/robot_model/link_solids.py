@@ -11,13 +11,10 @@ from typing import Final, NoReturn, TypeAlias
 
 import numpy as np
 
-from ...files.disk_cache import cached_arrays
-from ...files.errors import PicktreeError
-from .. import mesh_reader, shapes
-from ..mesh_reader import FlatMesh, MeshError, hull_corners, read_mesh
-from ..shapes import ConvexMesh, Shape, convex_hull, extents
-from ..values import Array, Pose
-from .urdf import (
+from picktree.files import PicktreeError, disk_cache
+from picktree.world import Array, ConvexMesh, Pose, Shape, convex_hull, extents, mesh_reader, shapes
+
+from .urdf_parser import (
     Geometry,
     UrdfMesh,
     UrdfPrimitive,
@@ -114,7 +111,7 @@ def _known_shapes(
         repr(elements),
         *(Path(e.path) for e in elements if isinstance(e, UrdfMesh)),
     )
-    kept = cached_arrays("link-shapes", inputs, _MAKERS, lambda: _shapes(urdf, elements))
+    kept = disk_cache.cached_arrays("link-shapes", inputs, _MAKERS, lambda: _shapes(urdf, elements))
     return tuple(
         LinkShape(
             element.link,
@@ -155,15 +152,15 @@ def _shaped(urdf: str, tree: UrdfTree, element: Geometry, *, may_be_flat: bool) 
         _doubt_size(urdf, tree, element, element.shape)
         return LinkShape(link, element.shape, element.pose_in_link)
     try:
-        mesh = read_mesh(Path(element.path))
+        mesh = mesh_reader.read_mesh(Path(element.path))
         # Rounded to what the engine keeps of a mesh file, so that all have the same hull.
         scaled = (mesh.vertices * np.array(element.scale)).astype(np.float32).astype(np.float64)
-        points = hull_corners(scaled)
-    except FlatMesh as error:
+        points = mesh_reader.hull_corners(scaled)
+    except mesh_reader.FlatMesh as error:
         if may_be_flat:
             return None
         _refuse(urdf, link, f"{element.path}: {error.message}", "give it a thickness, or take a <box>")
-    except MeshError as error:
+    except mesh_reader.MeshError as error:
         refuse_mesh(urdf, element, error)
     shape = _convex(points, element.path)
     _doubt_size(urdf, tree, element, shape)
@@ -172,7 +169,7 @@ def _shaped(urdf: str, tree: UrdfTree, element: Geometry, *, may_be_flat: bool) 
     return LinkShape(link, shape, element.pose_in_link, min(1.0, filled / volume))
 
 
-def refuse_mesh(urdf: str, element: UrdfMesh, error: MeshError) -> NoReturn:
+def refuse_mesh(urdf: str, element: UrdfMesh, error: mesh_reader.MeshError) -> NoReturn:
     """Raise PicktreeError for a mesh file that cannot be used: URDF, link, file, and a remedy."""
     message = error.message if element.path in error.message else f"{element.path}: {error.message}"
     _refuse(urdf, element.link, message, error.hint)

@@ -17,12 +17,10 @@ from itertools import chain
 from pathlib import Path
 from typing import Final, Literal
 
-from ...files.errors import PicktreeError
-from ...files.file_system import is_file
-from ...files.xml_text import XmlError, parse_xml
-from ...files.yaml.file_text import Unreadable, read_bytes
-from ..shapes import Box, Cylinder, Sphere
-from ..values import Pose, Vector3, vector3
+from picktree.files import PicktreeError, XmlError, file_system, parse_xml
+from picktree.files.yaml import file_text
+from picktree.world import Box, Cylinder, Pose, Sphere, Vector3, vector3
+
 from .urdf_faults import (
     MOVING,
     UrdfError,
@@ -35,6 +33,8 @@ from .urdf_faults import (
 )
 
 PACKAGE = "package://"
+
+
 SHARED_DATA = Path("cmeel.prefix", "share")
 """Where packages that cmeel builds keep their data, beside the Python packages."""
 
@@ -71,18 +71,20 @@ def mesh_file(urdf: Path, reference: str) -> Path | None:
     plain = Path(reference.removeprefix(PACKAGE).removeprefix("file://"))
     if not reference.startswith(PACKAGE):
         file = urdf.parent / plain
-        return file if is_file(file) else None
+        return file if file_system.is_file(file) else None
     if not plain.parts:
         return None
     name, inside = plain.parts[0], Path(*plain.parts[1:])
     package = package_folder(name)
-    if package is not None and is_file(package / inside):
+    if package is not None and file_system.is_file(package / inside):
         return package / inside
     for folder in chain((urdf.parent,), _parents(urdf)):
         for tail in (plain, inside):
-            if is_file(folder / tail):
+            if file_system.is_file(folder / tail):
                 return folder / tail
-    return next((folder / inside for folder in _ros_folders(name) if is_file(folder / inside)), None)
+    return next(
+        (folder / inside for folder in _ros_folders(name) if file_system.is_file(folder / inside)), None
+    )
 
 
 def _parents(file: Path) -> Iterator[Path]:
@@ -92,6 +94,8 @@ def _parents(file: Path) -> Iterator[Path]:
 
 ROS_PATH, AMENT_PATH = "ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"
 """Variables of the environment that name folders of ROS packages, and prefixes of ROS 2 installations."""
+
+
 MAX_ROS_DEPTH = 6
 """Greatest depth below a folder of ROS_PACKAGE_PATH at which packages are searched."""
 
@@ -125,6 +129,8 @@ def _ros_packages(root: Path) -> Mapping[str, Path]:
 
 
 _IGNORED = frozenset(("CATKIN_IGNORE", "COLCON_IGNORE", "AMENT_IGNORE"))
+
+
 _NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 
 
@@ -149,8 +155,8 @@ def parsed_urdf(path: Path) -> ElementTree.Element:
     no limits. Geometry is not checked here.
     """
     try:
-        raw = read_bytes(path, MAX_BYTES)
-    except Unreadable as error:
+        raw = file_text.read_bytes(path, MAX_BYTES)
+    except file_text.Unreadable as error:
         raise UrdfError(error.message) from None
     return parse_urdf(raw, path.stem)
 
@@ -378,7 +384,11 @@ class UrdfPrimitive:
 
 
 Geometry = UrdfMesh | UrdfPrimitive
+
+
 Which = Literal["visual", "collision"]
+
+
 _SIZES: Final = {
     "box": ("size",),
     "cylinder": ("radius", "length"),
@@ -386,8 +396,12 @@ _SIZES: Final = {
     "capsule": ("radius", "length"),
 }
 """Attributes of each primitive."""
+
+
 MAX_MARKER_SIZE = 0.02
 """Greatest size of a marker, m."""
+
+
 _SHAPES = "one of <mesh>, <box>, <cylinder>, <sphere>, <capsule>"
 
 

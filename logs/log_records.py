@@ -28,10 +28,9 @@ from typing import (
 
 import orjson
 
-from ..simulation.truth import HoleSeating
-from ..world.scene.description import Hole
-from ..world.shapes import Shape
-from ..world.values import Pose, Vector3
+from picktree.simulation import HoleSeating
+from picktree.world import Pose, Shape, Vector3
+from picktree.world.scene import Hole
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
@@ -111,6 +110,8 @@ def _pairs(recorded: Mapping[str, str], now: Mapping[str, str], where: str) -> l
 
 
 R = TypeVar("R")
+
+
 _SCALARS: dict[object, str] = {
     str: "string",
     int: "integer",
@@ -197,6 +198,8 @@ def is_viewable(said: Mapping[str, object]) -> bool:
 
 FORMAT = 2
 """Version of the log's format. It is raised when an older reader could no longer interpret a log."""
+
+
 Values: TypeAlias = Mapping[str, object]
 """Plain JSON values by name."""
 
@@ -590,8 +593,14 @@ class Scene:
 
 _NODES = b',"nodes":[{"path":'
 """Begin of the nodes. No text can hold it: quotation marks in texts are escaped."""
+
+
 _BETWEEN = b'},{"path":'
+
+
 _CHANGES = b'}],"writes":['
+
+
 _CHANGES_OFFSET = len(b"}],")
 """Offset of the changes behind the end of the nodes."""
 

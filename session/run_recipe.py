@@ -27,27 +27,16 @@ from typing import Any, Final, Protocol, assert_never, cast
 import yaml
 from pydantic import TypeAdapter, ValidationError
 
-from ..files.errors import FileError, Location, PicktreeError
-from ..files.file_system import fitted, whole
-from ..files.yaml.document import Document, read_document
-from ..files.yaml.file_models import FileName, file_names, renamed
-from ..logs.log_files import NO_ROTATION, Rotation
-from ..logs.records import ResumedFrom
-from ..simulation.checkpoints import Backend
-from ..simulation.fault_entries import FaultFile
-from ..simulation.fault_loading import load_faults, parse_faults
-from ..trees.loading.loader import load_mission, parse_mission
-from ..trees.loading.registry import NodeRegistry
-from ..trees.mission import Mission, Plugin, RecordedFiles, name_of
-from ..world.convex_decomposition import parts_name, parts_text
-from ..world.mesh_reader import material_files, material_names
-from ..world.robot_model.description import RobotDescription
-from ..world.robot_model.robot_file import COMPOSED, check_robot, load_robot, parse_robot, robot_names
-from ..world.robot_model.urdf import mesh_file, mesh_paths, parse_urdf, parsed_urdf
-from ..world.scene.description import MESH_SETS, SceneDescription
-from ..world.scene.scene_loading import check_scene, load_scene
-from ..world.scene.scene_schema import SceneFile
-from ..world.shapes import CompoundMesh
+from picktree.files import FileError, Location, PicktreeError, file_system
+from picktree.files.yaml import Document, file_models, read_document
+from picktree.logs import log_files, log_records
+from picktree.simulation import Backend, fault_entries, load_faults, parse_faults
+from picktree.trees import Mission, Plugin, RecordedFiles, name_of
+from picktree.trees.loading import NodeRegistry, load_mission, parse_mission
+from picktree.world import CompoundMesh, convex_decomposition, mesh_reader
+from picktree.world.robot_model import RobotDescription, load_robot, parse_robot, robot_file, urdf_parser
+from picktree.world.scene import MESH_SETS, SceneDescription, SceneFile, load_scene, scene_loading
+
 from .checkpoints import RunState
 
 
@@ -102,7 +91,7 @@ class StartCheckpoint:
     """Checkpoint from which a run resumes."""
 
     state: RunState
-    continues: ResumedFrom
+    continues: log_records.ResumedFrom
     """Run that the checkpoint belongs to."""
     adopt: bool = False
     """Whether the mission differs from the saved one: nodes that match keep their state, the others start
@@ -119,7 +108,7 @@ class Recipe:
     scene: SceneDescription
     robot: RobotDescription
     seed: int = 0
-    faults: FaultFile | None = None
+    faults: fault_entries.FaultFile | None = None
     parameters: Mapping[str, str] = field(default_factory=dict[str, str])
     """Values of the mission's parameters by name, as `--set` gives them."""
     backend: Backend = "physics"
@@ -137,6 +126,8 @@ class Recipe:
 
 ASSORTMENT_MESHES: Final = "assortment.zip"
 """Attachment with the OBJ files of the scene's assortment: what is drawn depends on all of them."""
+
+
 ROBOT_MESHES: Final = "robot/"
 """Folder of the attachments with the URDF's meshes, each under the name that the URDF uses."""
 
@@ -197,7 +188,11 @@ def scene_files(scene: SceneDescription) -> Iterator[Attachment]:
         yield Attachment(name, content := file.read_bytes(), "model/mesh", file)
         for shape in dict.fromkeys(e.shape for e in scene.catalogue if isinstance(e.shape, CompoundMesh)):
             if shape.source == str(file):
-                yield Attachment(parts_name(name, shape.scale), parts_text(shape, content), "model/mesh")
+                yield Attachment(
+                    convex_decomposition.parts_name(name, shape.scale),
+                    convex_decomposition.parts_text(shape, content),
+                    "model/mesh",
+                )
 
 
 def scene_mesh_names(loc: Location, file: str) -> tuple[str, str]:
@@ -213,7 +208,7 @@ def with_materials(name: str, mesh: Path) -> Iterator[tuple[str, Path]]:
     """Yield name and file of a mesh, and of the libraries of materials that it names."""
     yield name, mesh
     if mesh.suffix.lower() == ".obj":
-        for library, file in material_files(mesh.read_bytes(), mesh.parent).items():
+        for library, file in mesh_reader.material_files(mesh.read_bytes(), mesh.parent).items():
             yield beside(name, os.fsdecode(library)), file
 
 
@@ -257,7 +252,7 @@ def _names_packages(text: str) -> bool:
 def robot_meshes(urdf: str) -> tuple[tuple[str, Path], ...]:
     """Return all meshes that a URDF names, visual and collision, with their materials, each once: name in
     the log, file."""
-    drawn = set(mesh_paths(urdf))
+    drawn = set(urdf_parser.mesh_paths(urdf))
     named = sorted((path, name) for path, name in _references(urdf) if path in drawn)
     return tuple(dict(both for path, name in named for both in with_materials(name, Path(path))).items())
 
@@ -271,9 +266,9 @@ def plain_reference(filename: str) -> str:
 
 
 def _references(urdf: str) -> Iterator[tuple[str, str]]:
-    for mesh in parsed_urdf(Path(urdf)).iter("mesh"):
+    for mesh in urdf_parser.parsed_urdf(Path(urdf)).iter("mesh"):
         filename = mesh.get("filename", "")
-        if (file := mesh_file(Path(urdf), filename)) is not None:
+        if (file := urdf_parser.mesh_file(Path(urdf), filename)) is not None:
             yield str(file), f"{ROBOT_MESHES}{plain_reference(filename)}"
 
 
@@ -290,7 +285,7 @@ class Recording:
 
     out: Path | None = None
     """Folder in which the run's folder is made; None: `runs`."""
-    rotation: Rotation = NO_ROTATION
+    rotation: log_files.Rotation = log_files.NO_ROTATION
     """Limits at which the log continues in a further file."""
 
 
@@ -315,7 +310,7 @@ class RunRequest:
     """Simulated seconds after which the run is ended."""
     watch: bool = False
     """Take over an edited mission between two items."""
-    rotation: Rotation = NO_ROTATION
+    rotation: log_files.Rotation = log_files.NO_ROTATION
     """Limits at which the log continues in a further file."""
 
 
@@ -355,7 +350,7 @@ def make_folder(out: Path | None, mission: str, seed: int) -> Path:
     made."""
     parent = out or Path("runs")
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
-    stem = f"{fitted(mission, _MAX_MISSION_BYTES)}-{seed}-{stamp}"
+    stem = f"{file_system.fitted(mission, _MAX_MISSION_BYTES)}-{seed}-{stamp}"
     for number in range(1000):
         folder = parent / (stem if number == 0 else f"{stem}-{number}")
         try:
@@ -427,10 +422,12 @@ class Unpacking:
         path = folder / f"{_inside(self._info.scene)}.yaml"
         document = read_document(path, "scene", text)
         data = cast("dict[str, Any]", document.data)
-        places = {name: self._place(name, folder) for name in file_names(SceneFile, data)}
+        places = {name: self._place(name, folder) for name in file_models.file_names(SceneFile, data)}
         moved = {name.loc: place for name, place in places.items() if place != name.text}
-        document = read_document(path, "scene", _dumped(renamed(data, moved))) if moved else document
-        return replace(check_scene(document).required(), text=text)
+        document = (
+            read_document(path, "scene", _dumped(file_models.renamed(data, moved))) if moved else document
+        )
+        return replace(scene_loading.check_scene(document).required(), text=text)
 
     def robot(self) -> RobotDescription:
         text, folder = self._text("robot.yaml"), self._folder / "robot"
@@ -447,12 +444,12 @@ class Unpacking:
                 if installed.read_bytes() == urdf:
                     return robot
         data["urdf"] = "robot.urdf"
-        for done in COMPOSED:
+        for done in robot_file.COMPOSED:
             data.pop(done, None)  # the URDF of the log has it already
         self._put(folder / "robot.urdf", self._with_meshes(urdf, folder, installed))
         return replace(parse_robot(_dumped(data), path), text=text)
 
-    def faults(self) -> FaultFile | None:
+    def faults(self) -> fault_entries.FaultFile | None:
         if "faults.yaml" not in self._names:
             return None
         text = self._text("faults.yaml")
@@ -462,14 +459,14 @@ class Unpacking:
         named = data.pop("scene", None) is not None
         return replace(parse_faults(_dumped(data) if named else text, path), text=text)
 
-    def _place(self, name: FileName, folder: Path) -> str:
+    def _place(self, name: file_models.FileName, folder: Path) -> str:
         """Put the file that a scene names into the folder, unless it is shipped. Return its name there."""
         match name.role:
             case "mesh":
                 return self._place_mesh(name, folder)
             case "mesh folder":
                 return name.text if name.text in MESH_SETS else self._place_meshes(name.text, folder)
-            case "robot" if name.text in robot_names():
+            case "robot" if name.text in robot_file.robot_names():
                 return name.text
             case "robot":
                 # The scene's text only needs a robot file that exists; `robot` reads its content.
@@ -480,7 +477,7 @@ class Unpacking:
             case _:
                 assert_never(name.role)
 
-    def _place_mesh(self, mesh: FileName, folder: Path) -> str:
+    def _place_mesh(self, mesh: file_models.FileName, folder: Path) -> str:
         """Put the mesh and its materials where the scene names it, if that is inside of the folder."""
         alone, apart = scene_mesh_names(mesh.loc, PurePosixPath(mesh.text).name)
         name = next((n for n in (apart, alone) if n in self._names), None)
@@ -493,7 +490,7 @@ class Unpacking:
         for held in self._names:
             if held.startswith(f"{name}@"):  # its convex parts at a scale
                 self._put(folder / f"{place}{held.removeprefix(name)}", self._log.attachment(held))
-        for library in map(os.fsdecode, material_names(content)):
+        for library in map(os.fsdecode, mesh_reader.material_names(content)):
             if (held := beside(name, library)) in self._names:
                 at = plain_reference(posixpath.join(posixpath.dirname(place), library))
                 self._put(folder / at, self._log.attachment(held))
@@ -514,7 +511,7 @@ class Unpacking:
     def _with_meshes(self, urdf: bytes, folder: Path, installed: Path | None) -> bytes:
         """Return the URDF, with its meshes beside it: those of the log, else the same ones of the installed
         package."""
-        root = parse_urdf(urdf, "robot")
+        root = urdf_parser.parse_urdf(urdf, "robot")
         for mesh in root.iter("mesh"):
             filename = mesh.get("filename", "")
             plain = plain_reference(filename)
@@ -534,7 +531,7 @@ class Unpacking:
         digest, _, path = self._info.files.get(name, "").partition(" ")
         # A mesh of an installed package is found by its name alone, whatever file is beside the URDF here.
         beside = installed or self._folder / "robot" / "robot.urdf"
-        for file in (Path(path) if path else None, mesh_file(beside, filename)):
+        for file in (Path(path) if path else None, urdf_parser.mesh_file(beside, filename)):
             if file is not None and file.is_file():
                 content = file.read_bytes()
                 if not digest or hashlib.sha256(content).hexdigest() == digest:
@@ -581,12 +578,14 @@ def _checked_or_none(document: Document) -> RobotDescription | None:
     """Check a robot file. None when the package of its URDF is not installed here, or has another one that
     does not fit."""
     try:
-        return check_robot(document).required()
+        return robot_file.check_robot(document).required()
     except FileError:
         return None
 
 
 HEADER_NAME = "recipe.json"
+
+
 _FILE_TIME = (1980, 1, 1, 0, 0, 0)
 """Time stamp of all files in an archive, so that equal recipes give equal archives."""
 
@@ -629,7 +628,7 @@ def write_recipe(recipe: Recipe, path: Path) -> None:
         archive.writestr(zipfile.ZipInfo(HEADER_NAME, _FILE_TIME), _HEADER_ADAPTER.dump_json(card, indent=1))
         for file in files:
             archive.writestr(zipfile.ZipInfo(file.name, _FILE_TIME), file.data, zipfile.ZIP_DEFLATED)
-    with whole([path], path) as (beside,):
+    with file_system.whole([path], path) as (beside,):
         path.parent.mkdir(parents=True, exist_ok=True)
         beside.write_bytes(data.getvalue())
 

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
-from ..world.events import PickEvent
-from ..world.journal import JournalEvent
-from .records import NodeStatusRecord, Tick, TransitionRecord, Tree, Values, WriteRecord
+from picktree.world import JournalEvent, event_types
+
+from .log_records import NodeStatusRecord, Tick, TransitionRecord, Tree, Values, WriteRecord
 from .run_log import RunLog, Stamped
 
 
@@ -35,7 +35,7 @@ class Pick:
 
 def picks_of(events: Iterable[Stamped[JournalEvent]]) -> tuple[Pick, ...]:
     """Return the picks among the events of a run."""
-    picks = ((at.time, at.record) for at in events if isinstance(at.record, PickEvent))
+    picks = ((at.time, at.record) for at in events if isinstance(at.record, event_types.PickEvent))
     return tuple(
         Pick(
             time,
@@ -51,6 +51,7 @@ def picks_of(events: Iterable[Stamped[JournalEvent]]) -> tuple[Pick, ...]:
 
 
 HALTED: Final = "HALTED"
+
 
 Key: TypeAlias = tuple[str, str, int]
 """Key of a visit in two runs: (item, node path, attempt)."""

@@ -16,11 +16,9 @@ from typing import Any, Final, Literal, TypeAlias, cast
 
 import orjson
 
-from ...logs import topics
-from ...logs.mcap.reader import RawMessage
-from ...logs.run_log import Gap
-from ...logs.topics import message_class
-from ..run import Run
+from picktree.analysis import Run
+from picktree.logs import Gap, message_class, topics
+from picktree.logs.mcap import RawMessage
 
 MAX_TEXT_LENGTH = 90
 """Maximum number of characters; longer texts are cut."""
@@ -164,6 +162,8 @@ def _values(schema: str, data: bytes) -> Any:
 
 
 Missing: TypeAlias = Literal["", "a", "b"]
+
+
 NO_FIELD: Final = FieldDifference("", "", None, None)
 """Difference of messages that differ in no field: in their bytes alone, or one is missing."""
 

@@ -37,12 +37,15 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Literal, Protocol, TypeAlias
 
-from ..world.events import FaultEvent, ItemDoneEvent, PickEvent, RecoveryEvent, SetAsideEvent
-from ..world.journal import JournalEvent
+from picktree.world import JournalEvent, event_types
 
 AGAIN = "again"
+
+
 _MAX_NAMED_NODES = 3
 """Maximum number of nodes that a handler's name lists."""
+
+
 _TRANSPARENT_NODES = frozenset(
     {
         "Sequence",
@@ -55,6 +58,8 @@ _TRANSPARENT_NODES = frozenset(
     }
 )
 """Nodes that are named after the nodes below them."""
+
+
 _FALLBACK_NODES = frozenset({"Fallback", "ReactiveFallback"})
 
 
@@ -121,6 +126,8 @@ def _last(path: str) -> str:
 
 
 End: TypeAlias = Literal["cured", "done_instead", "given_up", "unhandled", "open"]
+
+
 Fate: TypeAlias = Literal["cured", "done_instead", "passed_over", "branched", "ended", "open"]
 """Outcome of a single failure; it follows from the end of its episode.
 
@@ -344,7 +351,7 @@ class EpisodeTracker:
     ) -> None:
         """One tick: which nodes began and ended, in their order, and what was told in it."""
         self._time = round(time, 9)  # as the log has it
-        aside = {event.node for event in events if isinstance(event, SetAsideEvent)}
+        aside = {event.node for event in events if isinstance(event, event_types.SetAsideEvent)}
         self._notice(events)
         for change in changes:
             if change.status == "RUNNING":
@@ -352,11 +359,11 @@ class EpisodeTracker:
             else:
                 self._end(change, change.path in aside or self._ids.get(change.path) == _SET_ASIDE)
         for event in events:
-            if isinstance(event, RecoveryEvent):
+            if isinstance(event, event_types.RecoveryEvent):
                 self._told(event)
-            elif isinstance(event, ItemDoneEvent):
+            elif isinstance(event, event_types.ItemDoneEvent):
                 self._progress(event.object)
-            elif isinstance(event, FaultEvent) and event.struck:
+            elif isinstance(event, event_types.FaultEvent) and event.struck:
                 item = event.item or ""
                 self._waiting.append(Planted(time, event.fault, event.message, item, "", None, None))
 
@@ -478,9 +485,11 @@ class EpisodeTracker:
     def _notice(self, events: Iterable[JournalEvent]) -> None:
         """Follow which items lie where a mission has put them down outside of bins and holes."""
         for event in events:
-            if isinstance(event, ItemDoneEvent) and not event.into:
+            if isinstance(event, event_types.ItemDoneEvent) and not event.into:
                 self._elsewhere.add(event.object)
-            elif isinstance(event, ItemDoneEvent) or (isinstance(event, PickEvent) and event.held):
+            elif isinstance(event, event_types.ItemDoneEvent) or (
+                isinstance(event, event_types.PickEvent) and event.held
+            ):
                 self._elsewhere.discard(event.object)
 
     def _source(self, node: RunningNode, change: TransitionLike) -> None:
@@ -553,7 +562,7 @@ class EpisodeTracker:
 
     # What is done about it.
 
-    def _told(self, event: RecoveryEvent) -> None:
+    def _told(self, event: event_types.RecoveryEvent) -> None:
         """A node says what it tries; the branch has just failed."""
         node = self._open.get(event.node)
         if node is None:
@@ -713,8 +722,14 @@ _KINDS = {
     "RoundRobin": "choosing",
 }
 """Nodes that may take a failure up, by how they show it."""
+
+
 _SET_ASIDE = "SetAside"
+
+
 _HELPING = frozenset({_SET_ASIDE, "Observe", "LookAround", "FreeSpot", "AskForHelp", "Push"})
 """Nodes that may name an item and do none of its work: they look, ask, make room or leave it."""
+
+
 _INERT = frozenset({"AlwaysSuccess", "Log", "Script", "SetBlackboard"})
 """Nodes that change nothing in the cell: they cure no failure."""

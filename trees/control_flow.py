@@ -42,10 +42,20 @@ class Then(Enum):
 
 
 NEXT: Final = Then.NEXT
+
+
 AGAIN: Final = Then.AGAIN
+
+
 IDLE, RUNNING = NodeStatus.IDLE, NodeStatus.RUNNING
+
+
 SUCCESS, FAILURE, SKIPPED = NodeStatus.SUCCESS, NodeStatus.FAILURE, NodeStatus.SKIPPED
+
+
 Lead: TypeAlias = NodeStatus | Then
+
+
 Hand: TypeAlias = Literal["unchanged", "full", "empty", "kept"]
 """Content of the hand after success; `kept`: an object is still held, on purpose and in a safe place."""
 

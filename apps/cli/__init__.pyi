@@ -1,0 +1,2 @@
+# for other rooms
+from .app import answer as answer

@@ -1,0 +1,2 @@
+# for other rooms
+from .server import serve as serve

@@ -1,0 +1,1 @@
+from .linter import lint as lint

@@ -1,0 +1,7 @@
+from .rehearsal import rehearse as rehearse
+
+# for other rooms
+from . import rehearsal as rehearsal
+from .case_checks import check_cases as check_cases
+from .cases import CasesFile as CasesFile
+from .rehearsal import Rehearsal as Rehearsal, rehearse_files as rehearse_files, to_json as to_json

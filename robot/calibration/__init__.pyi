@@ -1,0 +1,12 @@
+# for other rooms
+from . import (
+    calibration_targets as calibration_targets,
+    observations as observations,
+    target_detection as target_detection,
+)
+from .estimation import (
+    CalibrationEstimate as CalibrationEstimate,
+    CameraEstimate as CameraEstimate,
+    ToolEstimate as ToolEstimate,
+    estimate as estimate,
+)
