@@ -19,6 +19,7 @@ from .rooms import PACKAGES, ROOMS, ROOT
 FOLDERS = (*ROOMS, "schemas")
 TOP = [*ROOT.glob("*.py"), *ROOT.glob("*.pyi"), ROOT / "py.typed"]
 EXAMPLES = [ROOT / "examples" / file for file in example_files()]
+EXAMPLES += [file for file in (ROOT / "examples/templates").rglob("*.*") if file.suffix in (".py", ".yaml")]
 """Examples that the studio offers."""
 LEFT_OUT = ("__pycache__",)
 

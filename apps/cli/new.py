@@ -11,13 +11,13 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 import typer
 
-from picktree.files import PicktreeError
+from picktree.files import PicktreeError, file_system
 
 from .output import program
 
 StartKind: TypeAlias = Literal["mission", "scene", "plugin"]
 
-_TEMPLATES: Final = Path(__file__).parent / "templates"
+_TEMPLATES: Final = file_system.EXAMPLES / "templates"
 
 
 @dataclass(frozen=True, slots=True)

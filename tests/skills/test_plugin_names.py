@@ -16,11 +16,7 @@ PAGES = {
     for page in (ROOT / "docs").glob("*.md")
     for number, text in enumerate(re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL))
 }
-PROGRAMS = {
-    str(file.relative_to(ROOT)): file.read_text()
-    for folder in ("examples", "apps/cli/templates")
-    for file in (ROOT / folder).rglob("*.py")
-}
+PROGRAMS = {str(file.relative_to(ROOT)): file.read_text() for file in (ROOT / "examples").rglob("*.py")}
 PLUGINS = {where: text for where, text in (PAGES | PROGRAMS).items() if re.search(r"^NODES = ", text, re.M)}
 
 
@@ -54,4 +50,4 @@ def test_a_shown_plug_in_imports_from_there_alone(where: str) -> None:
 
 def test_plug_ins_are_shown_in_documents_examples_and_templates() -> None:
     assert {"docs/plugins.md", "docs/safety.md"} <= {where.partition(":")[0] for where in PLUGINS}
-    assert {"examples/plugins/probe.py", "apps/cli/templates/plugin/lift.py"} <= PLUGINS.keys()
+    assert {"examples/plugins/probe.py", "examples/templates/plugin/lift.py"} <= PLUGINS.keys()
