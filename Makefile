@@ -94,6 +94,7 @@ docs: $(RUN)
 	"$(BIN)/picktree" explain-code --index > docs/codes.md; \
 	"$(BIN)/python" -c 'from picktree.logs import event_records as e; print(e.events_page(), end="")' \
 		> docs/events.md; \
+	"$(BIN)/python" docs/doors_page.py > docs/doors.md; \
 	"$(BIN)/picktree" render examples/sort_by_colour.yaml -o docs/tree.svg
 
 # The documentation with an index and search, in site/. Exit code 1 also for a link that leads nowhere.

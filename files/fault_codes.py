@@ -108,7 +108,7 @@ def index() -> str:
         mine = [page for page in pages() if page.code.startswith(family)]
         if mine:
             lines += ["", f"## {family}xx: {name}", "", "| code | meaning |", "|---|---|"]
-            lines += [f"| [{p.code}](../files/diagnostics/pages/{p.code}.md) | {p.title} |" for p in mine]
+            lines += [f"| [{p.code}](../files/pages/{p.code}.md) | {p.title} |" for p in mine]
     return "\n".join(lines) + "\n"
 
 

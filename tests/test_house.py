@@ -79,6 +79,12 @@ def test_every_door_has_its_names() -> None:
         assert package.__all__ == sorted(names)
 
 
+def test_the_page_of_public_names_is_up_to_date() -> None:
+    """`make docs` makes it anew."""
+    made = subprocess.run([sys.executable, str(ROOT / "docs/doors_page.py")], capture_output=True, text=True)
+    assert made.stdout == (ROOT / "docs/doors.md").read_text(encoding="utf-8"), made.stderr
+
+
 def test_every_list_of_packages_has_all_of_them() -> None:
     files = (file for room in rooms() for file in (ROOT / room).rglob("__init__.py"))
     folders = [file.parent.relative_to(ROOT).parts for file in files]
