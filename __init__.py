@@ -16,6 +16,19 @@ batch       run a mission with many seeds and settings; returns a Batch: summary
 nodes       all nodes by their IDs, those of plug-ins, too; the most used ones are here as well:
             Observe, Grasp, Place, Insert, Push, Sequence, Fallback, ForEach, Recover, SubTree
 
+Packages, whose names docs/doors.md lists:
+
+picktree.trees               language of missions: nodes, ports, loading, running
+picktree.skills, .recovery   skills and recovery nodes; picktree.skills.plugin has what a plug-in needs
+picktree.world               belief (PlanningScene), causes of failures, shapes, poses; .scene, .robot_model
+picktree.robot.planning      motion requests, solver, collision checker, inverse kinematics
+picktree.robot.manipulation  grasp candidates, steps of picking, placing, inserting and pushing
+picktree.robot.control, .perception, .calibration
+picktree.simulation          backends, injected faults, scorer of a run
+picktree.session             one run: Session, observers, debugger, resume
+picktree.logs, .analysis     reader of logs (RunLog); explain, compare, report, render
+picktree.authoring           check, lint, rehearsal, XML
+
 Lengths are m, angles rad, forces N, times simulated s, unless a text has a unit: "30 mm". Bad input raises
 PicktreeError with a sentence for people, a wrong argument of a node TypeError. More: docs/python.md.
 """
