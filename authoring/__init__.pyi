@@ -1,4 +1,6 @@
 from .check import check_mission as check_mission
+from .mission_chart import chart_of_file as chart_of_file
+from .svg_drawing import svg as svg
 
 # for other rooms
 from . import (
@@ -11,4 +13,3 @@ from .check import MissionCheck as MissionCheck
 from .drawing import text as text
 from .file_kinds import CHECKS as CHECKS, file_schema as file_schema, mission_faults as mission_faults
 from .mission_chart import chart as chart
-from .svg_drawing import svg as svg

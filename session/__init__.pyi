@@ -1,6 +1,7 @@
-from .debugger import Debugger as Debugger
-from .observer import Observer as Observer
-from .resumption import ResumeRequest as ResumeRequest
+from .debugger import Debugger as Debugger, DebuggerStop as DebuggerStop
+from .observer import Observer as Observer, PresetAnswers as PresetAnswers
+from .profiler import Profiler as Profiler
+from .resumption import ResumeRequest as ResumeRequest, Resumption as Resumption
 from .run_recipe import RunRequest as RunRequest
 from .session import Session as Session
 
@@ -13,22 +14,17 @@ from . import (
 )
 from .arithmetic_probe import arithmetic as arithmetic
 from .cell import CellSession as CellSession
-from .debugger import Breakpoint as Breakpoint, DebuggerStop as DebuggerStop, When as When
+from .debugger import Breakpoint as Breakpoint, When as When
 from .environment import sources as sources, versions as versions
 from .execution import Execution as Execution, assemble_world as assemble_world
 from .live_view import LiveServer as LiveServer
-from .observer import (
-    Interrupter as Interrupter,
-    PresetAnswers as PresetAnswers,
-    WallClockPacer as WallClockPacer,
-)
-from .profiler import Profiler as Profiler, require_writable as require_writable
+from .observer import Interrupter as Interrupter, WallClockPacer as WallClockPacer
+from .profiler import require_writable as require_writable
 from .recorded_recipe import (
     RecordedRun as RecordedRun,
     simulated_messages as simulated_messages,
     tally_of as tally_of,
 )
-from .resumption import Resumption as Resumption
 from .run_tally import RunCounters as RunCounters
 from .session import frozen_before_runs as frozen_before_runs
 from .session_recording import LOG_FILE_NAME as LOG_FILE_NAME, LastMessages as LastMessages

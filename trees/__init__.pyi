@@ -1,4 +1,4 @@
-from .control_flow import NodeStatus as NodeStatus
+from .control_flow import ChildFlow as ChildFlow, LeafFlow as LeafFlow, NEXT as NEXT, NodeStatus as NodeStatus
 from .decorators import Decorator as Decorator
 from .description import TreeDefinition as TreeDefinition
 from .leaves import ConditionNode as ConditionNode

@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from picktree.analysis.run import Run
+from picktree.analysis import Run
 
 COLOURS = {"SUCCESS": "#4477aa", "FAILURE": "#cc3311", "HALTED": "#bbbbbb", "RUNNING": "#eecc66"}
 LEAST = 0.004

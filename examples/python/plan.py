@@ -1,8 +1,8 @@
 """Plan motions without moving: one that is possible, and one that is explained."""
 
 import picktree as pt
-from picktree.robot.planning.requests import NamedGoal
-from picktree.world.values import Pose
+from picktree.robot.planning import NamedGoal
+from picktree.world import Pose
 
 with pt.Cell("three_bins", backend="kinematic", seed=3) as cell:
     cell.run(pt.Observe(camera="overhead"))

@@ -1,7 +1,7 @@
 """Record a skill, and ask its log why it failed."""
 
 import picktree as pt
-from picktree.analysis.run import Run
+from picktree.analysis import Run
 
 with pt.Cell("sort_small", backend="kinematic", seed=3) as cell:
     result = cell.run(pt.Grasp(object="red_block_1"), log="runs/try")

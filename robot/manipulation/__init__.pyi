@@ -1,4 +1,5 @@
 from .grasps import grasp_candidates as grasp_candidates
+from .replanning import follow_with_replanning as follow_with_replanning
 
 # for other rooms
 from . import (
@@ -18,5 +19,4 @@ from .grasps import MIN_SPARE_OPENING as MIN_SPARE_OPENING
 from .heap_stirring import stir as stir
 from .pick_place_motions import DOWNWARDS as DOWNWARDS, withdraw as withdraw
 from .presentation import PresentTask as PresentTask, present as present
-from .replanning import follow_with_replanning as follow_with_replanning
 from .travel_time import travel_order as travel_order
