@@ -69,21 +69,24 @@ def look_through_doors(graph: grimp.ImportGraph, doors: Doors, sources: Mapping[
             graph.remove_import(importer=module, imported=door)
 
 
-def ways_around_doors(graph: grimp.ImportGraph, doors: Doors) -> list[str]:
-    """Return imports of modules from outside of their package, where the package has a door."""
-    offered = {module for names in doors.values() for module in names.values()}
-    modules = {
-        module for names in doors.values() for name, module in names.items() if module.endswith(f".{name}")
-    }
+def ways_around_doors(doors: Doors, sources: Mapping[str, str]) -> list[str]:
+    """Return imports that are neither from a door nor, relative, of a module of the same package."""
     found = list[str]()
-    for importer in sorted(graph.modules):
-        for imported in sorted(graph.find_modules_directly_imported_by(importer)):
-            package = imported.rpartition(".")[0]
-            outside = importer != package and importer.rpartition(".")[0] != package
-            if outside and package in doors and imported not in doors and imported not in modules:
-                found.append(
-                    f"{importer} imports {imported}" + ("" if imported in offered else ", behind its door")
+    for module, source in sources.items():
+        for node in ast.walk(ast.parse(source)):
+            if isinstance(node, ast.Import):
+                ours = [alias.name for alias in node.names if alias.name.startswith("picktree.")]
+            elif not isinstance(node, ast.ImportFrom):
+                continue
+            elif node.level == 0:
+                ours = [node.module or ""] if (node.module or "").startswith("picktree.") else []
+            else:
+                name = node.module or ""
+                beside = (
+                    node.level == 1 and "." not in name and f"{module.rpartition('.')[0]}.{name}" not in doors
                 )
+                ours = [] if beside else ["." * node.level + name]
+            found += [f"{module}, line {node.lineno}: {name}" for name in ours if name not in doors]
     return found
 
 

@@ -58,15 +58,20 @@ def test_a_skill_that_reaches_the_simulation_through_a_door_breaks_a_contract(
 
 
 def test_who_is_outside_of_a_package_imports_from_its_door() -> None:
-    graph = grimp.build_graph("picktree", cache_dir=None)
     doors = import_contracts.read_doors()
     assert len(doors) > 30
-    assert import_contracts.ways_around_doors(graph, doors) == []
-    graph.add_import(importer="picktree.skills.grasp", imported="picktree.robot.planning.solver")
-    graph.add_import(importer="picktree.skills.grasp", imported="picktree.robot.planning.rrt_connect")
-    assert import_contracts.ways_around_doors(graph, doors) == [
-        "picktree.skills.grasp imports picktree.robot.planning.rrt_connect, behind its door",
-        "picktree.skills.grasp imports picktree.robot.planning.solver",
+    sources = import_contracts.sources_of(grimp.build_graph("picktree", cache_dir=None))
+    assert import_contracts.ways_around_doors(doors, sources) == []
+    around = {
+        "picktree.skills.grasp": "from picktree.robot.planning.solver import A\nimport picktree.world.causes",
+        "picktree.skills.place": "from ..robot import World\nfrom .b import A\nfrom picktree.files import B",
+        "picktree.robot.world": "from .control import SafetyMonitor\nfrom .vision import Vision",
+    }
+    assert import_contracts.ways_around_doors(doors, around) == [
+        "picktree.skills.grasp, line 1: picktree.robot.planning.solver",
+        "picktree.skills.grasp, line 2: picktree.world.causes",
+        "picktree.skills.place, line 1: ..robot",
+        "picktree.robot.world, line 1: .control",
     ]
 
 
