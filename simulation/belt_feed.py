@@ -151,8 +151,6 @@ EDGE_DISTANCE = 0.005
 """Distance of new items from the belt's edges, m."""
 DROP_HEIGHT = 5e-4
 """Height above the belt from which new items drop, m."""
-MIN_ITEM_GAP = 0.005
-"""Least gap between two items at the light barrier, m: at an item's rim the barrier may flicker."""
 MAX_SETTLING_TIME = 3.0
 """Longest wait after a stop for the items on the belt to come to rest, s."""
 Phase: TypeAlias = Literal["standing", "running", "stopping"]
@@ -292,7 +290,7 @@ class BeltFeed:
             return False
         here, before = self._drive.travelled, self._state.seen
         self._state = replace(self._state, seen=here)
-        return before is None or here - before > MIN_ITEM_GAP
+        return before is None or here - before > 0.005  # m: the barrier may flicker at a rim
 
     def _wait_for_rest(self) -> None:
         riding = [b.id for b in self._cell.here() if self._drive.track.carries(b.pose.position)]

@@ -341,7 +341,6 @@ _DEVICE_FAULTS: tuple[type, ...] = (
     GripperJam, GripperWeak, JointWeak, Stall, WrenchBias, WrenchDead, CameraDrop, CameraShift, CameraNoise,
     CameraMislabel, NoPlan,
 )  # fmt: skip
-_RAISED_MESSAGE = "the skill's code cannot go on"
 
 
 @dataclass(frozen=True, slots=True)
@@ -635,4 +634,4 @@ def _for_ever() -> Generator[None, None, None]:
 
 def _raising() -> Generator[None, None, None]:
     yield from ()
-    raise RuntimeError(_RAISED_MESSAGE)
+    raise RuntimeError("the skill's code cannot go on")

@@ -25,8 +25,6 @@ DROP_HEIGHT = 5e-4
 """Height above the support from which new items drop, m."""
 MAX_SETTLING_TIME = 3.0
 """Longest wait for new items to come to rest, s."""
-RETRY_INTERVAL = 1.0
-"""Time between two searches for free room on the table, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +168,7 @@ class TableFeed:
         places = self._places(hand)
         state = replace(self._state, tries=self._state.tries + 1)
         if not places:
-            self._state = replace(state, no_room=True, due=now + RETRY_INTERVAL)
+            self._state = replace(state, no_room=True, due=now + 1.0)
             return
         put = [self._put(hand[k], place) for k, place in sorted(places.items())]
         waiting = tuple(
@@ -254,10 +252,6 @@ def _count_phrase(items: int) -> str:
     return "1 item is" if items == 1 else f"{items} items are"
 
 
-MAX_POURED_SETTLING_TIME = 5.0
-"""Longest wait for poured items to come to rest, s."""
-
-
 @dataclass(frozen=True, slots=True)
 class ToteFeedState:
     """Progress of a feed entry with a tote."""
@@ -324,7 +318,7 @@ class ToteFeed:
             drawn=state.drawn + len(load),
             loads=state.loads + 1,
             settling=tuple(names),
-            until=self._cell.now + MAX_POURED_SETTLING_TIME,
+            until=self._cell.now + 5.0,  # s
         )
         message = f"{self.tote} comes with {len(load)} item{'s' if len(load) > 1 else ''}"
         self._events.append(
@@ -357,10 +351,6 @@ class ToteFeed:
         where = f"{self._scene.source or self._scene.name}: feed[{self._number}]"
         rng = self._streams.at(f"feed/{self._number}", self._state.loads)
         return draw_heap(self._scene, self._delivery.load, rng, where)
-
-
-MIN_BIN_ARM_DISTANCE = 0.05
-"""Least distance between the bin and the arm during the exchange, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -463,7 +453,7 @@ def _zone(each: Bin) -> Zone:
     x, y, _ = each.pose.position
     across = each.pose.rotation()[:, 0]
     yaw = math.atan2(float(across[1]), float(across[0]))
-    return Zone((x, y), yaw, (each.size[0] / 2, each.size[1] / 2)).grown(MIN_BIN_ARM_DISTANCE)
+    return Zone((x, y), yaw, (each.size[0] / 2, each.size[1] / 2)).grown(0.05)  # m
 
 
 def _counted(items: int) -> str:

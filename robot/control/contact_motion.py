@@ -23,8 +23,6 @@ from .wrist_wrench import TcpWrench
 T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]
 
-MAX_GUARDED_SLOWDOWN = 4.0
-"""Longest duration of a guarded move over its nominal one. Near a singularity it goes slower."""
 ZERO_TIME = 0.05
 """Time over which readings at rest are averaged as the wrench without contact, s."""
 MAX_STANDSTILL_WAIT = 1.5
@@ -83,7 +81,7 @@ class CompliantMotionRunner:
             stiffness=stiffness.along(along, loop.tcp.rotation()),
         )
         begin = np.array(loop.tcp.position)
-        limit = MAX_GUARDED_SLOWDOWN * distance / speed + speed + MAX_STANDSTILL_WAIT
+        limit = 4.0 * distance / speed + speed + MAX_STANDSTILL_WAIT  # slower near a singularity
         spring, _ = yield from self._follow(lease, course, limit, stiffness, None, check)
         travelled = float(along @ (np.array(loop.tcp.position) - begin))
         if not course.finished and spring.blocked_by:

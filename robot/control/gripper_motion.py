@@ -26,10 +26,6 @@ MIN_RELEASE_SHARE = 0.25
 MIN_FORCE_SHARE = 0.75
 """Least force of standing fingers, as a share of the commanded one. Measured over sorts with hand and
 linkage: 0.97 and more."""
-FORCE_RISE_TICKS = 4
-"""Ticks in which the force of fingers that have just stopped may still rise."""
-MAX_MET_OPENING = 2e-3
-"""Opening up to which the fingers touch each other, m. Their force then says nothing about an object."""
 MIN_FINGER_TRAVEL = 1e-3
 """Travel up to which fingers have not moved, m, when the commanded opening is farther off."""
 OPENING_SPARE_TIME = 0.5
@@ -150,7 +146,7 @@ class GripperControl:
 
         Raises Failure(control.gripper) when they have not moved, or press with less than the commanded force.
         """
-        for _ in range(FORCE_RISE_TICKS):
+        for _ in range(4):  # the force of fingers that have just stopped may still rise
             if self._unsound(begun) is None:
                 return
             yield
@@ -161,7 +157,7 @@ class GripperControl:
     def _unsound(self, begun: float) -> Failure | None:
         state, told = self._gripper.read(), self._force
         moved, presses = begun - state.width, abs(state.force)
-        met = state.width <= self._description.min_width + MAX_MET_OPENING
+        met = state.width <= self._description.min_width + 2e-3  # the fingers touch each other, m
         if presses >= MIN_FORCE_SHARE * told or met:
             return None
         evidence = {"width": state.width, "moved": moved, "force": presses, "told": told}

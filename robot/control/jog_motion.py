@@ -51,10 +51,6 @@ SLOW_SINGULAR_VALUE, STOP_SINGULAR_VALUE = 0.08, 0.02
 """Smallest singular values of the Jacobian (m and rad mixed) below which a jog slows down, and stops."""
 DAMPED_SINGULAR_VALUE, MAX_INVERSE_DAMPING = 0.05, 0.04
 """Smallest singular value below which the inverse is damped, and its greatest damping."""
-SINGULARITY_LOOKAHEAD = 0.02
-"""Joint travel of the look-ahead to a singularity, rad."""
-MAX_LOOKAHEAD_STEPS = 120
-"""Maximum number of steps of the look-ahead."""
 COMMAND_TIME = 0.15
 """Longest time without a new command before a jog brakes, s."""
 
@@ -131,7 +127,7 @@ class JogSetpointGenerator:
         if least >= SLOW_SINGULAR_VALUE or not target.any():
             return 1.0
         v = _inverse(jacobian, least) @ target
-        ahead = q + v * (SINGULARITY_LOOKAHEAD / max(float(np.abs(v).max()), 1e-9))
+        ahead = q + v * (0.02 / max(float(np.abs(v).max()), 1e-9))  # rad of joint travel
         if _least(self._kinematics(ahead)[0]) >= least:
             return 1.0
         self.held_by = "singularity"
@@ -216,7 +212,7 @@ class JogController:
         state = self.state.copy()
         held_by = self.law.held_by
         path = [state.q]
-        for k in range(MAX_LOOKAHEAD_STEPS):
+        for k in range(120):
             self.law.step(state, wanted if k * step < time else Twist(), step)
             path.append(state.q)
             if k * step >= time and float(np.abs(state.v).max()) < 1e-3:

@@ -121,10 +121,6 @@ class JointImpedanceMotion:
         return giving.pressed if math.isfinite(giving.pressed) else 0.0
 
 
-JOG_GUARD = 25.0
-"""Contact force that stops a jog by default, N."""
-
-
 class ArmMotion(TrajectoryMotion):
     """Motions of the arm that skills use. One motion at a time: a motion that starts takes the arm from the
     one before."""
@@ -273,7 +269,7 @@ class ArmMotion(TrajectoryMotion):
         twists: Twists,
         *,
         node: str = "",
-        guard: float = JOG_GUARD,
+        guard: float = 25.0,
         duration: float = math.inf,
         distance: float = math.inf,
     ) -> Doing[JogResult]:

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 CENTRE_PRIOR_SIGMA = 0.03
 """Prior standard deviation of the object's centre from the grasp, m."""
-MASS_PRIOR_SIGMA = 20.0
-"""Prior standard deviation of the mass, kg: practically unknown."""
 FORCE_SIGMA, TORQUE_SIGMA = 0.05, 0.004
 """Standard deviations of a mean over some 0.1 s at rest, N and Nm."""
 MIN_CENTRE_MASS = 0.02
@@ -68,7 +66,7 @@ class PayloadEstimator:
         """`sensor_in_tool` (3,): origin of the wrist's sensor in the TCP frame, m."""
         self._sensor = np.asarray(sensor_in_tool, np.float64)
         self._information: Array = np.zeros((4, 4))
-        self._information[0, 0] = 1.0 / MASS_PRIOR_SIGMA**2
+        self._information[0, 0] = 1.0 / 20.0**2  # kg: practically unknown
         self._vector: Array = np.zeros(4)
         self.readings = 0
 

@@ -210,14 +210,8 @@ def inserted_pose(fit: InsertionTask, tcp_in_world: Pose) -> Pose:
 
 LINEAR_STIFFNESS, ANGULAR_STIFFNESS = 600.0, 30.0
 """Stiffness of the Cartesian impedance during the search, N/m and Nm/rad."""
-GRIP_SETTLE_TIME = 0.4
-"""Time in which the pads settle on the object after the grip was tightened, s."""
 SEARCH_TIME_LIMIT = 120.0
 """Time limit of one insertion by contact, s."""
-MIN_OPENING_CHANGE = 0.0015
-"""Change of the opening that shows that the object has turned in the hand, m."""
-SEEN_MOUTH_UNCERTAINTY = 0.002
-"""Uncertainty of a mouth's position seen by the hand camera, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -269,7 +263,7 @@ def choose_hole(world: World, held: BeliefObject, into: ObjectId, node: str) -> 
     from .hole_servoing import look_at_hole  # needs OpenCV
 
     seen = yield from look_at_hole(world, hole.id, node)
-    return task if seen is None else task.seen_at(seen, SEEN_MOUTH_UNCERTAINTY)
+    return task if seen is None else task.seen_at(seen, 0.002)  # m
 
 
 def move_over_hole(
@@ -312,7 +306,7 @@ def insert_by_contact(
     """
     with world.control.contact(rate=task.rate):
         world.gripper.press(grip)
-        for _ in range(math.ceil(GRIP_SETTLE_TIME / world.tick)):
+        for _ in range(math.ceil(0.4 / world.tick)):  # the pads settle in 0.4 s
             yield
         width = world.gripper.width
         motion = InsertionMotion(
@@ -348,7 +342,7 @@ def explain_missed_insertion(
     hold = yield from measure_grip(world)
     if not hold.held:
         yield from fail_as_slipped(world, object_id, hold, f"slipped out of the fingers at {hole.id}")
-    if abs(hold.width - result.width) > MIN_OPENING_CHANGE:
+    if abs(hold.width - result.width) > 0.0015:  # m: the object has turned in the hand
         return Failure(
             grasp.SLIPPED,
             f"{object_id} has turned in the hand at {hole.id}: the fingers stood "

@@ -51,12 +51,6 @@ class CostMeter:
             self._thinking.spend(spent.seconds)
 
 
-QUALITY_STEP = 0.05
-"""Greatest distance in joint space between two measured configurations, rad."""
-MAX_MEASURED_DISTANCE = 0.5
-"""Distance beyond which bodies are not measured, m."""
-
-
 @dataclass(frozen=True, slots=True)
 class NearestBody:
     """Nearest pair of bodies on a trajectory: names, distance in m, and time, s."""
@@ -123,7 +117,7 @@ class PlanQualityMeter:
     def _nearest(self, trajectory: Trajectory, picked: Sequence[int], *, itself: bool) -> NearestBody | None:
         nearest: NearestBody | None = None
         for k in picked:
-            within = MAX_MEASURED_DISTANCE if nearest is None else nearest.contact.distance
+            within = 0.5 if nearest is None else nearest.contact.distance  # m
             contact = self._collision.nearest(trajectory.position[k], within, itself=itself)
             if contact is not None:
                 nearest = NearestBody(contact, float(trajectory.times[k]))
@@ -185,7 +179,7 @@ def _sampled_indices(trajectory: Trajectory) -> Iterator[int]:
     since = np.inf
     for k in range(len(q)):
         since += 0.0 if k == 0 else float(np.linalg.norm(q[k] - q[k - 1]))
-        if since >= QUALITY_STEP or k == len(q) - 1:
+        if since >= 0.05 or k == len(q) - 1:  # rad
             since = 0.0
             yield k
 
