@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from picktree.world import Array, Clock, Gripper, ObjectId, Pose, Quaternion, Vector3, Wrench, rotated
+from picktree.world import Clock, Gripper, ObjectId, Pose, Quaternion, Vector3, Wrench, rotated
 from picktree.world.scene import Fixture
 
 from .checkpoints import GripperCommand
@@ -156,11 +156,6 @@ def jam_command(told: GripperCommand, width: float, most: float) -> tuple[float,
     if told.width < width - JAM_SQUEEZE_DEPTH:
         return max(width - JAM_SQUEEZE_DEPTH, 0.0), told.force
     return width, most
-
-
-def clipped(torque: Array, limits: Array) -> Array:
-    """Return torques (n,), Nm, clipped to the joints' limits (n,)."""
-    return torque.clip(-limits, limits)
 
 
 def _frozen_reading(held: tuple[float, ...]) -> FrozenReading:

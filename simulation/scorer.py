@@ -128,8 +128,9 @@ def _item_score(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin
 def _score_by_place(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin]) -> ItemScore:
     if body.seat is not None:
         return _score_in_hole(body, body.seat, destination)
-    around = next((b for b in bins if _is_around(b, body)), None)
-    within = around.id if around is not None else body.taken_with
+    left = body.taken_with
+    around = next((b for b in bins if (rests_in(b, body) if left is None else b.id == left)), None)
+    within = around.id if around is not None else left
     in_tote = around is not None and around.is_tote
     verdict: Verdict = "left"
     if destination is None and (within is None or in_tote) and body.present:
@@ -139,10 +140,6 @@ def _score_by_place(body: TrueBody, destination: ObjectId | None, bins: Iterable
     elif within is not None and not in_tote:
         verdict = "misplaced"
     return ItemScore(body.id, body.form, destination, within, verdict)
-
-
-def _is_around(around: Bin, body: TrueBody) -> bool:
-    return lies_in(around, body) if body.taken_with is None else around.id == body.taken_with
 
 
 def _score_in_hole(body: TrueBody, seat: HoleSeating, destination: ObjectId | None) -> ItemScore:
@@ -184,9 +181,8 @@ def rests(body: TrueBody) -> bool:
     return math.hypot(*body.velocity) <= MAX_REST_SPEED and math.hypot(*body.spin) <= MAX_REST_SPIN
 
 
-def lies_in(each: Bin, body: TrueBody) -> bool:
-    """Return whether the item rests with its centre in the bin's inside and its lowest point below the
-    rim."""
+def rests_in(each: Bin, body: TrueBody) -> bool:
+    """Return whether the item is inside the bin (see `is_inside`) and at rest."""
     return is_inside(each, body) and rests(body)
 
 
@@ -202,9 +198,4 @@ def is_inside(each: Bin, body: TrueBody) -> bool:
 
 def _counts(items: Iterable[ItemScore]) -> tuple[int, int, int, int]:
     verdicts = [item.verdict for item in items if item.verdict != "no destination"]
-    return (
-        len(verdicts),
-        verdicts.count("sorted"),
-        verdicts.count("misplaced"),
-        verdicts.count("left"),
-    )
+    return len(verdicts), verdicts.count("sorted"), verdicts.count("misplaced"), verdicts.count("left")

@@ -252,9 +252,8 @@ def time_optimal_law(
         if np.isnan(u):
             return None
         squared[k] = x
-        squared[k + 1] = min(
-            max(0.9999 * (x + 2.0 * steps[k] * u), 0.0), reach[k + 1]
-        )  # controllable
+        # Rounding must leave the step controllable.
+        squared[k + 1] = min(max(0.9999 * (x + 2.0 * steps[k] * u), 0.0), reach[k + 1])
     solver.close_solver()
     v: Array = np.sqrt(squared)
     mean = v[:-1] + v[1:]
