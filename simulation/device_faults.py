@@ -140,12 +140,7 @@ class DeviceFaults:
         self._planless = [n for n, f in faults.items() if isinstance(f, NoPlan)]
         self.cameras: dict[str, CameraFaultState] = {}
         for name in self._names:
-            of = {
-                n: f
-                for n, f in faults.items()
-                if isinstance(f, CameraDrop | CameraShift | CameraNoise | CameraMislabel)
-                and f.camera in (None, name)
-            }
+            of = {n: f for n, f in faults.items() if isinstance(f, CameraFault) and f.camera in (None, name)}
             if of:
                 self.cameras[name] = _camera_state(of)
 

@@ -20,6 +20,7 @@ from .fault_entries import (
     AtTime,
     Bump,
     CameraDrop,
+    CameraFault,
     CameraMislabel,
     CameraNoise,
     CameraShift,
@@ -236,11 +237,6 @@ def _with(state: FaultState, dues: tuple[DueFault, ...]) -> FaultState:
     return replace(state, due=dues[0].time, node=dues[0].node, then=dues[1:])
 
 
-def start_sentence(fault: Ailing, width: float) -> str:
-    """Return the sentence for the start of a fault; `width` is the fingers' opening, m."""
-    return f"{_begins(fault, width)}{_lasting(fault)}"
-
-
 def end_sentence(fault: Ailing) -> str:
     match fault:
         case GripperJam():
@@ -285,12 +281,13 @@ def record_details(fault: Ailing) -> dict[str, Plain]:
             told = {"colour": colour, "shown_as": other, "swapped": swapped}
         case GripperJam() | Stall() | WrenchDead() | CameraDrop() | NoPlan():
             pass
-    if isinstance(fault, CameraDrop | CameraShift | CameraNoise | CameraMislabel):
+    if isinstance(fault, CameraFault):
         told["camera"] = fault.camera
     return {**told, "lasts": fault.lasts}
 
 
 def _begins(fault: Ailing, width: float) -> str:
+    """Return the beginning of a fault in words; `width` is the fingers' opening, m."""
     match fault:
         case GripperJam():
             return f"the fingers jam {1000 * width:.0f} mm open"
@@ -334,13 +331,6 @@ def _lasting(fault: Ailing) -> str:
 
 def _which(camera: str | None) -> str:
     return camera or "every camera"
-
-
-__all__ = ["FaultInjector", "FaultState", "InjectableProgram", "InjectableRobot", "new_states"]
-_DEVICE_FAULTS: tuple[type, ...] = (
-    GripperJam, GripperWeak, JointWeak, Stall, WrenchBias, WrenchDead, CameraDrop, CameraShift, CameraNoise,
-    CameraMislabel, NoPlan,
-)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -447,8 +437,8 @@ class FaultInjector:
                     self._hardware.lubricate(state.standing, friction, again=True)
                 case Kill():
                     self._states[n] = replace(state, standing="")
-                case _ if isinstance(fault, _DEVICE_FAULTS):
-                    self._hardware.afflict(n, cast(Ailing, fault), state.held)
+                case _ if isinstance(fault, Ailing):
+                    self._hardware.afflict(n, fault, state.held)
                 case _:
                     pass
 
@@ -515,8 +505,8 @@ class FaultInjector:
             case _:
                 width = self._hardware.gripper.read().width
                 self._hardware.afflict(n, fault)
-                said = start_sentence(fault, width)
-                event = event_types.FaultEvent(said, fault=fault.name, extra=record_details(fault))
+                sentence = f"{_begins(fault, width)}{_lasting(fault)}"
+                event = event_types.FaultEvent(sentence, fault=fault.name, extra=record_details(fault))
                 return InjectionResult(event, standing=fault.name)
 
     def _befall(self, fault: ItemFault, state: FaultState) -> InjectionResult:
@@ -624,14 +614,11 @@ def _program_fault_result(fault: Hang | Raise, path: str) -> InjectionResult:
 
 
 def _fault_generator(fault: Hang | Raise) -> Callable[[], Generator[None, None, None]]:
-    return _for_ever if isinstance(fault, Hang) else _raising
+    """Return the generator that replaces a skill: it yields for ever, or raises in its first tick."""
 
+    def body() -> Generator[None, None, None]:
+        while isinstance(fault, Hang):
+            yield
+        raise RuntimeError("the skill's code cannot go on")
 
-def _for_ever() -> Generator[None, None, None]:
-    while True:
-        yield
-
-
-def _raising() -> Generator[None, None, None]:
-    yield from ()
-    raise RuntimeError("the skill's code cannot go on")
+    return body

@@ -10,9 +10,9 @@ control", Journal of Dynamic Systems, Measurement, and Control 108 (1986).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Literal, TypeAlias
+from typing import ClassVar, Literal, TypeAlias, cast
 
 import numpy as np
 import pinocchio as pin
@@ -33,7 +33,7 @@ from picktree.world import (
 )
 from picktree.world.robot_model import RobotModel
 
-from .commands import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Controller, JointCommand, Twist
+from .commands import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Controller, Doing, JointCommand, Twist
 from .control_loop import ControlLoop
 from .motion_lease import ForceGuard, Lease, above_limit
 from .soft_limits import SOFT_LIMIT_MARGIN, distance_to_workspace_edge
@@ -340,8 +340,8 @@ class JogMotion:
         duration: float,
         distance: float,
         check: Callable[[Lease], None],
-        until_rest: Callable[[Lease], Generator[None, None, None]],
-    ) -> Generator[None, None, JogResult]:
+        until_rest: Callable[[Lease], Doing[None]],
+    ) -> Doing[JogResult]:
         """Jog the arm from rest to rest.
 
         A constant twist ends where something stops it. A callable receives the reason as feedback and decides
@@ -364,7 +364,7 @@ class JogMotion:
                     elapsed, loop.tcp, travelled, guard.size(loop.wrist.force), share, held_by
                 )
                 wanted = twists(status) if elapsed < duration - 1e-9 else None
-            if wanted is None or _travel_done(jog):
+            if wanted is None or jog.state.left < 1e-4:  # m: the travel is done
                 break
             wanted = _checked_twist(wanted)
             share, blocked = self._share(jog, wanted, share)
@@ -382,7 +382,7 @@ class JogMotion:
             standing = standing + 1 if _stands(jog, wanted) else 0
             if stays and standing >= STANDING_TICKS and (blocked or jog.law.held_by):
                 held_by = f"collision {', '.join(blocked)}" if blocked else jog.law.held_by
-                stopped_by = _stop_reason(held_by)
+                stopped_by = cast(StoppedBy, held_by.partition(" ")[0])
                 break
         detail = held_by.partition(" ")[2] if stopped_by not in ("done", "contact") else ""
         jog.brake()
@@ -413,29 +413,12 @@ class JogMotion:
         return 0.0, blocked
 
 
-def _travel_done(jog: JogController) -> bool:
-    """Whether the given path length is done."""
-    return jog.state.left < 1e-4
-
-
 def _stands(jog: JogController, wanted: Twist) -> bool:
     linear, angular = jog.law.tool_speed(jog.state)
     return (
         linear <= STANDING_SPEED_SHARE * wanted.speed + 1e-6
         and angular <= STANDING_SPEED_SHARE * math.hypot(*wanted.angular) + 1e-4
     )
-
-
-def _stop_reason(held_by: str) -> StoppedBy:
-    match held_by.partition(" ")[0]:
-        case "collision":
-            return "collision"
-        case "joint_limit":
-            return "joint_limit"
-        case "singularity":
-            return "singularity"
-        case _:
-            return "workspace"
 
 
 def _checked_twist(wanted: Twist) -> Twist:

@@ -141,7 +141,7 @@ def wrist_sample(model: RobotModel, q: Array, v: Array, force: Array, centre: Ar
     at = np.array(tcp.position)
     hand = model.flange(q).apply(np.array(model.hand_com)) - at
     held = tcp.rotation() @ centre
-    return WristSample(force, _at(twist, hand), _at(twist, held))
+    return WristSample(force, point_velocity(twist, hand), point_velocity(twist, held))
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,6 +198,6 @@ class SlipDetector:
         self._felt = []
 
 
-def _at(twist: Array, lever: Array) -> Array:
+def point_velocity(twist: Array, lever: Array) -> Array:
     """Return the velocity (3,) of a point that is `lever` (3,) away from the TCP, m/s."""
     return np.asarray(twist[:3] + cross(twist[3:], lever), np.float64)

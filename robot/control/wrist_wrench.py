@@ -87,20 +87,12 @@ class WristWrench:
     @property
     def bias(self) -> Wrench:
         """Learnt bias of the sensor in TCP axes, N and Nm."""
-        if self._bias is None:
-            return Wrench()
-        fx, fy, fz, tx, ty, tz = self._bias.tolist()
-        return Wrench((fx, fy, fz), (tx, ty, tz))
+        return Wrench() if self._bias is None else _wrench(self._bias)
 
     @property
     def zeroed(self) -> bool:
         """Whether a bias has been learnt."""
         return self._bias is not None
-
-    @property
-    def sensor_in_tool(self) -> Array:
-        """Origin (3,) of the sensor in the TCP frame, m (a copy)."""
-        return self._sensor_in_tool.copy()
 
     def sample(self) -> None:
         """Read the sensor for this control period."""
@@ -155,7 +147,7 @@ class WristWrench:
     def contact(self, window: float, q: Array) -> Wrench:
         """Return the mean wrench of contacts at the hand or its load, at rest: without tool, bias, payload
         and tare."""
-        return _wrench(self.over(window, q) - self._carried(self._model.tcp(q).rotation()))
+        return _wrench(self.over(window, q) - self.carried(self._model.tcp(q).rotation()))
 
     def load(self, window: float) -> float:
         """Return the weight on the hand since the tare, N, mean over the last `window` s."""
@@ -193,7 +185,7 @@ class WristWrench:
         known = np.zeros(6) if self._bias is None else self._bias
         tool = self._model.tcp(q)
         turn = tool.rotation()
-        felt = self.over(window, q) - self._carried(turn)
+        felt = self.over(window, q) - self.carried(turn)
         step = np.concatenate([turn.T @ felt[:3], turn.T @ felt[3:]])
         bias = known + step
         sudden = self._bias is not None and float(np.linalg.norm(step[:3])) > MAX_BIAS_STEP
@@ -294,8 +286,8 @@ class WristWrench:
         bx, by, bz = self._bias_in_world
         return (x - bx, y - by, z + self._weight - bz)
 
-    def _carried(self, turn: Array) -> Array:
-        """Return the wrench (6,) of the known payload on the wrist at rest."""
+    def carried(self, turn: Array) -> Array:
+        """Return the wrench (6,) of the known payload at rest; `turn` (3, 3): TCP in the world."""
         return np.zeros(6) if self.payload is None else self.payload.wrench(turn, self._sensor_in_tool)
 
     def _last(self, window: float) -> list[Wrench]:
@@ -415,8 +407,7 @@ class BiasEstimator:
 
     def known_load(self, state: JointState) -> Array:
         """Return the wrench (6,) of the known payload on the wrist at rest, world axes."""
-        payload, turn = self._wrist.payload, self._model.tcp(state.position).rotation()
-        return np.zeros(6) if payload is None else payload.wrench(turn, self._wrist.sensor_in_tool)
+        return self._wrist.carried(self._model.tcp(state.position).rotation())
 
     def _borne(self, state: JointState, claimed: Array) -> bool:
         """Return whether the joints, at rest, carry the wrench (6,) that the wrist reads beyond the

@@ -15,6 +15,7 @@ import numpy as np
 from picktree.world import (
     FALLEN_SIGMA,
     GRAVITY,
+    Array,
     BeliefObject,
     Box,
     CompoundMesh,
@@ -26,6 +27,7 @@ from picktree.world import (
     Pose,
     Sphere,
     bottom,
+    convex_hull,
     extents,
     grasp,
     top,
@@ -219,6 +221,20 @@ def _widths(held: BeliefObject, gripper: GripperDescription, width: float) -> tu
                 return () if met is None else (met.width,)
             low, high = extents(held.shape, held.object_in_tcp.rotation())
             return (float(high[1] - low[1]),)
+
+
+def inflated_hull(points: Array, margin: float) -> Array:
+    """Return the corners (k, 3) of the hull of points (n, 3), inflated by `margin` m along each axis."""
+    corners = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)]) * margin
+    points = (points[:, None, :] + corners[None, :, :]).reshape(-1, 3)
+    return points[np.sort(convex_hull(points).vertices)]
+
+
+def mesh_of(points: Array) -> tuple[ConvexMesh, Pose]:
+    """Return the body with these corners (k, 3), and the pose of its middle in their frame."""
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    vertices = tuple((float(a), float(b), float(c)) for a, b, c in points - middle)
+    return ConvexMesh(vertices, "seen"), Pose((float(middle[0]), float(middle[1]), float(middle[2])))
 
 
 def is_in_hand(world: World, object_id: ObjectId, node: str) -> Doing[bool]:

@@ -290,13 +290,7 @@ class CandidateSearch:
         if places.unreached[level.name] >= MAX_UNREACHED_TURNS or self._leads_nowhere(grasp):
             return
         places.asked += 1
-        request = Request(
-            PoseGoal((landing.above,)),
-            start=at,
-            width=grasp.expected_width,
-            holding=HeldObject(self._belief.id, self._in_tcp(grasp)),
-        )
-        found = self._world.plan.reached(request)
+        found = self._reach_holding(landing.above, at, grasp)
         if found.q is None:
             places.unreached[level.name] += 1
             self._barren += places.asked == MAX_TESTED_PLACES
@@ -314,14 +308,7 @@ class CandidateSearch:
         assert at is not None
         found: ReachResult | None = None
         for tcp in hover_poses(self._world, hole.id, self._belief.shape, in_tcp):
-            found = self._world.plan.reached(
-                Request(
-                    PoseGoal((tcp,)),
-                    start=at,
-                    width=branch.grasp.expected_width,
-                    holding=HeldObject(self._belief.id, in_tcp),
-                )
-            )
+            found = self._reach_holding(tcp, at, branch.grasp)
             if found.q is not None:
                 self.trail.passed(branch.grasp, pick_candidates.PLACE_STAGE)
                 return True
@@ -331,6 +318,12 @@ class CandidateSearch:
         else:
             self._refuse(branch, unreached(pick_candidates.PLACE_STAGE, f"the place over {hole.id}", found))
         return False
+
+    def _reach_holding(self, tcp: Pose, near: Array, grasp: GraspCandidate) -> ReachResult:
+        holding = HeldObject(self._belief.id, self._in_tcp(grasp))
+        return self._world.plan.reached(
+            Request(PoseGoal((tcp,)), start=near, width=grasp.expected_width, holding=holding)
+        )
 
     def _leads_nowhere(self, grasp: GraspCandidate) -> bool:
         """Return whether enough places of a grasp were tested."""

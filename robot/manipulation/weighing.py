@@ -20,10 +20,11 @@ from picktree.robot.control import (
     SlipDetector,
     WristSample,
     estimate_moving_mass,
+    point_velocity,
     wrist_sample,
 )
 from picktree.robot.planning import CARRYING_ACCELERATION
-from picktree.world import GRAVITY, Array, Failure, Pose, cross, event_types, grasp
+from picktree.world import GRAVITY, Array, Failure, Pose, event_types, grasp
 from picktree.world.scene import MIN_FELT_MASS, CatalogueEntry
 
 from .compliant_closing import SLIP_GRIP_FACTOR, GripForce, required_force
@@ -65,7 +66,7 @@ class SlipWatch:
             return False
         return detector.gone
 
-    def _felt(self, centre: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> MassEstimate | None:
+    def _felt(self, centre: Array) -> MassEstimate | None:
         world = self._world
         q, v = world.control.state.position, world.control.state.velocity
         now = wrist_sample(world.robot, q, v, world.control.wrist.over(world.tick, q)[:3], centre)
@@ -300,12 +301,7 @@ class LiftWeighing:
         twist = robot.jacobian(state.position) @ state.velocity
         tcp = robot.tcp(state.position)
         centre = robot.flange(state.position).apply(np.array(robot.hand_com))
-        speed = float(_at(twist, centre - np.array(tcp.position))[2])
+        speed = float(point_velocity(twist, centre - np.array(tcp.position))[2])
         turning = float(np.linalg.norm(twist[3:]))
         clear = tcp.position[2] - self._height > LIFTED_HEIGHT
         return _Tick(world.control.load(world.tick), speed, clear and turning < 0.5)  # rad/s
-
-
-def _at(twist: Array, lever: Array) -> Array:
-    """Return the velocity (3,) of a point of the hand, `lever` (3,) away from the TCP, m/s."""
-    return np.asarray(twist[:3] + cross(twist[3:], lever), np.float64)

@@ -76,6 +76,12 @@ class FoundPath:
     """Trajectory on the path with its corners cut; None: the path was not to be timed."""
 
 
+def order_goals(model: RobotModel, start: Array, goals: Sequence[Array]) -> list[int]:
+    """Return the indices of goals (n,), the nearest to the start first; discomfort counts as a detour."""
+    efforts = [float(np.linalg.norm(goal - start)) + configuration_cost(model, goal) for goal in goals]
+    return sorted(range(len(goals)), key=efforts.__getitem__)
+
+
 class JointPlanner:
     """Search of one request from the start of `way` (n,) to goals; edges and budget are shared.
 
@@ -101,16 +107,8 @@ class JointPlanner:
         self._planner = planner or PathPlanner(PLANNER_NAME, self._rrt_connect)
 
     def direct(self, goals: Sequence[Array]) -> FoundPath | None:
-        """Plan a straight edge in joint space to one of the goals: the nearest first, with discomfort as a
-        detour.
-
-        None: no edge is free.
-        """
-
-        def effort(k: int) -> float:
-            return float(np.linalg.norm(goals[k] - self._start)) + configuration_cost(self._model, goals[k])
-
-        for k in sorted(range(len(goals)), key=effort):
+        """Plan a straight edge in joint space to one of the goals; None: no edge is free."""
+        for k in order_goals(self._model, self._start, goals):
             if self._edge(self._start, goals[k]):
                 found = self._timed(np.array([self._start, goals[k]]), "direct", k)
                 if found is not None:
@@ -185,11 +183,11 @@ class JointPlanner:
         return self._connected(problem, (problem.start, ()), ends, self._budget.share(checks))
 
     def _retreating(self, problem: SearchProblem) -> list[Array] | None:
-        def rooted(q: Array) -> Rooted:
-            return q, problem.retreat(q)
-
-        ends = self._near_first(problem.goals, rooted)
-        return self._connected(problem, rooted(problem.start), ends, self._budget)
+        nearest = sorted(problem.goals, key=lambda q: float(np.linalg.norm(q - self._start)))
+        ends: list[Rooted] = [
+            (q, problem.retreat(q) if k < MAX_RETREATING_GOALS else ()) for k, q in enumerate(nearest)
+        ]
+        return self._connected(problem, (problem.start, problem.retreat(problem.start)), ends, self._budget)
 
     def _connected(
         self, problem: SearchProblem, start: Rooted, goals: Sequence[Rooted], budget: CheckBudget
@@ -198,12 +196,6 @@ class JointPlanner:
         limits = self._model.planned_lower, self._model.planned_upper
         checks = SearchChecks(problem.edge, problem.between, self._way.count_blocked, lambda: budget.left)
         return rrt_connect(*limits, start, goals, checks, problem.rng)
-
-    def _near_first(self, goals: Sequence[Array], rooted: Callable[[Array], Rooted]) -> list[Rooted]:
-        nearest = sorted(goals, key=lambda q: float(np.linalg.norm(q - self._start)))
-        return [rooted(q) for q in nearest[:MAX_RETREATING_GOALS]] + [
-            (q, ()) for q in nearest[MAX_RETREATING_GOALS:]
-        ]
 
     def _free(self, q: Array) -> bool:
         return self._count_free(q[None]) == 1
@@ -288,11 +280,11 @@ def retreat_path(model: RobotModel, edge: EdgeFree, q: Array) -> list[Array]:
     lower, upper = np.minimum(model.planned_lower, q), np.maximum(model.planned_upper, q)
     walk = _Walk(model, edge, lower, upper)
     chain = walk.along(q, -model.tcp(q).rotation()[:, 2], upright=True)
-    for towards in (_upwards, _towards_base):
-        if len(chain) >= ENOUGH_STEPS:
-            break
+    if len(chain) < ENOUGH_STEPS:
+        chain += walk.along(chain[-1] if chain else q, np.array([0.0, 0.0, 1.0]), upright=False)
+    if len(chain) < ENOUGH_STEPS:
         at = chain[-1] if chain else q
-        chain += walk.along(at, towards(model, at), upright=False)
+        chain += walk.along(at, _towards_base(model, at), upright=False)
     return chain
 
 
@@ -324,10 +316,6 @@ class _Walk:
             chain.append(behind)
             at = behind
         return chain
-
-
-def _upwards(_: RobotModel, __: Array) -> Array:
-    return np.array([0.0, 0.0, 1.0])
 
 
 def _towards_base(model: RobotModel, q: Array) -> Array:

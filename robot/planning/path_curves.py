@@ -29,6 +29,11 @@ _FACTORS = [
 """Factors of the powers in the derivative of each order."""
 
 
+def polyline_length(points: Array) -> float:
+    """Return the length of a polyline (m, n), in the units of its points."""
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class JointCurve:
     """Piecewise polynomial: breaks (k + 1,) ascending from 0; coefficients (k, 6, n) of the powers of s -

@@ -16,6 +16,7 @@ from picktree.world.robot_model import RobotModel
 
 from .collision_checker import CollisionChecker
 from .inverse_kinematics import InverseKinematics
+from .path_curves import polyline_length
 from .trajectory_check import MAX_JOINT_STEP, MAX_TCP_STEP, StartTolerance
 
 RETURN_BUDGET = 8000
@@ -146,8 +147,7 @@ class ReturnSearch:
         return reached
 
     def _steps(self, a: Array, b: Array) -> int:
-        tool = self._model.tcp_positions(np.linspace(a, b, 9))
-        moved = float(np.linalg.norm(np.diff(tool, axis=0), axis=1).sum())
+        moved = polyline_length(self._model.tcp_positions(np.linspace(a, b, 9)))
         turned = float(np.linalg.norm(b - a))
         return max(1, int(np.ceil(max(moved / MAX_TCP_STEP, turned / MAX_JOINT_STEP))))
 

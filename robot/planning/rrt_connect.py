@@ -65,7 +65,7 @@ def rrt_connect(
     rng: np.random.Generator,
 ) -> list[Array] | None:
     """Search a path, each (n,), from start to one of the goals. None when the checks are spent first."""
-    ours, theirs, samples = _Tree([start]), _Tree(goals), _Samples(lower, upper, start, goals, rng)
+    ours, theirs, samples = SearchTree([start]), SearchTree(goals), _Samples(lower, upper, start, goals, rng)
     forward = True
     for end in ours.ends:
         for other in theirs.ends:
@@ -131,8 +131,8 @@ def improve_path(
     return path
 
 
-class _Tree:
-    """Nodes by number: their configurations and their parents; the roots come first."""
+class SearchTree:
+    """Search tree: configurations by number with their parents; the roots come first."""
 
     def __init__(self, roots: Sequence[Rooted]) -> None:
         self.points: Array = np.empty((256, len(roots[0][0])))
@@ -241,7 +241,7 @@ class _Samples:
         return self._rng.uniform(lower, upper)[None]
 
 
-def _extend(tree: _Tree, samples: _Samples, checks: SearchChecks, left: int) -> int | None:
+def _extend(tree: SearchTree, samples: _Samples, checks: SearchChecks, left: int) -> int | None:
     """Extend a tree towards the first of the next samples to which the end of the extension is free, in at
     most `left` checks.
 
@@ -258,7 +258,7 @@ def _extend(tree: _Tree, samples: _Samples, checks: SearchChecks, left: int) -> 
     return tree.add(q, k) if checks.between(tree.points[k], q) else None
 
 
-def _connect(tree: _Tree, target: Array, checks: SearchChecks) -> int | None:
+def _connect(tree: SearchTree, target: Array, checks: SearchChecks) -> int | None:
     """Grow the tree towards the target while edges are free. Returns the node from which the target is
     reached, else None."""
     k, distance = tree.nearest(target)

@@ -161,7 +161,8 @@ class RequestSolver:
             try:
                 found = self._plan_inside(inside, goal, seed, timed=timed)
             except Failure as failure:
-                if failure.cause not in (planning.NO_PATH, planning.BUDGET) or _goal_enclosed(failure):
+                fails_anywhere = failure.evidence.get("enclosed") == "goal"
+                if failure.cause not in (planning.NO_PATH, planning.BUDGET) or fails_anywhere:
                     raise
                 why = f"a motion leads back in, but not on from there: {failure.message}"
                 continue
@@ -315,11 +316,6 @@ class _Begun:
     way: StartTolerance
     constraints: PathConstraints
     checks: int
-
-
-def _goal_enclosed(failure: Failure) -> bool:
-    """Whether a search failed for its goal's sake, whatever its start."""
-    return failure.evidence.get("enclosed") == "goal"
 
 
 def _planned(trajectory: Trajectory | None, path: PlannedPath) -> PlannedPath:
