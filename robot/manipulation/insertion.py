@@ -95,10 +95,6 @@ class InsertionTask:
         low, high = extents(self.shape, np.eye(3))
         return float(high[2] - low[2])
 
-    def seen_at(self, hole_in_world: Pose, uncertainty: float) -> InsertionTask:
-        """Return the task with the observed pose of the mouth."""
-        return replace(self, hole_in_world=hole_in_world, uncertainty=uncertainty + MAX_HELD_OFFSET)
-
 
 def fit(fixture: Fixture, hole: Hole, shape: Shape, object_in_tcp: Pose) -> InsertionTask:
     """Return the insertion task. The uncertainty covers the fixture's position, its rotation and the object
@@ -263,7 +259,7 @@ def choose_hole(world: World, held: BeliefObject, into: ObjectId, node: str) -> 
     from .hole_servoing import look_at_hole  # needs OpenCV
 
     seen = yield from look_at_hole(world, hole.id, node)
-    return task if seen is None else task.seen_at(seen, 0.002)  # m
+    return task if seen is None else replace(task, hole_in_world=seen, uncertainty=0.002 + MAX_HELD_OFFSET)
 
 
 def move_over_hole(

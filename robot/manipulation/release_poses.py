@@ -114,22 +114,7 @@ def release_poses(
 ) -> tuple[Pose, ...]:
     """Return TCP poses, pointing down at several yaws, with the object over the cell and above the rim."""
     rim = bin_.pose.position[2] + bin_.size[2]
-    poses: list[Pose] = []
-    for k in range(RELEASE_YAWS):
-        tcp = Pose.from_rpy((0.0, 0.0, 0.0), (math.pi, 0.0, 2 * math.pi * k / RELEASE_YAWS))
-        held = tcp @ object_in_tcp
-        low = float(extents(shape, held.rotation())[0][2])
-        offset = np.array(held.position)
-        poses.append(
-            tcp.shifted(
-                (
-                    spot.centre[0] - float(offset[0]),
-                    spot.centre[1] - float(offset[1]),
-                    rim + RELEASE_RIM_HEIGHT + higher - low - float(offset[2]),
-                )
-            )
-        )
-    return tuple(poses)
+    return put_down_poses((*spot.centre, rim + RELEASE_RIM_HEIGHT + higher), shape, object_in_tcp)
 
 
 def put_down_poses(point: tuple[float, float, float], shape: Shape, object_in_tcp: Pose) -> tuple[Pose, ...]:

@@ -34,48 +34,6 @@ if TYPE_CHECKING:
     from picktree.robot import World
 
 
-class SlipWatch:
-    """Slip watch of a motion that carries an object: each tick compares the load with the known payload.
-
-    The payload comes from `WristWrench.carry`; without one, nothing is watched. When the load is too small,
-    the fingers press more firmly, up to `GripperControl.bound`.
-    """
-
-    def __init__(self, world: World, above: float = -1e9) -> None:
-        """`above`: height of the TCP above which the object is lifted off its support, m."""
-        self._world = world
-        self._above = above
-        self._before: WristSample | None = None
-        self._detector: SlipDetector | None = None
-        self.felt: MassEstimate | None = None
-        """Mass on the hand in the last tick. None: not measured."""
-
-    def watch(self) -> bool:
-        """Add this tick, and return whether the object is gone."""
-        world = self._world
-        payload = world.control.wrist.payload
-        self.felt = felt = None if payload is None else self._felt(np.array(payload.centre))
-        if payload is None or felt is None or world.control.tcp.position[2] < self._above:
-            return False
-        if self._detector is None or self._detector.payload is not payload:
-            self._detector = SlipDetector(payload)
-        detector = self._detector
-        detector.feel(felt)
-        if detector.slipping and tighten_grip(world, felt.mass, payload):
-            detector.forget()
-            return False
-        return detector.gone
-
-    def _felt(self, centre: Array) -> MassEstimate | None:
-        world = self._world
-        q, v = world.control.state.position, world.control.state.velocity
-        now = wrist_sample(world.robot, q, v, world.control.wrist.over(world.tick, q)[:3], centre)
-        before, self._before = self._before, now
-        return (
-            None if before is None else estimate_moving_mass(world.robot.hand_mass, before, now, world.tick)
-        )
-
-
 def tighten_grip(world: World, felt: float, payload: Payload) -> bool:
     """Increase the grip force when only `felt` kg of the payload load the hand. False: the grip's limit is
     reached.
@@ -188,32 +146,56 @@ class _Tick:
 
 
 class GripMonitor:
-    """Grip monitor of a motion that carries an object: each tick checks the opening and the load on the
-    wrist.
+    """Grip monitor of a motion that carries an object: each tick checks the opening, and compares the load on
+    the wrist with the known payload.
 
-    A slipping object is gripped more firmly. When it is gone, the failure grasp.slipped brakes the arm. Only
-    a measurement at rest shows whether something is still held.
+    The payload comes from `WristWrench.carry`; without one, the load is not watched. When the load is too
+    small, the fingers press more firmly, up to `GripperControl.bound`. When the object is gone, the failure
+    grasp.slipped brakes the arm. Only a measurement at rest shows whether something is still held.
     """
 
     def __init__(self, world: World, above: float = -1e9) -> None:
         """`above`: height of the TCP above which the object is lifted off its support, m."""
         self._world = world
-        self._grip = world.gripper
+        self._above = above
         self._width = world.gripper.width
-        self._slip = SlipWatch(world, above)
-
-    @property
-    def felt(self) -> MassEstimate | None:
+        self._before: WristSample | None = None
+        self._detector: SlipDetector | None = None
+        self.felt: MassEstimate | None = None
         """Mass on the hand in the last tick. None: not measured."""
-        return self._slip.felt
 
     def watch(self) -> Failure | None:
         """Return the failure that stops the arm. None: there is none. For `ArmMotion.along` and `finish`."""
-        width = self._grip.width
+        width = self._world.gripper.width
         met = width <= MAX_EMPTY_WIDTH < self._width
         if met or abs(width - self._width) > MAX_OPENING_CHANGE:
             return Failure(grasp.SLIPPED, "the fingers move")
-        return Failure(grasp.SLIPPED, "less is felt than was taken up") if self._slip.watch() else None
+        return Failure(grasp.SLIPPED, "less is felt than was taken up") if self._load_is_gone() else None
+
+    def _load_is_gone(self) -> bool:
+        """Add the load of this tick, and return whether the object is gone."""
+        world = self._world
+        payload = world.control.wrist.payload
+        self.felt = felt = None if payload is None else self._moving_mass(np.array(payload.centre))
+        if payload is None or felt is None or world.control.tcp.position[2] < self._above:
+            return False
+        if self._detector is None or self._detector.payload is not payload:
+            self._detector = SlipDetector(payload)
+        detector = self._detector
+        detector.feel(felt)
+        if detector.slipping and tighten_grip(world, felt.mass, payload):
+            detector.forget()
+            return False
+        return detector.gone
+
+    def _moving_mass(self, centre: Array) -> MassEstimate | None:
+        world = self._world
+        q, v = world.control.state.position, world.control.state.velocity
+        now = wrist_sample(world.robot, q, v, world.control.wrist.over(world.tick, q)[:3], centre)
+        before, self._before = self._before, now
+        return (
+            None if before is None else estimate_moving_mass(world.robot.hand_mass, before, now, world.tick)
+        )
 
     @property
     def weight(self) -> float | None:

@@ -228,7 +228,9 @@ def known_objects(
         ]
         found = [each for each in tried if each is not None]
         left = cut.left([each is None for each in tried])
-        if len(found) == len(tried) or (found and _have_real_outlines(picture, left)):
+        outlines = (outline_patch(picture, patch).outline for patch in left)
+        # Each of those left shows enough of its own outline, beside that of the cut, to be recognised.
+        if len(found) == len(tried) or (found and all(o.real.mean() > MIN_REAL_OUTLINE for o in outlines)):
             return KnownContents(found, left)
         if most == MAX_PARTS:
             most = cut.most([one.place == world_facts.ASIDE for one, _ in touching])
@@ -292,11 +294,6 @@ def _patches_beyond(picture: SegmentationInput, blob: Blob, costs: Array) -> lis
     beyond[blob.patch.rows, blob.patch.columns] = costs.min(axis=0) > OUTSIDE_COST + UNEXPLAINED_DISTANCE
     beyond = cv2.morphologyEx(beyond, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     return connected_patches(beyond.astype(np.bool_), MIN_BODY_PIXELS)
-
-
-def _have_real_outlines(picture: SegmentationInput, patches: Sequence[PixelPatch]) -> bool:
-    """Whether each of these shows enough of its own outline, beside that of the cut, to be recognised."""
-    return all(outline_patch(picture, p).outline.real.mean() > MIN_REAL_OUTLINE for p in patches)
 
 
 def _confirmed(

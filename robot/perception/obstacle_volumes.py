@@ -337,15 +337,7 @@ def _surface_points(view: PerceivedView, patch: UnexplainedPatch) -> Array:
     # At borders the median takes the background's depth.
     depth = np.where(np.abs(smooth - raw) < 4 * CLEARING_SIGMAS * DEPTH_NOISE, smooth, raw)
     middle = np.stack([columns, rows], axis=1).astype(np.float64)
-    offsets = np.array(
-        [
-            (0.0, 0.0),
-            (-PIXEL_HALF_WIDTH, -PIXEL_HALF_WIDTH),
-            (-PIXEL_HALF_WIDTH, PIXEL_HALF_WIDTH),
-            (PIXEL_HALF_WIDTH, -PIXEL_HALF_WIDTH),
-            (PIXEL_HALF_WIDTH, PIXEL_HALF_WIDTH),
-        ]
-    )
+    offsets = PIXEL_HALF_WIDTH * np.array([(0.0, 0.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)])
     points = [view.sight.origin + view.sight.directions(middle + o) * depth[:, None] for o in offsets]
     return np.concatenate(points)
 
@@ -422,7 +414,10 @@ def merge_cells(packed: Keys) -> list[Span]:
     spans: list[Span] = []
     while left.any():
         seed = np.array(np.unravel_index(int(left.argmax()), left.shape), dtype=np.int64)
-        low, high = max((_grow_box(filled, seed, order) for order in ((2, 0, 1), (2, 1, 0))), key=_volume)
+        low, high = max(
+            (_grow_box(filled, seed, order) for order in ((2, 0, 1), (2, 1, 0))),
+            key=lambda span: int(np.prod(span[1] - span[0])),
+        )
         left[tuple(slice(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True))] = False
         spans.append((low, high))
     return [(low + origin, high + origin) for low, high in spans]
@@ -442,10 +437,6 @@ def _grow_box(filled: Grid, seed: Indices, order: tuple[int, ...]) -> Span:
         low[axis] = below[-1] + 1 if len(below) else 0
         high[axis] = above[0] if len(above) else len(full)
     return low, high
-
-
-def _volume(span: Span) -> int:
-    return int(np.prod(span[1] - span[0]))
 
 
 ITEM_MARGIN = 0.003

@@ -90,7 +90,7 @@ class EscapeSearch:
                 tried = np.clip(q + step, self._lower, self._upper)
                 if float(np.abs(tried - q).max()) < 2e-4:  # rad
                     continue
-                if not self._in_room(tried):
+                if self._room is not None and not self._room.holds(np.array(model.tcp(tried).position)):
                     ended_by = "the tool would leave the workspace"
                     continue
                 after = self._collision.separations(tried, WATCHED_DISTANCE)
@@ -140,9 +140,6 @@ class EscapeSearch:
         """Return the unit vector (3,) in the world along which the tool moves in that direction; zero for
         `out`."""
         return np.zeros(3) if direction == "out" else self._along(self._start, direction)
-
-    def _in_room(self, q: Array) -> bool:
-        return self._room is None or self._room.holds(np.array(self._model.tcp(q).position))
 
     def _free(self, q: Array) -> bool:
         return self._collision.free(q, self._room)

@@ -361,21 +361,10 @@ def how_outside(outside: WorkspaceExcess) -> str:
     return f"{outside.by * 1000:.1f} mm outside of the workspace ({outside.side})"
 
 
-def constraint_violated(where: str, broken: Sequence[ConstraintViolation]) -> Failure:
+def constraint_violated(where: str, broken: Sequence[ConstraintViolation], **evidence: float) -> Failure:
     """Build the failure of violated constraints; `where` begins the sentence, as `at the goal`."""
-    return Failure(
-        planning.CONSTRAINT, f"{where} {how_broken(broken[0])}", constraints=[how_broken(b) for b in broken]
-    )
-
-
-def line_breaks(broken: Sequence[ConstraintViolation], fraction: float) -> Failure:
-    """Build the failure of a line that violates a constraint at `fraction` of its time."""
-    return Failure(
-        planning.CONSTRAINT,
-        f"on the line, at {fraction:.0%} of its time, {how_broken(broken[0])}",
-        constraints=[how_broken(b) for b in broken],
-        fraction=fraction,
-    )
+    words = [how_broken(one) for one in broken]
+    return Failure(planning.CONSTRAINT, f"{where} {words[0]}", constraints=words, **evidence)
 
 
 def how_broken(broken: ConstraintViolation) -> str:

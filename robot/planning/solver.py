@@ -280,7 +280,9 @@ class RequestSolver:
             raise planning_failures.line_grazes(found.fraction, graze)
         for k, q in enumerate(trajectory.position):
             if broken := begun.constraints.broken(q):
-                raise planning_failures.line_breaks(broken, k / (len(trajectory.position) - 1))
+                share = k / (len(trajectory.position) - 1)
+                where = f"on the line, at {share:.0%} of its time,"
+                raise planning_failures.constraint_violated(where, broken, fraction=share)
         return trajectory
 
     def _line_ended(self, found: LineResult, least: float, target: Pose) -> Failure:
