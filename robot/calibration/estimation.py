@@ -244,7 +244,6 @@ class CalibrationEstimate:
     """Estimated tool; None: the data contain no touches."""
     target: Pose
     """Estimated pose of the target in the world."""
-    target_deviation: PoseDeviation
 
 
 def estimate(
@@ -287,7 +286,7 @@ def estimate(
                 float(np.sqrt((depths**2).mean())),
             )
         )
-    return CalibrationEstimate(tuple(found), tool, best.target, _deviation(sigma[:6]))
+    return CalibrationEstimate(tuple(found), tool, best.target)
 
 
 def _first_target(

@@ -32,7 +32,6 @@ from .joint_controllers import HoldController as HoldController
 from .motion_lease import above_limit as above_limit
 from .motions import ArmMotion as ArmMotion
 from .payload_estimate import (
-    CENTRE_PRIOR_SIGMA as CENTRE_PRIOR_SIGMA,
     MassEstimate as MassEstimate,
     Payload as Payload,
     SlipDetector as SlipDetector,

@@ -18,7 +18,7 @@ from picktree.world.robot_model import RobotModel
 
 from .contact_detection import ForceSample
 from .external_torque import EffortCheck
-from .payload_estimate import Payload, PayloadEstimator
+from .payload_estimate import Payload
 from .safety_monitor import SafetyMonitor
 
 DEFAULT_READING_INTERVAL = 1 / 240
@@ -230,14 +230,6 @@ class WristWrench:
     def carry(self, payload: Payload | None) -> None:
         """Set the payload of the hand; None: it is empty. A payload is no contact."""
         self.payload = payload
-
-    def estimate(self) -> PayloadEstimator:
-        """Return an estimator of the payload without readings; `weigh` adds them."""
-        return PayloadEstimator(self._sensor_in_tool)
-
-    def weigh(self, estimate: PayloadEstimator, window: float, q: Array) -> None:
-        """Add the present reading at rest, without tool and bias, to an estimate of the payload."""
-        estimate.add(self.over(window, q), self._model.tcp(q).rotation())
 
     def state(self) -> tuple[tuple[Wrench, ...], tuple[float, ...]]:
         """Return readings and tare for a checkpoint."""

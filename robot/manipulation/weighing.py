@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from picktree.robot.control import (
-    CENTRE_PRIOR_SIGMA,
     MassEstimate,
     Payload,
     SlipDetector,
@@ -61,8 +60,6 @@ def tighten_grip(world: World, felt: float, payload: Payload) -> bool:
     return True
 
 
-HELD_CENTRE_SIGMA = (CENTRE_PRIOR_SIGMA / 3, CENTRE_PRIOR_SIGMA / 3, CENTRE_PRIOR_SIGMA / 3)
-"""Standard deviation of the object's centre in the TCP frame along each axis, m."""
 CATALOGUE_MASS_SIGMA = 0.25
 """Standard deviation of a catalogue mass, as a share of it."""
 WEIGHED_MASS_SIGMA = 0.006
@@ -81,9 +78,7 @@ def register_payload(
     world.gripper.press(press.grip)
     if entry is not None:
         centre = object_in_tcp.position
-        world.control.wrist.carry(
-            Payload(entry.mass, CATALOGUE_MASS_SIGMA * entry.mass, centre, HELD_CENTRE_SIGMA)
-        )
+        world.control.wrist.carry(Payload(entry.mass, CATALOGUE_MASS_SIGMA * entry.mass, centre))
 
 
 def update_payload_mass(world: World, hold: GripCheck, press: GripForce | None = None) -> None:
@@ -97,7 +92,7 @@ def update_payload_mass(world: World, hold: GripCheck, press: GripForce | None =
         return
     before = world.control.wrist.payload
     centre = (0.0, 0.0, 0.0) if before is None else before.centre
-    world.control.wrist.carry(Payload(mass, WEIGHED_MASS_SIGMA, centre, HELD_CENTRE_SIGMA))
+    world.control.wrist.carry(Payload(mass, WEIGHED_MASS_SIGMA, centre))
     held = world.scene.held
     if held is not None:
         world.scene.weighed(held.id, mass)
