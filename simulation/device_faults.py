@@ -13,7 +13,6 @@ from picktree.world.scene import Fixture
 
 from .checkpoints import GripperCommand
 from .fault_entries import (
-    Ailing,
     CameraDrop,
     CameraFault,
     CameraMislabel,
@@ -22,6 +21,7 @@ from .fault_entries import (
     GripperJam,
     GripperWeak,
     JointWeak,
+    LastingFault,
     NoPlan,
     Stall,
     WrenchBias,
@@ -61,11 +61,11 @@ class DeviceFaults:
 
     def __init__(self, cameras: Iterable[str]) -> None:
         self._names = tuple(cameras)
-        self._active: dict[int, Ailing] = {}
+        self._active: dict[int, LastingFault] = {}
         self._held: dict[int, tuple[float, ...]] = {}
         self._sum_up()
 
-    def begin(self, number: int, fault: Ailing, held: tuple[float, ...]) -> None:
+    def begin(self, number: int, fault: LastingFault, held: tuple[float, ...]) -> None:
         """Begin a fault. `held` is the device's state at that moment.
 
         For a jam: opening, m, and force, N, that the drives keep. For a silent sensor: its last reading (6,)
@@ -145,11 +145,11 @@ class DeviceFaults:
                 self.cameras[name] = _camera_state(of)
 
 
-def jam_command(told: GripperCommand, width: float, most: float) -> tuple[float, float]:
+def jam_command(command: GripperCommand, width: float, most: float) -> tuple[float, float]:
     """Return opening, m, and force, N, that the drives of fingers keep when they jam at opening `width`, m.
     `most`: greatest force, N."""
-    if told.width < width - JAM_SQUEEZE_DEPTH:
-        return max(width - JAM_SQUEEZE_DEPTH, 0.0), told.force
+    if command.width < width - JAM_SQUEEZE_DEPTH:
+        return max(width - JAM_SQUEEZE_DEPTH, 0.0), command.force
     return width, most
 
 
@@ -190,7 +190,7 @@ class InjectableRobot(Protocol):
     @property
     def gripper(self) -> Gripper: ...
     @property
-    def ailments(self) -> DeviceFaults:
+    def faults(self) -> DeviceFaults:
         """Active faults of its devices."""
         ...
 
@@ -227,7 +227,7 @@ class InjectableRobot(Protocol):
     def room_for(self, body: Fixture) -> bool: ...
     def put_obstacle(self, body: Fixture) -> ObjectId: ...
     def take_obstacle(self, name: ObjectId) -> None: ...
-    def afflict(self, number: int, fault: Ailing, held: tuple[float, ...] | None = None) -> None:
+    def afflict(self, number: int, fault: LastingFault, held: tuple[float, ...] | None = None) -> None:
         """Begin a fault of a device. `held` is given on restore: the device's state when the fault began."""
         ...
 

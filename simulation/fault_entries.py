@@ -400,7 +400,7 @@ def counted(fault: object) -> bool:
 
 
 CameraFault: TypeAlias = CameraDrop | CameraShift | CameraNoise | CameraMislabel
-Ailing: TypeAlias = (
+LastingFault: TypeAlias = (
     GripperJam | GripperWeak | JointWeak | Stall | WrenchBias | WrenchDead | CameraFault | NoPlan
 )
 """Faults that last: each begins and ends, unless it is for good."""
@@ -502,7 +502,7 @@ class Obstacle(_Fault):
 
 ItemFault: TypeAlias = Remove | Friction | Bump | Heavier | Larger
 """Faults that change one named item for good."""
-FaultSpec: TypeAlias = ItemFault | Slip | Appear | Obstacle | Ailing | ProgramFault
+FaultSpec: TypeAlias = ItemFault | Slip | Appear | Obstacle | LastingFault | ProgramFault
 """One injected fault."""
 
 

@@ -300,7 +300,7 @@ def observe_pushed_object(
         )
     raise Failure(
         push.LOST_CONTACT,
-        f"{task.object} is not seen where it was pushed ({after.told})",
+        f"{task.object} is not seen where it was pushed ({after.summary})",
         object=task.object,
         touched=after.touched,
         reached=after.reached,
@@ -326,7 +326,7 @@ def push_to_goal(
             break
         one = _choose_stroke(world, belief, goal, left, progress.blocked_sides)
         pushed = yield from execute_stroke(world, belief, one, task.speed, task.force, task.node)
-        progress.strokes.append(f"{one.stroke.name}: {pushed.told}")
+        progress.strokes.append(f"{one.stroke.name}: {pushed.summary}")
         yield from step_back(world, (task.object,), task.node)
         after = yield from observe_pushed_object(world, task, pushed)
         travel = known.at.distance(planar_geometry.planar(after.shape, after.pose))
@@ -376,10 +376,10 @@ def _choose_stroke(
                 return answer
             refusal = answer
         why.append(f"{stroke.name}: {refusal}")
-    told = "; ".join(why[:4]) or "no side can be pushed that way"
+    reasons = "; ".join(why[:4]) or "no side can be pushed that way"
     raise Failure(
         push.NO_STROKE,
-        f"no stroke brings {belief.id} nearer to where it is to be: {told}",
+        f"no stroke brings {belief.id} nearer to where it is to be: {reasons}",
         object=belief.id,
         refused=why,
     )
@@ -441,7 +441,7 @@ def make_room(world: World, task: PushTask) -> Doing[None]:
         pushed = yield from execute_stroke(
             world, one.pushed, feasible, task.speed, task.force, task.node, one.there
         )
-        strokes.append(f"{one.name}: {pushed.told}")
+        strokes.append(f"{one.name}: {pushed.summary}")
         yield from step_back(world, one.there, task.node)
         yield from _look(world, task)
     raise Failure(
@@ -472,8 +472,8 @@ def _choose_singulation(
         if isinstance(answer, FeasibleStroke):
             return one, answer
         why.append(f"{one.name}: {answer}")
-    told = "; ".join(why[:4]) or "no push that is free would do"
-    message = f"no stroke makes room for the hand around {target.id}: {told}"
+    reasons = "; ".join(why[:4]) or "no push that is free would do"
+    message = f"no stroke makes room for the hand around {target.id}: {reasons}"
     if not offered:
         world.attempts.refuse(world_facts.PUSH, target, world.scene, message)
     raise Failure(push.NO_STROKE, message, object=target.id, refused=why)

@@ -437,21 +437,23 @@ def stir(world: World, task: HeapPickTask, strokes: int) -> Doing[None]:
     Raises push.no_stroke when no stroke is free and reachable, push.stalled when the heap is as it was after
     `strokes` of them, and the failures of cameras and motions.
     """
-    told: list[str] = []
+    outcomes: list[str] = []
     for _ in range(strokes):
         belief = yield from _look(world, task)
         before = world.vision.heaps[task.tote].map
         one, start = yield from _begin(world, task, belief.id)
-        told.append(f"{one.name}: {yield from _execute(world, task, one, start)}")
+        outcomes.append(f"{one.name}: {yield from _execute(world, task, one, start)}")
         yield from world.control.settle()
         yield from world.vision.look(task.camera)
         if heap_changed(before, world.vision.heaps[task.tote].map):
             world.attempts.clear(task.node, belief.id)
-            text = f"{task.tote} is stirred: {'; '.join(told)}"
-            world.journal.note(event_types.PushEvent(text, task.node, object=task.tote, strokes=tuple(told)))
+            text = f"{task.tote} is stirred: {'; '.join(outcomes)}"
+            world.journal.note(
+                event_types.PushEvent(text, task.node, object=task.tote, strokes=tuple(outcomes))
+            )
             return
-    message = f"the heap in {task.tote} is as it was: {'; '.join(told)}"
-    raise Failure(push.STALLED, message, object=task.tote, strokes=told)
+    message = f"the heap in {task.tote} is as it was: {'; '.join(outcomes)}"
+    raise Failure(push.STALLED, message, object=task.tote, strokes=outcomes)
 
 
 def heap_changed(before: heap_geometry.HeightMap, after: heap_geometry.HeightMap) -> bool:
@@ -516,10 +518,10 @@ def _choose(world: World, task: HeapPickTask) -> tuple[HeapStroke, Array, bool]:
                 return one, over, flipped
             refusals.append(over)
         why.append(f"{one.name}: {refusals[0]}")
-    told = "; ".join(why[:4]) or "the hand has no room beside anything"
+    reasons = "; ".join(why[:4]) or "the hand has no room beside anything"
     raise Failure(
         push.NO_STROKE,
-        f"none of {len(offered)} strokes in {task.tote} is free and reachable: {told}",
+        f"none of {len(offered)} strokes in {task.tote} is free and reachable: {reasons}",
         object=task.tote,
         refused=why,
     )

@@ -309,7 +309,7 @@ class PushResult:
     """Pose of the object if it has stayed at the tool."""
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         way = f"{self.reached * 1000:.0f} mm"
         if self.blocked:
             return f"blocked at {self.force:.1f} N after {way}"

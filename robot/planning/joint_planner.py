@@ -257,8 +257,8 @@ def load_planner(name: str) -> PathPlanner:
     try:
         search = entry.load()
     except (Exception, SystemExit) as error:
-        told = re.sub(r"\s+", " ", str(error)) or type(error).__name__
-        raise PicktreeError(f"the planner {name!r} ({entry.value}) cannot be imported: {told}") from error
+        reason = re.sub(r"\s+", " ", str(error)) or type(error).__name__
+        raise PicktreeError(f"the planner {name!r} ({entry.value}) cannot be imported: {reason}") from error
     if not callable(search):
         raise PicktreeError(f"the planner {name!r} ({entry.value}) is no function of a SearchProblem")
     return PathPlanner(name, cast("PathSearch", search))

@@ -76,17 +76,17 @@ class PathConstraints:
         if not self._rows:
             return ()
         pose = pin.SE3(tcp_in_world.rotation(), np.array(tcp_in_world.position))
-        told: list[ConstraintViolation] = []
+        violations: list[ConstraintViolation] = []
         for row, constraint in zip(self._rows, self.constraints, strict=True):
             excess = float(row.excess(pose, 0.0).max())
             # Inverse kinematics ends a little away from its pose.
             if excess > 1e-4:
-                told.append(
+                violations.append(
                     ConstraintViolation(
                         constraint, excess, excess + row.room * isinstance(constraint, UprightConstraint)
                     )
                 )
-        return tuple(told)
+        return tuple(violations)
 
     def project(
         self, q: Array, lower: Array, upper: Array, reserve: float = PROJECTION_RESERVE

@@ -180,7 +180,7 @@ class CrushDetector:
         self._most = {item.id: item for item in state}
         self._events = []
 
-    def told(self, body: TrueBody) -> TrueBody:
+    def with_crush_force(self, body: TrueBody) -> TrueBody:
         """Return the item's truth with the force that crushed it, if one did."""
         pressed = self._most.get(body.id)
         return body if pressed is None or not pressed.crushed else replace(body, crushed=pressed.force)

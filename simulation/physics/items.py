@@ -312,7 +312,7 @@ class PhysicsItems:
         for name, friction in self._slippery.items():
             set_friction(self._numbers[name], friction, self._client)
 
-    def lull(self, states: Iterable[checkpoints.BodyState]) -> None:
+    def restore_sleep(self, states: Iterable[checkpoints.BodyState]) -> None:
         """Put those items to sleep that slept in the checkpoint."""
         self.sleepers.sleep([s.id for s in states if s.present and s.asleep])
 

@@ -44,7 +44,7 @@ class CameraRenderer:
         right = up * camera.size[0] / camera.size[1]
         self._projection = pb.computeProjectionMatrix(-right, right, -up, up, self._clip, camera.far)
 
-    def truly(self, tool: Pose) -> Pose:
+    def true_frame(self, tool: Pose) -> Pose:
         """Return the true optical frame in the world, for a tool that truly is at `tool`."""
         mounted = self.camera.pose @ self.camera.error
         return mounted if self.camera.on == "world" else tool @ mounted
@@ -98,7 +98,7 @@ class StaticScene:
     def behind(self, view: CameraRenderer, optical: Pose) -> RenderedImage:
         """Return the image without moving bodies, from the true optical frame `optical` in the world."""
         picture = self._still.get(view.camera.name)
-        if picture is not None and optical == view.truly(Pose()):
+        if picture is not None and optical == view.true_frame(Pose()):
             return picture
         if self._client is None:
             self._client = _scenery(self._scene.fixtures, self._scene.bins)
@@ -111,7 +111,7 @@ def _still(
 ) -> tuple[RenderedImage, ...]:
     """Return the image of each camera that hangs still, without moving bodies: rendered once a process."""
     client = _scenery(fixtures, bins)
-    return tuple(view.render(client.id, view.truly(Pose())) for view in map(CameraRenderer, cameras))
+    return tuple(view.render(client.id, view.true_frame(Pose())) for view in map(CameraRenderer, cameras))
 
 
 def _scenery(fixtures: Sequence[Fixture], bins: Sequence[Bin]) -> Client:
@@ -191,7 +191,7 @@ class PhysicsCamera:
         clock: Clock,
         tool: Callable[[], Pose],
         believed_tool: Callable[[], Pose],
-        ailments: DeviceFaults,
+        faults: DeviceFaults,
         stickers: Callable[[], Iterable[Sticker]] = tuple,
     ) -> None:
         """`tool` returns the true TCP in the world, `believed_tool` the TCP by the encoders. Both are for a
@@ -205,16 +205,16 @@ class PhysicsCamera:
         self._clock = clock
         self._tool = tool
         self._believed_tool = believed_tool
-        self._ailments = ailments
+        self._faults = faults
         self._intrinsics = camera.intrinsics
         self._view = CameraRenderer(camera)
 
     def capture(self) -> RgbdImage:
         camera, moving = self._description, self._description.on == "hand"
-        trouble = self._ailments.cameras.get(camera.name)
-        optical = self._view.truly(self._tool() if moving else Pose())
+        trouble = self._faults.cameras.get(camera.name)
+        optical = self._view.true_frame(self._tool() if moving else Pose())
         if trouble is not None:
-            if self._ailments.dropped(camera.name):
+            if self._faults.dropped(camera.name):
                 self.captures += 1
                 raise NoImage(f"{camera.name} gave no image")
             optical = optical @ trouble.moved

@@ -523,9 +523,9 @@ class RobotBody:
         """Return the greatest torques of the weak joints, Nm."""
         return [most * share for most, share in zip(self._limits, self._shares or self._ones, strict=True)]
 
-    def drive_fingers(self, told: checkpoints.GripperCommand) -> None:
-        self._grip = told
-        grip = told if self._jam is None else self._jam
+    def drive_fingers(self, command: checkpoints.GripperCommand) -> None:
+        self._grip = command
+        grip = command if self._jam is None else self._jam
         if self._grip_share != 1.0:
             grip = replace(grip, force=grip.force * self._grip_share)
         if self._linkage is not None:
