@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from picktree.world import Plain
@@ -28,13 +28,7 @@ class OperatorQuestion:
     """Summary of the robot's belief, in one sentence."""
 
     def to_json(self) -> dict[str, Plain]:
-        return {
-            "node": self.node,
-            "reason": self.reason,
-            "choices": list(self.choices),
-            "object": self.object,
-            "situation": self.situation,
-        }
+        return {**asdict(self), "choices": list(self.choices)}
 
     @classmethod
     def from_json(cls, said: Mapping[str, Any]) -> OperatorQuestion:

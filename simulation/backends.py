@@ -15,12 +15,6 @@ from .device_faults import InjectableRobot
 from .truth import TrueBody
 
 
-class BackendCheckpoint(Protocol):
-    """A backend's checkpoint."""
-
-    def to_plain(self, departed: int = 0) -> dict[str, Any]: ...
-
-
 class Simulation(Hardware, InjectableRobot, Protocol):
     """Simulated hardware: it knows the ground truth, carries out faults, can be saved and reports its
     settings."""
@@ -42,11 +36,11 @@ class Simulation(Hardware, InjectableRobot, Protocol):
         """Return the scene's fixtures at their true poses."""
         ...
 
-    def checkpoint(self) -> BackendCheckpoint:
+    def checkpoint(self) -> Checkpoint | KinematicState:
         """Save the state and continue from the saved state."""
         ...
 
-    def snapshot(self) -> BackendCheckpoint:
+    def snapshot(self) -> Checkpoint | KinematicState:
         """Return the state at any moment, without side effects. A run that continues from it is not
         bit-exact."""
         ...

@@ -4,25 +4,23 @@ upstream end.
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from picktree.files import PicktreeError
-from picktree.world import Box, JournalEvent, ObjectId, Pose, RandomStreams, Vector3, bottom, event_types
+from picktree.world import Box, ObjectId, Pose, Vector3, bottom, event_types
 from picktree.world.scene import (
     MIN_BELT_GAP,
     SPACING_SPREAD,
     Belt,
-    Delivery,
     Fixture,
     SceneDescription,
     reach,
 )
 
-from .feed_cell import CELL_CHECK_INTERVAL, FeedCell, Zone
+from .feed_cell import CELL_CHECK_INTERVAL, DROP_HEIGHT, MAX_SETTLING_TIME, FeedCell, ItemSource, Zone
 from .footprints import distance, footprint
 from .spawn import LooseItem, SpawnedItem, draw_load
 
@@ -145,16 +143,8 @@ def check_belts(saved: Iterable[BeltState], belts: Iterable[ObjectId]) -> None:
         raise PicktreeError(f"the checkpoint's belts are {names}, but the scene has {known}")
 
 
-MIN_ARM_DISTANCE = 0.05
-"""Margin around the running belt in which the arm may not be, m."""
 EDGE_DISTANCE = 0.005
 """Distance of new items from the belt's edges, m."""
-DROP_HEIGHT = 5e-4
-"""Height above the belt from which new items drop, m."""
-MIN_ITEM_GAP = 0.005
-"""Least gap between two items at the light barrier, m: at an item's rim the barrier may flicker."""
-MAX_SETTLING_TIME = 3.0
-"""Longest wait after a stop for the items on the belt to come to rest, s."""
 Phase: TypeAlias = Literal["standing", "running", "stopping"]
 
 
@@ -181,8 +171,8 @@ class BeltFeedState:
     deliveries: int = 0
 
 
-class BeltFeed:
-    """`ItemSource` of a feed entry with a belt.
+class BeltFeed(ItemSource[BeltFeedState]):
+    """Feed entry with a belt.
 
     The belt stops when its light barrier detects another item; an item that was left at the barrier rides on.
     After the last item the belt stops once that item is at the barrier.
@@ -191,12 +181,8 @@ class BeltFeed:
     def __init__(
         self, scene: SceneDescription, number: int, cell: FeedCell, drive: BeltDrive, seed: int
     ) -> None:
-        self._scene = scene
-        self._number = number
-        self._delivery: Delivery = scene.deliveries[number]
-        self._cell = cell
+        super().__init__(scene, number, cell, seed, BeltFeedState())
         self._drive = drive
-        self._streams = RandomStreams(seed)
         load = self._delivery.load
         # Each round of the mixture has the same number of each colour.
         self._round = replace(load, counts=tuple((kind, n * len(load.colours)) for kind, n in load.counts))
@@ -206,10 +192,8 @@ class BeltFeed:
         self._start = -track.length / 2 + widest + EDGE_DISTANCE
         self._aside = max(0.0, track.width / 2 - widest - EDGE_DISTANCE)
         self._rest = max(0.0, drive.belt.eye - self._start - widest)
-        self._zone = zone_of(track)
-        self._state = BeltFeedState()
+        self._zone = Zone.around(track.pose, (track.length, track.width))
         self._next = self._drawn(0)
-        self._events: list[JournalEvent] = []
 
     @property
     def exhausted(self) -> bool:
@@ -222,10 +206,6 @@ class BeltFeed:
     @property
     def obstructed(self) -> bool:
         return self._state.obstructed
-
-    @property
-    def deliveries(self) -> int:
-        return self._state.deliveries
 
     def ready(self) -> None:
         """Start the belt, unless it is running, stopping or exhausted."""
@@ -246,16 +226,8 @@ class BeltFeed:
                 if step % CELL_CHECK_INTERVAL == 0 and not self._drive.moving:
                     self._wait_for_rest()
 
-    def take_events(self) -> tuple[JournalEvent, ...]:
-        events, self._events = tuple(self._events), []
-        return events
-
-    def state(self) -> BeltFeedState:
-        """Return the progress for a checkpoint; the belt's own state is the backend's."""
-        return self._state
-
     def restore(self, state: BeltFeedState) -> None:
-        self._state = state
+        super().restore(state)
         self._next = self._drawn(state.put)
 
     def _mind_the_arm(self) -> None:
@@ -292,7 +264,7 @@ class BeltFeed:
             return False
         here, before = self._drive.travelled, self._state.seen
         self._state = replace(self._state, seen=here)
-        return before is None or here - before > MIN_ITEM_GAP
+        return before is None or here - before > 0.005  # m: the barrier may flicker at a rim
 
     def _wait_for_rest(self) -> None:
         riding = [b.id for b in self._cell.here() if self._drive.track.carries(b.pose.position)]
@@ -362,11 +334,3 @@ class NextBeltItem:
     """Travel of the belt since the previous item, m."""
     aside: float
     """Offset from the belt's middle line, m."""
-
-
-def zone_of(track: BeltSurface) -> Zone:
-    """Return the zone that the arm may not enter while the belt runs."""
-    x, y, _ = track.pose.position
-    ahead = track.pose.rotation()[:, 0]
-    yaw = math.atan2(float(ahead[1]), float(ahead[0]))
-    return Zone((x, y), yaw, (track.length / 2, track.width / 2)).grown(MIN_ARM_DISTANCE)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, Literal, TypeAlias, cast
+from typing import Any, Literal, TypeAlias, TypeVar, cast
 
 import orjson
 from pydantic import TypeAdapter, ValidationError
@@ -98,7 +98,11 @@ class PressedItem:
     force: float
     limit: float
     gripped: float = 0.0
-    """Greatest force while the fingers had the command to close, N."""
+    """Greatest force while the fingers had the command to close, N; other forces were bumps."""
+
+    @property
+    def crushed(self) -> bool:
+        return self.force > self.limit
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,17 +161,7 @@ class Checkpoint:
     def from_plain(cls, plain: object) -> Checkpoint:
         """Read a checkpoint from JSON types. Raises PicktreeError when they are no checkpoint of the
         simulation."""
-        try:
-            return _adapter().validate_python(plain)
-        except ValidationError as error:
-            first = error.errors()[0]
-            where = ".".join(str(part) for part in first["loc"])
-            raise PicktreeError(f"no checkpoint of the simulation: {where}: {first['msg']}") from None
-
-
-@cache  # built on first use: a run needs that of its own backend only
-def _adapter() -> TypeAdapter[Checkpoint]:
-    return TypeAdapter(Checkpoint)
+        return _validated(cls, plain, "the simulation")
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,20 +208,25 @@ class KinematicState:
     @classmethod
     def from_plain(cls, plain: object) -> KinematicState:
         """Read a state from JSON types. Raises PicktreeError when they are no checkpoint of this backend."""
-        try:
-            return _kinematic_adapter().validate_python(plain)
-        except ValidationError as error:
-            first = error.errors()[0]
-            where = ".".join(str(part) for part in first["loc"])
-            raise PicktreeError(f"no checkpoint of the kinematic backend: {where}: {first['msg']}") from None
+        return _validated(cls, plain, "the kinematic backend")
+
+
+T = TypeVar("T")
+
+
+def _validated(kind: type[T], plain: object, of: str) -> T:
+    adapter: TypeAdapter[T] = _adapter(kind)
+    try:
+        return adapter.validate_python(plain)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise PicktreeError(f"no checkpoint of {of}: {where}: {first['msg']}") from None
 
 
 @cache  # built on first use: a run needs that of its own backend only
-def _kinematic_adapter() -> TypeAdapter[KinematicState]:
-    return TypeAdapter(KinematicState)
-
-
-_STILL = (0.0, 0.0, 0.0)
+def _adapter(kind: type[Any]) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,6 +256,6 @@ def snapshot_at_rest(backend: Backend, snapshot: Mapping[str, Any], joints: int)
         saved,
         arm=ArmCommand("follow", position, (0.0,) * joints, ()),
         robot=replace(saved.robot, velocity=tuple(0.0 for _ in saved.robot.velocity)),
-        items=tuple(replace(item, velocity=_STILL, spin=_STILL) for item in saved.items),
+        items=tuple(replace(item, velocity=(0.0, 0.0, 0.0), spin=(0.0, 0.0, 0.0)) for item in saved.items),
     )
     return RestSnapshot(still.to_plain(), position)

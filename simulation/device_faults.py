@@ -8,12 +8,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from picktree.world import Array, Clock, Gripper, ObjectId, Pose, Quaternion, Vector3, Wrench, rotated
+from picktree.world import Clock, Gripper, ObjectId, Pose, Quaternion, Vector3, Wrench, rotated
 from picktree.world.scene import Fixture
 
 from .checkpoints import GripperCommand
 from .fault_entries import (
-    Ailing,
     CameraDrop,
     CameraFault,
     CameraMislabel,
@@ -22,6 +21,7 @@ from .fault_entries import (
     GripperJam,
     GripperWeak,
     JointWeak,
+    LastingFault,
     NoPlan,
     Stall,
     WrenchBias,
@@ -61,11 +61,11 @@ class DeviceFaults:
 
     def __init__(self, cameras: Iterable[str]) -> None:
         self._names = tuple(cameras)
-        self._active: dict[int, Ailing] = {}
+        self._active: dict[int, LastingFault] = {}
         self._held: dict[int, tuple[float, ...]] = {}
         self._sum_up()
 
-    def begin(self, number: int, fault: Ailing, held: tuple[float, ...]) -> None:
+    def begin(self, number: int, fault: LastingFault, held: tuple[float, ...]) -> None:
         """Begin a fault. `held` is the device's state at that moment.
 
         For a jam: opening, m, and force, N, that the drives keep. For a silent sensor: its last reading (6,)
@@ -140,27 +140,17 @@ class DeviceFaults:
         self._planless = [n for n, f in faults.items() if isinstance(f, NoPlan)]
         self.cameras: dict[str, CameraFaultState] = {}
         for name in self._names:
-            of = {
-                n: f
-                for n, f in faults.items()
-                if isinstance(f, CameraDrop | CameraShift | CameraNoise | CameraMislabel)
-                and f.camera in (None, name)
-            }
+            of = {n: f for n, f in faults.items() if isinstance(f, CameraFault) and f.camera in (None, name)}
             if of:
                 self.cameras[name] = _camera_state(of)
 
 
-def jam_command(told: GripperCommand, width: float, most: float) -> tuple[float, float]:
+def jam_command(command: GripperCommand, width: float, most: float) -> tuple[float, float]:
     """Return opening, m, and force, N, that the drives of fingers keep when they jam at opening `width`, m.
     `most`: greatest force, N."""
-    if told.width < width - JAM_SQUEEZE_DEPTH:
-        return max(width - JAM_SQUEEZE_DEPTH, 0.0), told.force
+    if command.width < width - JAM_SQUEEZE_DEPTH:
+        return max(width - JAM_SQUEEZE_DEPTH, 0.0), command.force
     return width, most
-
-
-def clipped(torque: Array, limits: Array) -> Array:
-    """Return torques (n,), Nm, clipped to the joints' limits (n,)."""
-    return torque.clip(-limits, limits)
 
 
 def _frozen_reading(held: tuple[float, ...]) -> FrozenReading:
@@ -200,7 +190,7 @@ class InjectableRobot(Protocol):
     @property
     def gripper(self) -> Gripper: ...
     @property
-    def ailments(self) -> DeviceFaults:
+    def faults(self) -> DeviceFaults:
         """Active faults of its devices."""
         ...
 
@@ -237,7 +227,7 @@ class InjectableRobot(Protocol):
     def room_for(self, body: Fixture) -> bool: ...
     def put_obstacle(self, body: Fixture) -> ObjectId: ...
     def take_obstacle(self, name: ObjectId) -> None: ...
-    def afflict(self, number: int, fault: Ailing, held: tuple[float, ...] | None = None) -> None:
+    def afflict(self, number: int, fault: LastingFault, held: tuple[float, ...] | None = None) -> None:
         """Begin a fault of a device. `held` is given on restore: the device's state when the fault began."""
         ...
 

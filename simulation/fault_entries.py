@@ -259,130 +259,125 @@ When: TypeAlias = AtTime | AtNode
 
 
 @dataclass(frozen=True, slots=True)
-class Hang:
+class _Fault:
+    """Fault with its occasions. `name` is the word of fault files and records; a renamed class keeps it."""
+
+    name: ClassVar[str]
+    when: When
+
+
+@dataclass(frozen=True, slots=True)
+class Hang(_Fault):
     """The running skill yields for ever: it never ends until it is halted."""
 
-    name: ClassVar[str] = "hang"
-    when: When
+    name = "hang"
 
 
 @dataclass(frozen=True, slots=True)
-class Raise:
+class Raise(_Fault):
     """The code of the running skill raises an exception."""
 
-    name: ClassVar[str] = "raise"
-    when: When
+    name = "raise"
 
 
 @dataclass(frozen=True, slots=True)
-class Kill:
+class Kill(_Fault):
     """The process is killed (SIGKILL)."""
 
-    name: ClassVar[str] = "kill"
-    when: When
+    name = "kill"
 
 
 ProgramFault: TypeAlias = Hang | Raise | Kill
 
 
 @dataclass(frozen=True, slots=True)
-class GripperJam:
+class GripperJam(_Fault):
     """The fingers stay in place, ignore commands, and keep pressing on the item that they hold."""
 
-    name: ClassVar[str] = "gripper_jam"
-    when: When
+    name = "gripper_jam"
     lasts: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class GripperWeak:
+class GripperWeak(_Fault):
     """The fingers press with a share of the commanded force."""
 
-    name: ClassVar[str] = "gripper_weak"
-    when: When
+    name = "gripper_weak"
     share: float
     lasts: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class JointWeak:
+class JointWeak(_Fault):
     """The joint's torque is at most a share of what it could give."""
 
-    name: ClassVar[str] = "joint_weak"
-    when: When
+    name = "joint_weak"
     joint: str
     share: float
     lasts: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Stall:
+class Stall(_Fault):
     """The arm ignores commands: its drives hold it in place."""
 
-    name: ClassVar[str] = "stall"
-    when: When
+    name = "stall"
     lasts: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class WrenchBias:
+class WrenchBias(_Fault):
     """The wrist's sensor has a bias: force, N, and torque, Nm, in its own axes."""
 
-    name: ClassVar[str] = "wrench_bias"
-    when: When
+    name = "wrench_bias"
     force: Vector3
     torque: Vector3 = (0.0, 0.0, 0.0)
     lasts: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class WrenchDead:
+class WrenchDead(_Fault):
     """The wrist's sensor is silent: its reading and its time stamp do not change."""
 
-    name: ClassVar[str] = "wrench_dead"
-    when: When
+    name = "wrench_dead"
     lasts: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class CameraDrop:
+class CameraDrop(_Fault):
     """A camera (None: any) gives no image, for a time or for a number of images."""
 
-    name: ClassVar[str] = "camera_drop"
-    when: When
+    name = "camera_drop"
     camera: str | None = None
     lasts: float | None = None
     images: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class CameraShift:
+class CameraShift(_Fault):
     """A camera's true optical frame is moved, given in the frame as it was: x right, y down, z forward."""
 
-    name: ClassVar[str] = "camera_shift"
-    when: When
+    name = "camera_shift"
     moved: Pose
     camera: str | None = None
     lasts: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class CameraNoise:
+class CameraNoise(_Fault):
     """The noise of a camera's depth and colour is `factor` times as large."""
 
-    name: ClassVar[str] = "camera_noise"
-    when: When
+    name = "camera_noise"
     factor: float
     camera: str | None = None
     lasts: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class CameraMislabel:
+class CameraMislabel(_Fault):
     """A camera shows one colour of items as another; `swapped`: and the other as the one."""
 
-    name: ClassVar[str] = "camera_mislabel"
-    when: When
+    name = "camera_mislabel"
     colour: str
     shown_as: str
     swapped: bool = False
@@ -391,11 +386,10 @@ class CameraMislabel:
 
 
 @dataclass(frozen=True, slots=True)
-class NoPlan:
+class NoPlan(_Fault):
     """The planner finds no path, for a time or for a number of requests."""
 
-    name: ClassVar[str] = "no_plan"
-    when: When
+    name = "no_plan"
     lasts: float | None = None
     requests: int | None = None
 
@@ -406,7 +400,7 @@ def counted(fault: object) -> bool:
 
 
 CameraFault: TypeAlias = CameraDrop | CameraShift | CameraNoise | CameraMislabel
-Ailing: TypeAlias = (
+LastingFault: TypeAlias = (
     GripperJam | GripperWeak | JointWeak | Stall | WrenchBias | WrenchDead | CameraFault | NoPlan
 )
 """Faults that last: each begins and ends, unless it is for good."""
@@ -429,74 +423,67 @@ class FaultTarget:
 
 
 @dataclass(frozen=True, slots=True)
-class Remove:
+class Remove(_Fault):
     """The item is snatched away, out of the robot's world."""
 
-    name: ClassVar[str] = "remove"
-    when: When
+    name = "remove"
     target: FaultTarget
 
 
 @dataclass(frozen=True, slots=True)
-class Friction:
+class Friction(_Fault):
     """The item gets another friction, and mass (kg) where one is given."""
 
-    name: ClassVar[str] = "friction"
-    when: When
+    name = "friction"
     target: FaultTarget
     friction: float
     mass: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Bump:
+class Bump(_Fault):
     """The item gets a velocity (m/s, world) and a spin (rad/s, world) all at once."""
 
-    name: ClassVar[str] = "bump"
-    when: When
+    name = "bump"
     target: FaultTarget
     velocity: Vector3
     spin: Vector3 = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Slip:
+class Slip(_Fault):
     """The item that the fingers hold, or hold next, has another friction for `lasts` s, or for good; then its
     own again."""
 
-    name: ClassVar[str] = "slip"
-    when: When
+    name = "slip"
     friction: float = 0.0
     lasts: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Heavier:
+class Heavier(_Fault):
     """The item has another mass, kg, than the catalogue says."""
 
-    name: ClassVar[str] = "heavier"
-    when: When
+    name = "heavier"
     target: FaultTarget
     mass: float
 
 
 @dataclass(frozen=True, slots=True)
-class Larger:
+class Larger(_Fault):
     """The item is `factor` times as large, along each of its axes, as the catalogue says; its mass stays."""
 
-    name: ClassVar[str] = "larger"
-    when: When
+    name = "larger"
     target: FaultTarget
     factor: float
 
 
 @dataclass(frozen=True, slots=True)
-class Appear:
+class Appear(_Fault):
     """A further item of the catalogue appears at `place` (x, y) in the world, m. It waits until nothing is
     there. `yaw`, rad, about the world's z."""
 
-    name: ClassVar[str] = "appear"
-    when: When
+    name = "appear"
     kind: str
     colour: str
     place: tuple[float, float]
@@ -504,37 +491,19 @@ class Appear:
 
 
 @dataclass(frozen=True, slots=True)
-class Obstacle:
+class Obstacle(_Fault):
     """An obstacle that the robot does not know is put into its way. It waits until nothing is there, never
     moves, and is removed after `stays` s; None: never."""
 
-    name: ClassVar[str] = "obstacle"
-    when: When
+    name = "obstacle"
     body: Fixture
     stays: float | None = None
 
 
 ItemFault: TypeAlias = Remove | Friction | Bump | Heavier | Larger
 """Faults that change one named item for good."""
-__all__ = [
-    "Appear",
-    "AtNode",
-    "AtTime",
-    "Bump",
-    "FaultExpectation",
-    "FaultFile",
-    "FaultSpec",
-    "FaultTarget",
-    "Friction",
-    "Heavier",
-    "Larger",
-    "Obstacle",
-    "Remove",
-    "Slip",
-    "When",
-]
-FaultSpec: TypeAlias = ItemFault | Slip | Appear | Obstacle | Ailing | ProgramFault
-"""One injected fault. Its `name` is the word of fault files and records; a renamed class keeps it."""
+FaultSpec: TypeAlias = ItemFault | Slip | Appear | Obstacle | LastingFault | ProgramFault
+"""One injected fault."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,12 +14,12 @@ from picktree.world import JournalEvent, ObjectId, Plain, RandomStreams, Vector3
 
 from .device_faults import InjectableRobot
 from .fault_entries import (
-    Ailing,
     Appear,
     AtNode,
     AtTime,
     Bump,
     CameraDrop,
+    CameraFault,
     CameraMislabel,
     CameraNoise,
     CameraShift,
@@ -35,6 +35,7 @@ from .fault_entries import (
     JointWeak,
     Kill,
     Larger,
+    LastingFault,
     NoPlan,
     Obstacle,
     Raise,
@@ -236,12 +237,7 @@ def _with(state: FaultState, dues: tuple[DueFault, ...]) -> FaultState:
     return replace(state, due=dues[0].time, node=dues[0].node, then=dues[1:])
 
 
-def start_sentence(fault: Ailing, width: float) -> str:
-    """Return the sentence for the start of a fault; `width` is the fingers' opening, m."""
-    return f"{_begins(fault, width)}{_lasting(fault)}"
-
-
-def end_sentence(fault: Ailing) -> str:
+def end_sentence(fault: LastingFault) -> str:
     match fault:
         case GripperJam():
             return "the fingers move again"
@@ -267,30 +263,31 @@ def end_sentence(fault: Ailing) -> str:
             return "the planner finds ways again"
 
 
-def record_details(fault: Ailing) -> dict[str, Plain]:
+def record_details(fault: LastingFault) -> dict[str, Plain]:
     """Return the recorded parameters of the fault."""
-    told: dict[str, Plain] = {}
+    details: dict[str, Plain] = {}
     match fault:
         case GripperWeak(share=share):
-            told = {"share": share}
+            details = {"share": share}
         case JointWeak(joint=joint, share=share):
-            told = {"joint": joint, "share": share}
+            details = {"joint": joint, "share": share}
         case WrenchBias(force=force, torque=torque):
-            told = {"force": list(force), "torque": list(torque)}
+            details = {"force": list(force), "torque": list(torque)}
         case CameraShift(moved=moved):
-            told = {"position": list(moved.position), "orientation": list(moved.orientation)}
+            details = {"position": list(moved.position), "orientation": list(moved.orientation)}
         case CameraNoise(factor=factor):
-            told = {"factor": factor}
+            details = {"factor": factor}
         case CameraMislabel(colour=colour, shown_as=other, swapped=swapped):
-            told = {"colour": colour, "shown_as": other, "swapped": swapped}
+            details = {"colour": colour, "shown_as": other, "swapped": swapped}
         case GripperJam() | Stall() | WrenchDead() | CameraDrop() | NoPlan():
             pass
-    if isinstance(fault, CameraDrop | CameraShift | CameraNoise | CameraMislabel):
-        told["camera"] = fault.camera
-    return {**told, "lasts": fault.lasts}
+    if isinstance(fault, CameraFault):
+        details["camera"] = fault.camera
+    return {**details, "lasts": fault.lasts}
 
 
-def _begins(fault: Ailing, width: float) -> str:
+def _begins(fault: LastingFault, width: float) -> str:
+    """Return the beginning of a fault in words; `width` is the fingers' opening, m."""
     match fault:
         case GripperJam():
             return f"the fingers jam {1000 * width:.0f} mm open"
@@ -320,7 +317,7 @@ def _begins(fault: Ailing, width: float) -> str:
             return "the planner finds nothing"
 
 
-def _lasting(fault: Ailing) -> str:
+def _lasting(fault: LastingFault) -> str:
     counted = ""
     match fault:
         case CameraDrop(images=int(most)):
@@ -334,14 +331,6 @@ def _lasting(fault: Ailing) -> str:
 
 def _which(camera: str | None) -> str:
     return camera or "every camera"
-
-
-__all__ = ["FaultInjector", "FaultState", "InjectableProgram", "InjectableRobot", "new_states"]
-_DEVICE_FAULTS: tuple[type, ...] = (
-    GripperJam, GripperWeak, JointWeak, Stall, WrenchBias, WrenchDead, CameraDrop, CameraShift, CameraNoise,
-    CameraMislabel, NoPlan,
-)  # fmt: skip
-_RAISED_MESSAGE = "the skill's code cannot go on"
 
 
 @dataclass(frozen=True, slots=True)
@@ -398,7 +387,7 @@ class FaultInjector:
     def no_plan(self) -> Callable[[], bool] | None:
         """Callback that tells for each planning request whether the planner finds nothing; None: no fault of
         the file does that."""
-        return self._hardware.ailments.no_plan if any(isinstance(f, NoPlan) for f in self._faults) else None
+        return self._hardware.faults.no_plan if any(isinstance(f, NoPlan) for f in self._faults) else None
 
     def node_started(self, path: str) -> None:
         """Note the start of a node. The tree calls this whenever a node starts."""
@@ -431,7 +420,7 @@ class FaultInjector:
     def state(self) -> tuple[FaultState, ...]:
         """Return the faults' states for a checkpoint. The hardware's own state holds permanent changes of
         items."""
-        held = self._hardware.ailments.held
+        held = self._hardware.faults.held
         return tuple(replace(state, held=held(n)) for n, state in enumerate(self._states))
 
     def restore(self, states: Sequence[FaultState]) -> None:
@@ -448,13 +437,13 @@ class FaultInjector:
                     self._hardware.lubricate(state.standing, friction, again=True)
                 case Kill():
                     self._states[n] = replace(state, standing="")
-                case _ if isinstance(fault, _DEVICE_FAULTS):
-                    self._hardware.afflict(n, cast(Ailing, fault), state.held)
+                case _ if isinstance(fault, LastingFault):
+                    self._hardware.afflict(n, fault, state.held)
                 case _:
                     pass
 
     def _over(self, n: int, state: FaultState, now: float) -> bool:
-        if self._hardware.ailments.spent(n):
+        if self._hardware.faults.spent(n):
             return True
         return state.until is not None and now >= state.until - 1e-9
 
@@ -476,7 +465,7 @@ class FaultInjector:
                 return []
             case _:
                 self._hardware.relieve(n)
-                event = replace(event, message=end_sentence(cast(Ailing, fault)))
+                event = replace(event, message=end_sentence(cast(LastingFault, fault)))
         return [event]
 
     def _strike(self, n: int, fault: FaultSpec, now: float) -> list[event_types.FaultEvent]:
@@ -485,17 +474,17 @@ class FaultInjector:
         if state.standing and not isinstance(fault, Obstacle):
             self._end(n, fault)
         outcome = self._outcome(n, fault, state)
-        told = replace(outcome.event, node=state.node)
-        if told.waits:
+        event = replace(outcome.event, node=state.node)
+        if event.waits:
             self._states[n] = replace(self._states[n], waits=True)
-            return [] if state.waits or not told.message else [told]
+            return [] if state.waits or not event.message else [event]
         lasts = fault.stays if isinstance(fault, Obstacle) else getattr(fault, "lasts", None)
         until = now if isinstance(fault, Kill) else None if lasts is None else now + lasts
         after = self._occasions.taken(n, fault.when, self._states[n], now)
         if outcome.standing:
             after = replace(after, standing=outcome.standing, until=until)
         self._states[n] = after
-        return [told]
+        return [event]
 
     def _outcome(self, n: int, fault: FaultSpec, state: FaultState) -> InjectionResult:
         match fault:
@@ -516,8 +505,8 @@ class FaultInjector:
             case _:
                 width = self._hardware.gripper.read().width
                 self._hardware.afflict(n, fault)
-                said = start_sentence(fault, width)
-                event = event_types.FaultEvent(said, fault=fault.name, extra=record_details(fault))
+                sentence = f"{_begins(fault, width)}{_lasting(fault)}"
+                event = event_types.FaultEvent(sentence, fault=fault.name, extra=record_details(fault))
                 return InjectionResult(event, standing=fault.name)
 
     def _befall(self, fault: ItemFault, state: FaultState) -> InjectionResult:
@@ -625,14 +614,11 @@ def _program_fault_result(fault: Hang | Raise, path: str) -> InjectionResult:
 
 
 def _fault_generator(fault: Hang | Raise) -> Callable[[], Generator[None, None, None]]:
-    return _for_ever if isinstance(fault, Hang) else _raising
+    """Return the generator that replaces a skill: it yields for ever, or raises in its first tick."""
 
+    def body() -> Generator[None, None, None]:
+        while isinstance(fault, Hang):
+            yield
+        raise RuntimeError("the skill's code cannot go on")
 
-def _for_ever() -> Generator[None, None, None]:
-    while True:
-        yield
-
-
-def _raising() -> Generator[None, None, None]:
-    yield from ()
-    raise RuntimeError(_RAISED_MESSAGE)
+    return body

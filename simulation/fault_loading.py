@@ -74,14 +74,8 @@ def _check_when(check: DocumentChecker, loc: Location, when: WhenFile) -> None:
             check.fault((*loc, name), f"{name!r} belongs to {owner!r}", code="P605", key=True)
 
 
-def check_items(check: DocumentChecker, n: int, entry: FaultEntryFile, scene: SceneDescription) -> None:
-    """Check that the scene has an item that the entry's target can mean."""
-    with check.readable():
-        if entry.target is not None:
-            _check_target(check, ("faults", n, "target"), entry.target, scene)
-
-
-def _check_target(check: DocumentChecker, loc: Location, target: TargetFile, scene: SceneDescription) -> None:
+def check_target(check: DocumentChecker, loc: Location, target: TargetFile, scene: SceneDescription) -> None:
+    """Check that the scene has an item that a target can mean."""
     counts = [count for load in scene.loads for count in load.counts]
     kinds = list(dict.fromkeys(kind for kind, _ in counts))
     forms = list(dict.fromkeys(str(scene.entry(kind).form) for kind in kinds))
@@ -136,7 +130,9 @@ def load_faults(
 ) -> FaultFile:
     """Load a fault file. `scene` and `robot`, where given, must have the cameras, joints and kinds that the
     file names. Raises FileError with all diagnostics of the file."""
-    return check_faults(read_document(path, "faults"), _place(scene, robot)).required()
+    joints = None if robot is None else tuple(robot.joints)
+    place = None if scene is None else FaultContext(scene, joints)
+    return check_faults(read_document(path, "faults"), place).required()
 
 
 def parse_faults(text: str, path: Path) -> FaultFile:
@@ -168,8 +164,9 @@ def check_faults(document: Document, place: FaultContext | None = None) -> Check
         place = FaultContext(scene, _joints(scene) if asked else None)
     for n, entry in enumerate(entries):
         check_entry(check, n, entry)
-        if scene is not None:
-            check_items(check, n, entry, scene)
+        with check.readable():
+            if scene is not None and entry.target is not None:
+                check_target(check, ("faults", n, "target"), entry.target, scene)
         if place is not None:
             check_place(check, n, entry, place)
 
@@ -194,12 +191,6 @@ def _scene(check: DocumentChecker, name: str | None) -> SceneDescription | None:
     except PicktreeError as error:
         check.fault(("scene",), str(error), code="P607")
     return None
-
-
-def _place(scene: SceneDescription | None, robot: RobotDescription | None) -> FaultContext | None:
-    if scene is None:
-        return None
-    return FaultContext(scene, None if robot is None else tuple(robot.joints))
 
 
 def _joints(scene: SceneDescription) -> tuple[str, ...] | None:

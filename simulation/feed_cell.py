@@ -6,17 +6,20 @@ The light curtain around a work place of people detects whether any part of the 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Generic, Protocol, TypeVar
 
 import coal
 import numpy as np
 import pinocchio as pin
 
 from picktree.robot.planning import robot_geometry
-from picktree.world import Array, JournalEvent, ObjectId
+from picktree.world import Array, JournalEvent, ObjectId, Pose, RandomStreams
 from picktree.world.robot_model import RobotModel
+from picktree.world.scene import SceneDescription
 
 from .spawn import SpawnedItem
 from .truth import TrueBody
@@ -32,6 +35,15 @@ class Zone:
     """Rotation about the vertical, rad."""
     half: tuple[float, float]
     """Half its lengths along its own x and y, m."""
+
+    @classmethod
+    def around(cls, pose: Pose, size: Sequence[float]) -> Zone:
+        """Return the zone around a level rectangle of `size` at `pose` in the world that the arm must not
+        enter."""
+        x, y, _ = pose.position
+        axis = pose.rotation()[:, 0]
+        yaw = math.atan2(float(axis[1]), float(axis[0]))
+        return cls((x, y), yaw, (size[0] / 2, size[1] / 2)).grown(MIN_ARM_DISTANCE)
 
     def grown(self, margin: float) -> Zone:
         """Return the zone enlarged by `margin` m on all sides."""
@@ -75,6 +87,12 @@ def _points(geometry: coal.CollisionGeometry) -> Array:
 
 CELL_CHECK_INTERVAL = 12
 """Number of control periods between two checks of the cell by the feed."""
+MIN_ARM_DISTANCE = 0.05
+"""Least distance of the arm from new items, from a running belt, and from a bin during its exchange, m."""
+DROP_HEIGHT = 5e-4
+"""Height above the support from which new items drop, m."""
+MAX_SETTLING_TIME = 3.0
+"""Longest wait for the items of a delivery to come to rest, s."""
 
 
 class FeedCell(Protocol):
@@ -115,37 +133,64 @@ class FeedCell(Protocol):
         ...
 
 
-class ItemSource(Protocol):
+class SourceState(Protocol):
+    """Progress of an item source."""
+
+    @property
+    def deliveries(self) -> int: ...
+
+
+S = TypeVar("S", bound=SourceState)
+
+
+class ItemSource(ABC, Generic[S]):
     """Source of items: one entry of a scene's feed."""
 
-    @property
-    def exhausted(self) -> bool:
-        """Whether nothing more comes from the source and its last items are at rest."""
-        ...
+    def __init__(self, scene: SceneDescription, number: int, cell: FeedCell, seed: int, state: S) -> None:
+        self._scene = scene
+        self._number = number
+        self._delivery = scene.deliveries[number]
+        self._cell = cell
+        self._streams = RandomStreams(seed)
+        self._state = state
+        self._events: list[JournalEvent] = []
 
     @property
+    @abstractmethod
+    def exhausted(self) -> bool:
+        """Whether nothing more comes from the source and its last items are at rest."""
+
+    @property
+    @abstractmethod
     def busy(self) -> bool:
         """Whether the source brings something, or would if the arm were out of the way."""
-        ...
 
     @property
     def obstructed(self) -> bool:
         """Whether the source waits for the arm to leave."""
-        ...
+        return False
 
     @property
     def deliveries(self) -> int:
         """Number of completed deliveries: items came and are at rest."""
-        ...
+        return self._state.deliveries
 
+    @abstractmethod
     def ready(self) -> None:
         """Note that the robot is ready for the next delivery."""
-        ...
 
+    @abstractmethod
     def stepped(self, step: int) -> None:
         """Advance by one control period, the step-th of the run."""
-        ...
 
     def take_events(self) -> tuple[JournalEvent, ...]:
         """Return the events since the last call."""
-        ...
+        events, self._events = tuple(self._events), []
+        return events
+
+    def state(self) -> S:
+        """Return the progress for a checkpoint; a belt's own state is the backend's."""
+        return self._state
+
+    def restore(self, state: S) -> None:
+        self._state = state

@@ -8,25 +8,25 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from picktree.files import PicktreeError
-from picktree.world import Array, FeedSignals, JournalEvent, ObjectId, Quaternion, RandomStreams, event_types
-from picktree.world.scene import AtIntervals, AtTimes, Bin, Delivery, SceneDescription, WhenClear, reach
+from picktree.world import Array, FeedSignals, JournalEvent, ObjectId, Quaternion, event_types
+from picktree.world.scene import AtIntervals, AtTimes, Bin, SceneDescription, WhenClear, reach
 
 from .belt_feed import BeltDrive, BeltFeed, BeltFeedState
-from .feed_cell import CELL_CHECK_INTERVAL, FeedCell, ItemSource, Zone
+from .feed_cell import (
+    CELL_CHECK_INTERVAL,
+    DROP_HEIGHT,
+    MAX_SETTLING_TIME,
+    MIN_ARM_DISTANCE,
+    FeedCell,
+    ItemSource,
+    Zone,
+)
 from .footprints import footprint, support_height
 from .spawn import LooseItem, SpawnedItem, draw_heap, draw_load, lay_out_some, occupied_outlines, set_down
 from .truth import TrueBody
-
-MIN_ARM_DISTANCE = 0.05
-"""Least distance between new items and the arm, m."""
-DROP_HEIGHT = 5e-4
-"""Height above the support from which new items drop, m."""
-MAX_SETTLING_TIME = 3.0
-"""Longest wait for new items to come to rest, s."""
-RETRY_INTERVAL = 1.0
-"""Time between two searches for free room on the table, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,23 +64,20 @@ class TableFeedState:
     deliveries: int = 0
 
 
-class TableFeed:
-    """`ItemSource` of a feed entry with an area. Raises PicktreeError when not even one of its items fits
+class TableFeed(ItemSource[TableFeedState]):
+    """Feed entry with an area. Raises PicktreeError when not even one of its items fits
     there."""
 
     def __init__(self, scene: SceneDescription, number: int, cell: FeedCell, seed: int) -> None:
-        self._scene = scene
-        self._number = number
+        when = scene.deliveries[number].when
+        begin = TableFeedState(due=when.period if isinstance(when, AtIntervals) else 0.0)
+        super().__init__(scene, number, cell, seed, begin)
         self._where = f"{scene.source or scene.name}: feed[{number}]"
-        self._delivery: Delivery = scene.deliveries[number]
         self._load = self._delivery.load
         self._size = sum(count for _, count in self._load.counts)
-        when = self._delivery.when
         self._total = self._delivery.total
         if self._total is None and isinstance(when, AtTimes):
             self._total = self._size * len(when.times)
-        self._cell = cell
-        self._streams = RandomStreams(seed)
         self._standing = occupied_outlines(scene)
         widest = max(reach(scene.entry(kind).shape, 1.0) for kind, _ in self._load.counts)
         (x0, y0), (x1, y1) = self._load.area
@@ -89,8 +86,6 @@ class TableFeed:
         levels = (support_height(scene.fixtures, x, y) for x in (x0, x1) for y in (y0, y1))
         self._level = min((level for level in levels if level is not None), default=-math.inf)
         """Height of the table, m; lower bodies take no room."""
-        self._events: list[JournalEvent] = []
-        self._state = TableFeedState(due=when.period if isinstance(when, AtIntervals) else 0.0)
         first, _ = self._hand()
         if not self._places(first, empty=True):
             raise PicktreeError(
@@ -110,10 +105,6 @@ class TableFeed:
     @property
     def obstructed(self) -> bool:
         return self._state.obstructed
-
-    @property
-    def deliveries(self) -> int:
-        return self._state.deliveries
 
     def ready(self) -> None:
         """Request the next load, unless one is coming to rest or all have come."""
@@ -137,17 +128,6 @@ class TableFeed:
         if not self._state.obstructed:
             self._bring(now)
 
-    def take_events(self) -> tuple[JournalEvent, ...]:
-        events, self._events = tuple(self._events), []
-        return events
-
-    def state(self) -> TableFeedState:
-        """Return the progress for a checkpoint."""
-        return self._state
-
-    def restore(self, state: TableFeedState) -> None:
-        self._state = state
-
     @property
     def _all_brought(self) -> bool:
         return self._state.drawn == self._total and not self._state.waiting
@@ -170,7 +150,7 @@ class TableFeed:
         places = self._places(hand)
         state = replace(self._state, tries=self._state.tries + 1)
         if not places:
-            self._state = replace(state, no_room=True, due=now + RETRY_INTERVAL)
+            self._state = replace(state, no_room=True, due=now + 1.0)
             return
         put = [self._put(hand[k], place) for k, place in sorted(places.items())]
         waiting = tuple(
@@ -244,18 +224,11 @@ class TableFeed:
 
     def _tell(self, items: int, waiting: int) -> None:
         number = self._state.loads
-        message = f"{_count_phrase(items)} set down" + (f", {waiting} more found no room" if waiting else "")
+        message = f"{_counted(items)} {'is' if items == 1 else 'are'} set down"
+        message += f", {waiting} more found no room" if waiting else ""
         self._events.append(
             event_types.DeliveryEvent(message, feed=self._number, number=number, items=items, waiting=waiting)
         )
-
-
-def _count_phrase(items: int) -> str:
-    return "1 item is" if items == 1 else f"{items} items are"
-
-
-MAX_POURED_SETTLING_TIME = 5.0
-"""Longest wait for poured items to come to rest, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,24 +246,18 @@ class ToteFeedState:
     deliveries: int = 0
 
 
-class ToteFeed:
-    """`ItemSource` of a feed entry with a tote. Raises PicktreeError when an item is wider than the tote."""
+class ToteFeed(ItemSource[ToteFeedState]):
+    """Feed entry with a tote. Raises PicktreeError when an item is wider than the tote.
 
-    obstructed = False
-    """The exchange of the tote waits for the arm, not the feed."""
+    The exchange of the tote waits for the arm, not the feed.
+    """
 
     def __init__(self, scene: SceneDescription, number: int, cell: FeedCell, seed: int) -> None:
-        self._scene = scene
-        self._number = number
-        self._delivery = scene.deliveries[number]
+        super().__init__(scene, number, cell, seed, ToteFeedState())
         into = self._delivery.load.into
         if into is None:
             raise PicktreeError(f"feed[{number}] has no tote")
         self.tote = into
-        self._cell = cell
-        self._streams = RandomStreams(seed)
-        self._events: list[JournalEvent] = []
-        self._state = ToteFeedState()
         self._drawn()
 
     @property
@@ -301,10 +268,6 @@ class ToteFeed:
     def busy(self) -> bool:
         """Whether poured items may still move."""
         return bool(self._state.settling)
-
-    @property
-    def deliveries(self) -> int:
-        return self._state.deliveries
 
     def ready(self) -> None:
         """Do nothing: a load comes with the exchange of its tote."""
@@ -324,9 +287,9 @@ class ToteFeed:
             drawn=state.drawn + len(load),
             loads=state.loads + 1,
             settling=tuple(names),
-            until=self._cell.now + MAX_POURED_SETTLING_TIME,
+            until=self._cell.now + 5.0,  # s
         )
-        message = f"{self.tote} comes with {len(load)} item{'s' if len(load) > 1 else ''}"
+        message = f"{self.tote} comes with {_counted(len(load))}"
         self._events.append(
             event_types.DeliveryEvent(
                 message, feed=self._number, number=state.loads + 1, items=len(load), waiting=0
@@ -341,26 +304,11 @@ class ToteFeed:
         if self._cell.at_rest(state.settling) or self._cell.now >= state.until:
             self._state = replace(state, settling=(), deliveries=state.deliveries + 1)
 
-    def take_events(self) -> tuple[JournalEvent, ...]:
-        events, self._events = tuple(self._events), []
-        return events
-
-    def state(self) -> ToteFeedState:
-        """Return the progress for a checkpoint."""
-        return self._state
-
-    def restore(self, state: ToteFeedState) -> None:
-        self._state = state
-
     def _drawn(self) -> list[SpawnedItem]:
         """Draw the next load above its tote, from scene and seed alone."""
         where = f"{self._scene.source or self._scene.name}: feed[{self._number}]"
         rng = self._streams.at(f"feed/{self._number}", self._state.loads)
         return draw_heap(self._scene, self._delivery.load, rng, where)
-
-
-MIN_BIN_ARM_DISTANCE = 0.05
-"""Least distance between the bin and the arm during the exchange, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -413,7 +361,7 @@ class BinExchange:
         if not self._asked or step % CELL_CHECK_INTERVAL:
             return
         each = self._bins[self._asked[0]]
-        self.obstructed = self._cell.arm_over(_zone(each))
+        self.obstructed = self._cell.arm_over(Zone.around(each.pose, each.size))
         if self.obstructed:
             return
         self._worked += CELL_CHECK_INTERVAL * self._cell.period
@@ -459,13 +407,6 @@ def goes_with(each: Bin, body: TrueBody) -> bool:
     return abs(x) < each.size[0] / 2 and abs(y) < each.size[1] / 2 and z > 0.0
 
 
-def _zone(each: Bin) -> Zone:
-    x, y, _ = each.pose.position
-    across = each.pose.rotation()[:, 0]
-    yaw = math.atan2(float(across[1]), float(across[0]))
-    return Zone((x, y), yaw, (each.size[0] / 2, each.size[1] / 2)).grown(MIN_BIN_ARM_DISTANCE)
-
-
 def _counted(items: int) -> str:
     return "1 item" if items == 1 else f"{items} items"
 
@@ -502,36 +443,36 @@ class Feeder:
             for n, delivery in enumerate(scene.deliveries)
             if delivery.load.into is not None
         )
-        self._bringers: tuple[ItemSource, ...] = (*self._tables, *self._belts, *self._totes)
+        self._sources: tuple[ItemSource[Any], ...] = (*self._tables, *self._belts, *self._totes)
         self._exchange = BinExchange(scene, cell, self._totes)
 
     def ready(self) -> None:
-        for each in self._bringers:
+        for each in self._sources:
             each.ready()
 
     def exchange(self, bin_id: ObjectId) -> None:
         self._exchange.ask(bin_id)
 
     def read(self) -> FeedSignals:
-        bringers, exchange = self._bringers, self._exchange
+        sources, exchange = self._sources, self._exchange
         return FeedSignals(
-            exhausted=all(each.exhausted for each in bringers),
-            busy=exchange.busy or any(each.busy for each in bringers),
-            obstructed=exchange.obstructed or any(each.obstructed for each in bringers),
-            deliveries=sum(each.deliveries for each in bringers),
+            exhausted=all(each.exhausted for each in sources),
+            busy=exchange.busy or any(each.busy for each in sources),
+            obstructed=exchange.obstructed or any(each.obstructed for each in sources),
+            deliveries=sum(each.deliveries for each in sources),
             exchanges=exchange.done,
         )
 
     def stepped(self, step: int) -> None:
         """Advance by one control period, the step-th of the run."""
-        for each in self._bringers:
+        for each in self._sources:
             each.stepped(step)
         self._exchange.stepped(step)
 
     def take_events(self) -> tuple[JournalEvent, ...]:
         """Return the events since the last call, for the journal. They name numbers, bins and belts, never
         places of items."""
-        events = [event for each in self._bringers for event in each.take_events()]
+        events = [event for each in self._sources for event in each.take_events()]
         return (*events, *self._exchange.take_events())
 
     def state(self) -> FeederState:
@@ -555,12 +496,8 @@ class Feeder:
                     f"the checkpoint's feed has {len(saved)} with {what} among its entries, "
                     f"but the scene's has {len(own)}"
                 )
-        for each, table in zip(self._tables, state.tables, strict=True):
-            each.restore(table)
-        for each, belt in zip(self._belts, state.belts, strict=True):
-            each.restore(belt)
-        for each, tote in zip(self._totes, state.totes, strict=True):
-            each.restore(tote)
+        for each, progress in zip(self._sources, (*state.tables, *state.belts, *state.totes), strict=True):
+            each.restore(progress)
         self._exchange.restore(state.exchange)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias, cast
@@ -146,17 +146,12 @@ class Inventory:
         `true` is called for those that did not leave. Of the others no pose is kept.
         """
         kinds = [(kind, self._kind(kind)[0]) for kind in self._kinds]
-        bodies = dict(self._truths_of_departed(kinds))
-        bodies.update((item_number(name), true(name)) for name in self.here)
-        return tuple(bodies[number] for number in range(self.count))
-
-    def _truths_of_departed(
-        self, kinds: Sequence[tuple[DepartedItem, CatalogueEntry]]
-    ) -> Iterator[tuple[int, TrueBody]]:
+        bodies = {item_number(name): true(name) for name in self.here}
         for number, index in self._departed:
             kind, entry = kinds[index]
-            body = TrueBody.of(item_id(number), entry, kind.colour, Pose())
-            yield number, _departed(replace(body, tag=kind.tag), kind.taken_with, kind.brought_by)
+            body = replace(TrueBody.of(item_id(number), entry, kind.colour, Pose()), tag=kind.tag)
+            bodies[number] = _departed(body, kind.taken_with, kind.brought_by)
+        return tuple(bodies[number] for number in range(self.count))
 
     def state(self) -> InventoryState | None:
         """Return the state for a checkpoint; None when nothing came and nothing left."""
@@ -207,16 +202,5 @@ class Inventory:
 
 def _departed(body: TrueBody, taken_with: ObjectId, brought_by: int | None) -> TrueBody:
     """Return the truth of an item that leaves with a bin."""
-    return TrueBody(
-        body.id,
-        body.kind,
-        body.form,
-        body.shape,
-        body.colour,
-        body.pose,
-        present=False,
-        taken_with=taken_with,
-        brought_by=brought_by,
-        mass=body.mass,
-        tag=body.tag,
-    )
+    still = TrueBody(body.id, body.kind, body.form, body.shape, body.colour, body.pose, present=False)
+    return replace(still, taken_with=taken_with, brought_by=brought_by, mass=body.mass, tag=body.tag)

@@ -24,8 +24,6 @@ MAX_REST_SPIN = 1.0
 
 MIN_SEATED_DEPTH_SHARE = 0.8
 """Share of a hole's depth that the lowest point of a seated item has reached."""
-MAX_SEATED_TILT = math.radians(5.0)
-"""Greatest tilt of an item that stands in a hole, rad."""
 MAX_PENETRATION = 0.15e-3
 """Penetration of an item and a fixture above which they have passed through each other, m."""
 
@@ -130,8 +128,9 @@ def _item_score(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin
 def _score_by_place(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin]) -> ItemScore:
     if body.seat is not None:
         return _score_in_hole(body, body.seat, destination)
-    around = next((b for b in bins if _is_around(b, body)), None)
-    within = around.id if around is not None else body.taken_with
+    left = body.taken_with
+    around = next((b for b in bins if (rests_in(b, body) if left is None else b.id == left)), None)
+    within = around.id if around is not None else left
     in_tote = around is not None and around.is_tote
     verdict: Verdict = "left"
     if destination is None and (within is None or in_tote) and body.present:
@@ -141,10 +140,6 @@ def _score_by_place(body: TrueBody, destination: ObjectId | None, bins: Iterable
     elif within is not None and not in_tote:
         verdict = "misplaced"
     return ItemScore(body.id, body.form, destination, within, verdict)
-
-
-def _is_around(around: Bin, body: TrueBody) -> bool:
-    return lies_in(around, body) if body.taken_with is None else around.id == body.taken_with
 
 
 def _score_in_hole(body: TrueBody, seat: HoleSeating, destination: ObjectId | None) -> ItemScore:
@@ -174,7 +169,7 @@ def why_not_seated(body: TrueBody, seat: HoleSeating) -> str:
     if seat.depth < MIN_SEATED_DEPTH_SHARE * seat.bottom:
         depth, wanted = 1000 * seat.depth, 1000 * seat.bottom
         return f"it is {depth:.1f} mm deep in {seat.hole}, which is {wanted:.1f} mm deep"
-    if seat.tilt > MAX_SEATED_TILT:
+    if seat.tilt > math.radians(5.0):
         return f"it leans by {math.degrees(seat.tilt):.1f} deg in {seat.hole}"
     if not rests(body):
         return f"it still moves in {seat.hole}"
@@ -186,9 +181,8 @@ def rests(body: TrueBody) -> bool:
     return math.hypot(*body.velocity) <= MAX_REST_SPEED and math.hypot(*body.spin) <= MAX_REST_SPIN
 
 
-def lies_in(each: Bin, body: TrueBody) -> bool:
-    """Return whether the item rests with its centre in the bin's inside and its lowest point below the
-    rim."""
+def rests_in(each: Bin, body: TrueBody) -> bool:
+    """Return whether the item is inside the bin (see `is_inside`) and at rest."""
     return is_inside(each, body) and rests(body)
 
 
@@ -204,9 +198,4 @@ def is_inside(each: Bin, body: TrueBody) -> bool:
 
 def _counts(items: Iterable[ItemScore]) -> tuple[int, int, int, int]:
     verdicts = [item.verdict for item in items if item.verdict != "no destination"]
-    return (
-        len(verdicts),
-        verdicts.count("sorted"),
-        verdicts.count("misplaced"),
-        verdicts.count("left"),
-    )
+    return len(verdicts), verdicts.count("sorted"), verdicts.count("misplaced"), verdicts.count("left")

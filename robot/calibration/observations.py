@@ -18,13 +18,8 @@ VIEW_DISTANCES = (1.0, 1.15, 1.3)
 image."""
 MAX_IMAGE_SHARE = 0.8
 """Maximum share of the image's shorter side that the target fills."""
-AZIMUTH_STEP = 2.4
-"""Rotation about the target's normal from view to view, rad. This angle spreads any number of views
-evenly."""
 ROLL_STEP = 1.3
 """Rotation about the line of sight from view to view, rad."""
-ALTERNATIVE_ROLLS = (0.0, 0.5, -0.5, 1.0, -1.0, math.pi)
-"""Further rotations about the line of sight to try where a view is out of reach, rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +61,7 @@ def _viewpoint(target: Pose, size: Vector3, nearest: float, number: int) -> View
         VIEW_TILTS[number % len(VIEW_TILTS)],
         nearest * VIEW_DISTANCES[number // len(VIEW_TILTS) % len(VIEW_DISTANCES)],
     )
-    azimuth = AZIMUTH_STEP * number
+    azimuth = 2.4 * number  # rad: spreads any number of views evenly
     up = target.rotation()
     top = np.array(target.position) + up[:, 2] * size[2] / 2
     aside = up @ np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
@@ -74,7 +69,7 @@ def _viewpoint(target: Pose, size: Vector3, nearest: float, number: int) -> View
     first = np.cross(up @ np.array([-math.sin(azimuth), math.cos(azimuth), 0.0]), forward)
     second = np.cross(forward, first)
     poses: list[Pose] = []
-    for roll in ALTERNATIVE_ROLLS:
+    for roll in (0.0, 0.5, -0.5, 1.0, -1.0, math.pi):  # rad about the line of sight
         turn = ROLL_STEP * number + roll
         right = math.cos(turn) * first + math.sin(turn) * second
         axes = np.column_stack([right, np.cross(forward, right), forward])

@@ -11,6 +11,7 @@ from .safety_monitor import SafetyMonitor as SafetyMonitor
 # for other rooms
 from .commands import (
     ContactThresholds as ContactThresholds,
+    Doing as Doing,
     JointImpedanceResult as JointImpedanceResult,
     MAX_TWIST_ANGULAR_SPEED as MAX_TWIST_ANGULAR_SPEED,
     MAX_TWIST_SPEED as MAX_TWIST_SPEED,
@@ -31,12 +32,12 @@ from .joint_controllers import HoldController as HoldController
 from .motion_lease import above_limit as above_limit
 from .motions import ArmMotion as ArmMotion
 from .payload_estimate import (
-    CENTRE_PRIOR_SIGMA as CENTRE_PRIOR_SIGMA,
     MassEstimate as MassEstimate,
     Payload as Payload,
     SlipDetector as SlipDetector,
     WristSample as WristSample,
     estimate_moving_mass as estimate_moving_mass,
+    point_velocity as point_velocity,
     wrist_sample as wrist_sample,
 )
 from .peg_insertion import (
@@ -48,4 +49,4 @@ from .peg_insertion import (
     Search as Search,
 )
 from .soft_limits import distance_to_workspace_edge as distance_to_workspace_edge
-from .trajectory_motion import Doing as Doing, FollowedPath as FollowedPath, Watch as Watch
+from .trajectory_motion import FollowedPath as FollowedPath, Watch as Watch

@@ -5,10 +5,15 @@ joint impedance.
 from __future__ import annotations
 
 import math
+from collections.abc import Generator
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Protocol, TypeAlias
+from typing import ClassVar, Literal, Protocol, TypeAlias, TypeVar
 
 from picktree.world import Array, Failure, JointState, Vector3
+
+T = TypeVar("T")
+Doing: TypeAlias = Generator[None, None, T]
+"""Motion as a generator: each yield is one tick, the return is its result."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -185,10 +185,6 @@ class CompliantMotion:
         """Limit the speed along `direction` to `speed` m/s: the joints cannot follow a faster anchor."""
 
 
-class HoldPose(CompliantMotion):
-    """Compliant motion that keeps the initial pose."""
-
-
 GUARDED_MOVE_ACCELERATION = 0.5
 """Acceleration of the anchor along its line, m/s²."""
 

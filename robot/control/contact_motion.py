@@ -3,30 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator
 from dataclasses import dataclass
-from typing import TypeAlias, TypeVar
 
 import numpy as np
 
-from picktree.world import Array, Clock, Failure, Pose, control, safety
-from picktree.world.robot_model import RobotModel
+from picktree.files import PicktreeError
+from picktree.world import Array, Failure, Pose, Vector3, control, safety
 
-from .compliant_motion import CartesianStiffness, CompliantMotion, GuardedMove, GuardedMoveResult
-from .control_loop import ControlLoop
+from .commands import Doing
+from .compliant_motion import (
+    FIRM_STIFFNESS,
+    CartesianStiffness,
+    CompliantMotion,
+    GuardedMove,
+    GuardedMoveResult,
+)
 from .impedance import CartesianImpedance
 from .joint_controllers import HoldController
 from .motion_lease import Lease
 from .soft_limits import distance_to_workspace_edge
+from .trajectory_motion import ZERO_TIME, TrajectoryMotion
 from .wrist_wrench import TcpWrench
 
-T = TypeVar("T")
-Doing: TypeAlias = Generator[None, None, T]
-
-MAX_GUARDED_SLOWDOWN = 4.0
-"""Longest duration of a guarded move over its nominal one. Near a singularity it goes slower."""
-ZERO_TIME = 0.05
-"""Time over which readings at rest are averaged as the wrench without contact, s."""
 MAX_STANDSTILL_WAIT = 1.5
 """Longest wait for the arm to stand after a compliant motion, s."""
 
@@ -47,44 +45,55 @@ class CompliantMotionResult:
     begins in contact where this one ended."""
 
 
-class CompliantMotionRunner:
-    """Motions of a loop's arm under Cartesian impedance. The caller holds the lease, and the arm is at
-    rest."""
-
-    def __init__(self, loop: ControlLoop, model: RobotModel, clock: Clock) -> None:
-        self._loop = loop
-        self._model = model
-        self._clock = clock
+class ContactMotion(TrajectoryMotion):
+    """Motions of the arm under Cartesian impedance, besides those along trajectories."""
 
     def guarded(
         self,
-        lease: Lease,
-        along: Array,
+        direction: Vector3 | Array,
         distance: float,
         force: float,
         speed: float,
-        press: float,
-        stiffness: CartesianStiffness,
-        check: Callable[[Lease], None],
+        *,
+        node: str = "",
+        press: float = 0.0,
+        stiffness: CartesianStiffness = FIRM_STIFFNESS,
     ) -> Doing[GuardedMoveResult]:
-        """Move the arm as `ArmMotion.guarded`; `along` is a unit vector (3,)."""
+        """Move the arm straight along `direction` (3,) in the world, orientation kept, until more than
+        `force` N act against it.
+
+        It travels at most `distance` m at `speed` m/s. Guarded moves are the one way to make contact.
+
+        The force is relative to the wrist reading at rest just before, so it works with an object in the
+        hand. At the contact the standing tool presses with `press` N. It ends at rest. Raises
+        safety.workspace or safety.joint_limit where the line leaves the workspace or a joint reaches its
+        limit before a contact.
+        """
+        self._refuse_if_stopped()
+        size = float(np.linalg.norm(direction))
+        if not (size > 1e-9 and distance > 0.0 and force > 0.0 and speed > 0.0):
+            raise PicktreeError("a guarded move needs a direction, and a distance, force and speed above 0")
+        along = np.asarray(direction, dtype=np.float64) / size
         loop = self._loop
-        yield from loop.settle()
-        check(lease)
-        inside = distance_to_workspace_edge(loop.monitor.limits.workspace, loop.tcp.position, along)
-        if inside <= 0.0:
-            raise self._at_the_edge(along, 0.0, distance)
-        course = GuardedMove(
-            along,
-            min(distance, inside),
-            force=force,
-            speed=speed,
-            press=press,
-            stiffness=stiffness.along(along, loop.tcp.rotation()),
-        )
-        begin = np.array(loop.tcp.position)
-        limit = MAX_GUARDED_SLOWDOWN * distance / speed + speed + MAX_STANDSTILL_WAIT
-        spring, _ = yield from self._follow(lease, course, limit, stiffness, None, check)
+        with loop.acquire(node) as lease:
+            yield from self._until_rest(lease)
+            self._last = None
+            yield from loop.settle()
+            self._check(lease)
+            inside = distance_to_workspace_edge(loop.monitor.limits.workspace, loop.tcp.position, along)
+            if inside <= 0.0:
+                raise self._at_the_edge(along, 0.0, distance)
+            course = GuardedMove(
+                along,
+                min(distance, inside),
+                force=force,
+                speed=speed,
+                press=press,
+                stiffness=stiffness.along(along, loop.tcp.rotation()),
+            )
+            begin = np.array(loop.tcp.position)
+            limit = 4.0 * distance / speed + speed + MAX_STANDSTILL_WAIT  # slower near a singularity
+            spring, _ = yield from self._follow_course(lease, course, limit, stiffness, None)
         travelled = float(along @ (np.array(loop.tcp.position) - begin))
         if not course.finished and spring.blocked_by:
             raise Failure(
@@ -106,19 +115,32 @@ class CompliantMotionRunner:
 
     def comply(
         self,
-        lease: Lease,
         course: CompliantMotion,
         limit: float,
-        stiffness: CartesianStiffness,
-        zero: Array | None,
-        check: Callable[[Lease], None],
+        *,
+        node: str = "",
+        stiffness: CartesianStiffness = FIRM_STIFFNESS,
+        zero: Array | None = None,
     ) -> Doing[CompliantMotionResult]:
-        """Move the arm as `ArmMotion.comply`."""
-        if zero is None:
-            yield from self._loop.settle()
-            check(lease)
-        begun = self._clock.now
-        spring, zero = yield from self._follow(lease, course, limit, stiffness, zero, check)
+        """Move the tool along a compliant motion as a damped spring, until that is finished or for `limit` s.
+
+        The arm is then held at rest where it is.
+
+        `zero` (6,): wrist wrench without a contact, from an earlier result. None: it is measured at rest
+        before the motion begins, and the tool must not touch anything yet. Failures: safety.*
+        (safety.joint_limit where a joint stops the motion), control.timeout.
+        """
+        self._refuse_if_stopped()
+        if not limit > 0.0:
+            raise PicktreeError("a compliant course needs a limit above 0 s")
+        with self._loop.acquire(node) as lease:
+            yield from self._until_rest(lease)
+            self._last = None
+            if zero is None:
+                yield from self._loop.settle()
+                self._check(lease)
+            begun = self._clock.now
+            spring, zero = yield from self._follow_course(lease, course, limit, stiffness, zero)
         if spring.blocked_by and not course.finished:
             raise Failure(
                 safety.JOINT_LIMIT,
@@ -129,14 +151,13 @@ class CompliantMotionRunner:
             course.finished, self._loop.tcp, course.peak, self._clock.now - begun, zero
         )
 
-    def _follow(
+    def _follow_course(
         self,
         lease: Lease,
         course: CompliantMotion,
         limit: float,
         stiffness: CartesianStiffness,
         zero: Array | None,
-        check: Callable[[Lease], None],
     ) -> Doing[tuple[CartesianImpedance, Array]]:
         """Move the arm until the motion is finished and the tool stands, its time is over, or a joint is at
         its limit.
@@ -154,7 +175,7 @@ class CompliantMotionRunner:
         until, stop = self._clock.now + limit, math.inf
         while True:
             yield
-            check(lease)
+            self._check(lease)
             if course.finished:
                 stop = min(stop, self._clock.now + MAX_STANDSTILL_WAIT)
                 if course.standing:
@@ -163,7 +184,7 @@ class CompliantMotionRunner:
                 break
         lease.run(HoldController())
         yield
-        check(lease)
+        self._check(lease)
         return spring, zero
 
     def _carrying(self, felt: Array) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from picktree.world import GRAVITY, Array, JointState, Wrench
-from picktree.world.robot_model import RobotModel, joint_frame
+from picktree.world.robot_model import RobotModel, beyond_flange, joint_frame
 
 
 def bare_arm(model: RobotModel) -> pin.Model:
@@ -24,23 +24,13 @@ def bare_arm(model: RobotModel) -> pin.Model:
     full, joint = model.full, model.description.flange_joint
     data = full.createData()
     pin.framesForwardKinematics(full, data, pin.neutral(full))
-    flange = full.frames[joint_frame(full, joint)]
-    beyond = {joint_frame(full, joint)}
     hand = pin.Inertia.Zero()
-    for index, frame in enumerate(full.frames):
-        if index not in beyond:
-            if frame.parentFrame not in beyond:
-                continue
-            beyond.add(index)
-        moves = frame.parentJoint != flange.parentJoint
-        if moves and frame.type == pin.JOINT:
-            # A moving joint's inertia already holds what is fixed to it.
-            hand = hand + data.oMi[frame.parentJoint].act(full.inertias[frame.parentJoint])
-        elif not moves:
-            hand = hand + data.oMf[index].act(frame.inertia)
+    for index, inertia, moves in beyond_flange(full, joint):
+        placement = data.oMi[full.frames[index].parentJoint] if moves else data.oMf[index]
+        hand = hand + placement.act(inertia)
     arm = model.arm.copy()
     last = arm.frames[joint_frame(arm, joint)].parentJoint
-    carried = data.oMi[flange.parentJoint].inverse().act(hand)
+    carried = data.oMi[full.frames[joint_frame(full, joint)].parentJoint].inverse().act(hand)
     arm.inertias[last] = arm.inertias[last] - carried
     return arm
 

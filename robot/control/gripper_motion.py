@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias, TypeVar
 
 from picktree.world import Clock, Failure, Gripper, GripperState, control
 from picktree.world.robot_model import GripperDescription
 
-T = TypeVar("T")
-Doing: TypeAlias = Generator[None, None, T]
+from .commands import Doing
 
 STANDING_OPENING_CHANGE = 3e-4
 """Change of the opening in a tick below which the fingers stand, m."""
@@ -26,10 +24,6 @@ MIN_RELEASE_SHARE = 0.25
 MIN_FORCE_SHARE = 0.75
 """Least force of standing fingers, as a share of the commanded one. Measured over sorts with hand and
 linkage: 0.97 and more."""
-FORCE_RISE_TICKS = 4
-"""Ticks in which the force of fingers that have just stopped may still rise."""
-MAX_MET_OPENING = 2e-3
-"""Opening up to which the fingers touch each other, m. Their force then says nothing about an object."""
 MIN_FINGER_TRAVEL = 1e-3
 """Travel up to which fingers have not moved, m, when the commanded opening is farther off."""
 OPENING_SPARE_TIME = 0.5
@@ -70,18 +64,18 @@ class GripperControl:
         self._description = description
         self._force = 0.0
         self._target = self._from = description.max_width
-        self._told = 0.0
+        self._command_time = 0.0
         self._opening = min(opening, description.max_force)
         self.bound = description.max_force
         """Greatest force of `press`, N: the limit of the held object. It is reset when the fingers open."""
 
     def save(self) -> GripperCommand:
         """Return what is in force: fingers that still open do so after a restart, too."""
-        return GripperCommand(self._target, self._from, self._told, self._force, self.bound)
+        return GripperCommand(self._target, self._from, self._command_time, self._force, self.bound)
 
     def restore(self, command: GripperCommand) -> None:
         """Take over a command that the gripper has already got."""
-        self._target, self._from, self._told = command.target, command.begun, command.time
+        self._target, self._from, self._command_time = command.target, command.begun, command.time
         self._force, self.bound = command.force, command.bound
 
     @property
@@ -95,7 +89,7 @@ class GripperControl:
         The command counts while the fingers may still open; later something holds them.
         """
         way, width = self._target - self._from, self.width
-        since = self._clock.now - self._told
+        since = self._clock.now - self._command_time
         opens = way > 0.0 and since < way / (2 * self._description.speed) + FINGER_START_TIME
         return max(opening, width, self._target if opens else 0.0)
 
@@ -127,7 +121,7 @@ class GripperControl:
         target = most.max_width if width is None else min(max(width, 0.0), most.max_width)
         self._force = self._opening if force is None else min(force, most.max_force)
         self._target, self._from = target, self.width
-        self._told = self._clock.now
+        self._command_time = self._clock.now
         self._gripper.command(target, self._force, speed)
 
     def late(self) -> Failure | None:
@@ -139,7 +133,7 @@ class GripperControl:
         way, width = self._target - self._from, self.width
         if way <= MAX_OPENING_SHORTFALL or width > self._target - MAX_OPENING_SHORTFALL:
             return None
-        since = self._clock.now - self._told
+        since = self._clock.now - self._command_time
         moves = since < FINGER_START_TIME or width > self._from + MIN_FINGER_TRAVEL
         if moves and since < way / (2 * self._description.speed) + OPENING_SPARE_TIME:
             return None
@@ -150,7 +144,7 @@ class GripperControl:
 
         Raises Failure(control.gripper) when they have not moved, or press with less than the commanded force.
         """
-        for _ in range(FORCE_RISE_TICKS):
+        for _ in range(4):  # the force of fingers that have just stopped may still rise
             if self._unsound(begun) is None:
                 return
             yield
@@ -159,19 +153,19 @@ class GripperControl:
             raise unsound
 
     def _unsound(self, begun: float) -> Failure | None:
-        state, told = self._gripper.read(), self._force
+        state, commanded = self._gripper.read(), self._force
         moved, presses = begun - state.width, abs(state.force)
-        met = state.width <= self._description.min_width + MAX_MET_OPENING
-        if presses >= MIN_FORCE_SHARE * told or met:
+        met = state.width <= self._description.min_width + 2e-3  # the fingers touch each other, m
+        if presses >= MIN_FORCE_SHARE * commanded or met:
             return None
-        evidence = {"width": state.width, "moved": moved, "force": presses, "told": told}
+        evidence = {"width": state.width, "moved": moved, "force": presses, "told": commanded}
         if moved <= MIN_FINGER_TRAVEL:
             message = (
                 f"the fingers stand at {state.width * 1000:.1f} mm and have not moved, though told to close "
-                f"with {told:.0f} N"
+                f"with {commanded:.0f} N"
             )
         else:
-            message = f"the fingers press with {presses:.1f} N each, though told {told:.0f} N"
+            message = f"the fingers press with {presses:.1f} N each, though told {commanded:.0f} N"
         return Failure(control.GRIPPER, message, **evidence)
 
     def press(self, force: float) -> None:

@@ -10,9 +10,9 @@ control", Journal of Dynamic Systems, Measurement, and Control 108 (1986).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Literal, TypeAlias
+from typing import ClassVar, Literal, TypeAlias, cast
 
 import numpy as np
 import pinocchio as pin
@@ -33,7 +33,7 @@ from picktree.world import (
 )
 from picktree.world.robot_model import RobotModel
 
-from .commands import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Controller, JointCommand, Twist
+from .commands import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Controller, Doing, JointCommand, Twist
 from .control_loop import ControlLoop
 from .motion_lease import ForceGuard, Lease, above_limit
 from .soft_limits import SOFT_LIMIT_MARGIN, distance_to_workspace_edge
@@ -51,10 +51,6 @@ SLOW_SINGULAR_VALUE, STOP_SINGULAR_VALUE = 0.08, 0.02
 """Smallest singular values of the Jacobian (m and rad mixed) below which a jog slows down, and stops."""
 DAMPED_SINGULAR_VALUE, MAX_INVERSE_DAMPING = 0.05, 0.04
 """Smallest singular value below which the inverse is damped, and its greatest damping."""
-SINGULARITY_LOOKAHEAD = 0.02
-"""Joint travel of the look-ahead to a singularity, rad."""
-MAX_LOOKAHEAD_STEPS = 120
-"""Maximum number of steps of the look-ahead."""
 COMMAND_TIME = 0.15
 """Longest time without a new command before a jog brakes, s."""
 
@@ -131,7 +127,7 @@ class JogSetpointGenerator:
         if least >= SLOW_SINGULAR_VALUE or not target.any():
             return 1.0
         v = _inverse(jacobian, least) @ target
-        ahead = q + v * (SINGULARITY_LOOKAHEAD / max(float(np.abs(v).max()), 1e-9))
+        ahead = q + v * (0.02 / max(float(np.abs(v).max()), 1e-9))  # rad of joint travel
         if _least(self._kinematics(ahead)[0]) >= least:
             return 1.0
         self.held_by = "singularity"
@@ -216,7 +212,7 @@ class JogController:
         state = self.state.copy()
         held_by = self.law.held_by
         path = [state.q]
-        for k in range(MAX_LOOKAHEAD_STEPS):
+        for k in range(120):
             self.law.step(state, wanted if k * step < time else Twist(), step)
             path.append(state.q)
             if k * step >= time and float(np.abs(state.v).max()) < 1e-3:
@@ -344,8 +340,8 @@ class JogMotion:
         duration: float,
         distance: float,
         check: Callable[[Lease], None],
-        until_rest: Callable[[Lease], Generator[None, None, None]],
-    ) -> Generator[None, None, JogResult]:
+        until_rest: Callable[[Lease], Doing[None]],
+    ) -> Doing[JogResult]:
         """Jog the arm from rest to rest.
 
         A constant twist ends where something stops it. A callable receives the reason as feedback and decides
@@ -368,7 +364,7 @@ class JogMotion:
                     elapsed, loop.tcp, travelled, guard.size(loop.wrist.force), share, held_by
                 )
                 wanted = twists(status) if elapsed < duration - 1e-9 else None
-            if wanted is None or _travel_done(jog):
+            if wanted is None or jog.state.left < 1e-4:  # m: the travel is done
                 break
             wanted = _checked_twist(wanted)
             share, blocked = self._share(jog, wanted, share)
@@ -386,7 +382,7 @@ class JogMotion:
             standing = standing + 1 if _stands(jog, wanted) else 0
             if stays and standing >= STANDING_TICKS and (blocked or jog.law.held_by):
                 held_by = f"collision {', '.join(blocked)}" if blocked else jog.law.held_by
-                stopped_by = _stop_reason(held_by)
+                stopped_by = cast(StoppedBy, held_by.partition(" ")[0])
                 break
         detail = held_by.partition(" ")[2] if stopped_by not in ("done", "contact") else ""
         jog.brake()
@@ -417,29 +413,12 @@ class JogMotion:
         return 0.0, blocked
 
 
-def _travel_done(jog: JogController) -> bool:
-    """Whether the given path length is done."""
-    return jog.state.left < 1e-4
-
-
 def _stands(jog: JogController, wanted: Twist) -> bool:
     linear, angular = jog.law.tool_speed(jog.state)
     return (
         linear <= STANDING_SPEED_SHARE * wanted.speed + 1e-6
         and angular <= STANDING_SPEED_SHARE * math.hypot(*wanted.angular) + 1e-4
     )
-
-
-def _stop_reason(held_by: str) -> StoppedBy:
-    match held_by.partition(" ")[0]:
-        case "collision":
-            return "collision"
-        case "joint_limit":
-            return "joint_limit"
-        case "singularity":
-            return "singularity"
-        case _:
-            return "workspace"
 
 
 def _checked_twist(wanted: Twist) -> Twist:

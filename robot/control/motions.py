@@ -8,124 +8,28 @@ pressure.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from picktree.files import PicktreeError
-from picktree.world import Array, Clock, Failure, Journal, Trajectory, Vector3, control
+from picktree.world import Clock, Failure, Journal, Trajectory, Vector3, control
 from picktree.world.robot_model import RobotModel
 
-from .commands import ContactThresholds, JointImpedanceResult
-from .compliant_motion import FIRM_STIFFNESS, CartesianStiffness, CompliantMotion, GuardedMoveResult
-from .contact_motion import CompliantMotionResult, CompliantMotionRunner
+from .commands import ContactThresholds, Doing, JointImpedanceResult
+from .contact_motion import ContactMotion
 from .control_loop import ControlLoop
 from .external_torque import static_external_torque
 from .impedance import YIELD_TIME, GravityCompensationController, JointImpedanceController, slowed_trajectory
 from .jog_motion import JogMotion, JogResult, Lookout, Twists
 from .joint_controllers import HoldController
 from .motion_lease import ForceGuard
-from .trajectory_motion import Doing, TrajectoryCheck, TrajectoryMotion
-
-if TYPE_CHECKING:
-    from .motion_lease import Lease
-
-
-T = TypeVar("T")
+from .trajectory_motion import TrajectoryCheck
 
 MAX_SOFT_DELAY = 2.0
 """Longest duration of a soft motion beyond that of its trajectory, s."""
 
 
-class JointImpedanceMotion:
-    """Motions of a loop's arm under joint impedance. The caller holds the lease, and the arm is at rest."""
-
-    def __init__(self, loop: ControlLoop, model: RobotModel, clock: Clock) -> None:
-        self._loop = loop
-        self._model = model
-        self._clock = clock
-
-    def pressed(self, carried: Vector3) -> float:
-        """Return the external torque on the resting arm, Euclidean norm over the joints, Nm.
-
-        It shows contacts at any part of the arm. The weight `carried` (3,), N in the world, on the tool is
-        taken off.
-        """
-        state = self._loop.state
-        hanging = self._model.jacobian(state.position)[:3].T @ np.array(carried)
-        return float(np.linalg.norm(static_external_torque(self._model, state) - hanging))
-
-    def follow(
-        self,
-        lease: Lease,
-        trajectory: Trajectory,
-        carried: Vector3,
-        least: ContactThresholds,
-        check: Callable[[Lease], None],
-        watch: Callable[[float], Failure | None],
-        began: Callable[[JointImpedanceController], None],
-    ) -> Doing[JointImpedanceResult]:
-        """Move the arm along the trajectory until its end, a contact, or a failure from `watch`.
-
-        `watch` receives the progress, s, in each tick.
-        """
-        track = JointImpedanceController(
-            trajectory,
-            self._model,
-            self._loop.period,
-            wrist=self._loop.wrist,
-            carried=np.array(carried),
-            torque=least.torque,
-            force=least.force,
-        )
-        began(track)
-        lease.run(track)
-        limit = self._clock.now + trajectory.duration + YIELD_TIME + MAX_SOFT_DELAY
-        noticed: Failure | None = None
-        while True:
-            yield
-            check(lease)
-            if noticed is None:
-                noticed = watch(track.progress)
-                if noticed is not None:
-                    track.brake()
-            if track.done and self._loop.at_rest:
-                break
-            if self._clock.now > limit:
-                raise Failure(control.TIMEOUT, "a soft motion did not come to its end")
-        done = track.completed and not track.touched
-        return JointImpedanceResult(
-            done, track.progress, track.touched, track.torque, track.force, track.push, noticed
-        )
-
-    def give_way(
-        self, lease: Lease, carried: Vector3, limit: float, check: Callable[[Lease], None]
-    ) -> Doing[float]:
-        """Let the arm drift where something pushes, for at most `limit` s, then hold it.
-
-        Returns the remaining external torque, Nm.
-        """
-        giving = GravityCompensationController(self._model, self._loop.period, np.array(carried))
-        lease.run(giving)
-        until = self._clock.now + limit
-        while not giving.calm and self._clock.now < until:
-            yield
-            check(lease)
-        lease.run(HoldController())
-        while not self._loop.at_rest:
-            if self._clock.now > until + MAX_SOFT_DELAY:
-                raise Failure(control.TIMEOUT, "the arm does not come to rest after it gave way")
-            yield
-            check(lease)
-        return giving.pressed if math.isfinite(giving.pressed) else 0.0
-
-
-JOG_GUARD = 25.0
-"""Contact force that stops a jog by default, N."""
-
-
-class ArmMotion(TrajectoryMotion):
+class ArmMotion(ContactMotion):
     """Motions of the arm that skills use. One motion at a time: a motion that starts takes the arm from the
     one before."""
 
@@ -146,69 +50,7 @@ class ArmMotion(TrajectoryMotion):
         """
         super().__init__(loop, model, clock, gate)
         self._jogging = JogMotion(loop, model, lookout, tick)
-        self._touching = CompliantMotionRunner(loop, model, clock)
-        self._soft = JointImpedanceMotion(loop, model, clock)
         self._journal = journal
-
-    def guarded(
-        self,
-        direction: Vector3 | Array,
-        distance: float,
-        force: float,
-        speed: float,
-        *,
-        node: str = "",
-        press: float = 0.0,
-        stiffness: CartesianStiffness = FIRM_STIFFNESS,
-    ) -> Doing[GuardedMoveResult]:
-        """Move the arm straight along `direction` (3,) in the world, orientation kept, until more than
-        `force` N act against it.
-
-        It travels at most `distance` m at `speed` m/s. Guarded moves are the one way to make contact.
-
-        The force is relative to the wrist reading at rest just before, so it works with an object in the
-        hand. At the contact the standing tool presses with `press` N. It ends at rest. Raises
-        safety.workspace or safety.joint_limit where the line leaves the workspace or a joint reaches its
-        limit before a contact.
-        """
-        self._refuse_if_stopped()
-        size = float(np.linalg.norm(direction))
-        if not (size > 1e-9 and distance > 0.0 and force > 0.0 and speed > 0.0):
-            raise PicktreeError("a guarded move needs a direction, and a distance, force and speed above 0")
-        along = np.asarray(direction, dtype=np.float64) / size
-        with self._loop.acquire(node) as lease:
-            yield from self._until_rest(lease)
-            self._last = None
-            return (
-                yield from self._touching.guarded(
-                    lease, along, distance, force, speed, press, stiffness, self._check
-                )
-            )
-
-    def comply(
-        self,
-        course: CompliantMotion,
-        limit: float,
-        *,
-        node: str = "",
-        stiffness: CartesianStiffness = FIRM_STIFFNESS,
-        zero: Array | None = None,
-    ) -> Doing[CompliantMotionResult]:
-        """Move the tool along a compliant motion as a damped spring, until that is finished or for `limit` s.
-
-        The arm is then held at rest where it is.
-
-        `zero` (6,): wrist wrench without a contact, from an earlier result. None: it is measured at rest
-        before the motion begins, and the tool must not touch anything yet. Failures: safety.*
-        (safety.joint_limit where a joint stops the motion), control.timeout.
-        """
-        self._refuse_if_stopped()
-        if not limit > 0.0:
-            raise PicktreeError("a compliant course needs a limit above 0 s")
-        with self._loop.acquire(node) as lease:
-            yield from self._until_rest(lease)
-            self._last = None
-            return (yield from self._touching.comply(lease, course, limit, stiffness, zero, self._check))
 
     def softly(
         self,
@@ -237,15 +79,32 @@ class ArmMotion(TrajectoryMotion):
                 self._check(lease)
             self._check_start(trajectory)
 
-            def watch(progress: float) -> Failure | None:
-                return None if gate is None else gate.blocked(trajectory, progress)
-
-            def began(track: JointImpedanceController) -> None:
-                self._last = track
-
-            return (
-                yield from self._soft.follow(lease, trajectory, carried, least, self._check, watch, began)
+            track = JointImpedanceController(
+                trajectory,
+                self._model,
+                self._loop.period,
+                wrist=self._loop.wrist,
+                carried=np.array(carried),
+                torque=least.torque,
+                force=least.force,
             )
+            self._last = track
+            lease.run(track)
+            limit = self._clock.now + trajectory.duration + YIELD_TIME + MAX_SOFT_DELAY
+            noticed: Failure | None = None
+            while not (track.done and self._loop.at_rest):
+                if self._clock.now > limit:
+                    raise Failure(control.TIMEOUT, "a soft motion did not come to its end")
+                yield
+                self._check(lease)
+                if noticed is None and gate is not None:
+                    noticed = gate.blocked(trajectory, track.progress)
+                    if noticed is not None:
+                        track.brake()
+        done = track.completed and not track.touched
+        return JointImpedanceResult(
+            done, track.progress, track.touched, track.torque, track.force, track.push, noticed
+        )
 
     def pressed(self, carried: Vector3 = (0.0, 0.0, 0.0)) -> float:
         """Return the external torque on the arm at rest, without the load, Euclidean norm over the joints,
@@ -253,7 +112,9 @@ class ArmMotion(TrajectoryMotion):
 
         It shows contacts at any part of the arm. `carried` (3,): weight on the tool, N in the world.
         """
-        return self._soft.pressed(carried)
+        state = self._loop.state
+        hanging = self._model.jacobian(state.position)[:3].T @ np.array(carried)
+        return float(np.linalg.norm(static_external_torque(self._model, state) - hanging))
 
     def give_way(
         self, carried: Vector3 = (0.0, 0.0, 0.0), limit: float = 1.0, *, node: str = ""
@@ -266,14 +127,26 @@ class ArmMotion(TrajectoryMotion):
         self._refuse_if_stopped()
         with self._loop.acquire(node) as lease:
             yield from self._until_rest(lease)
-            return (yield from self._soft.give_way(lease, carried, limit, self._check))
+            giving = GravityCompensationController(self._model, self._loop.period, np.array(carried))
+            lease.run(giving)
+            until = self._clock.now + limit
+            while not giving.calm and self._clock.now < until:
+                yield
+                self._check(lease)
+            lease.run(HoldController())
+            while not self._loop.at_rest:
+                if self._clock.now > until + MAX_SOFT_DELAY:
+                    raise Failure(control.TIMEOUT, "the arm does not come to rest after it gave way")
+                yield
+                self._check(lease)
+        return giving.pressed if math.isfinite(giving.pressed) else 0.0
 
     def jog(
         self,
         twists: Twists,
         *,
         node: str = "",
-        guard: float = JOG_GUARD,
+        guard: float = 25.0,
         duration: float = math.inf,
         distance: float = math.inf,
     ) -> Doing[JogResult]:

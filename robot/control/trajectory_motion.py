@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias, TypeVar
+from typing import Protocol, TypeAlias
 
 import numpy as np
 
@@ -13,16 +13,16 @@ from picktree.files import PicktreeError
 from picktree.world import Array, Clock, Failure, FailureReport, Trajectory, Vector3, control, safety, world
 from picktree.world.robot_model import RobotModel
 
-from .contact_motion import ZERO_TIME
+from .commands import Doing
 from .control_loop import ControlLoop
 from .joint_controllers import TrajectoryController, reversed_trajectory
 from .motion_lease import ForceGuard, Lease, above_limit
 
-T = TypeVar("T")
-Doing: TypeAlias = Generator[None, None, T]
 Watch: TypeAlias = Callable[[], Failure | None]
 """Callable for each tick of a motion. A failure that it returns brakes the arm and is then raised."""
 
+ZERO_TIME = 0.05
+"""Time over which readings at rest are averaged as the wrench without contact, s."""
 MAX_REST_WAIT = 3.0
 """Longest wait for the arm to come to rest, s."""
 START_TOLERANCE = 0.02

@@ -18,11 +18,9 @@ from picktree.world.robot_model import RobotModel
 
 from .contact_detection import ForceSample
 from .external_torque import EffortCheck
-from .payload_estimate import Payload, PayloadEstimator
+from .payload_estimate import Payload
 from .safety_monitor import SafetyMonitor
 
-READINGS_KEPT_TIME = 0.21
-"""Time over which readings are kept, s."""
 DEFAULT_READING_INTERVAL = 1 / 240
 """Default time between two readings, s."""
 MAX_BIAS = 12.0
@@ -89,20 +87,12 @@ class WristWrench:
     @property
     def bias(self) -> Wrench:
         """Learnt bias of the sensor in TCP axes, N and Nm."""
-        if self._bias is None:
-            return Wrench()
-        fx, fy, fz, tx, ty, tz = self._bias.tolist()
-        return Wrench((fx, fy, fz), (tx, ty, tz))
+        return Wrench() if self._bias is None else _wrench(self._bias)
 
     @property
     def zeroed(self) -> bool:
         """Whether a bias has been learnt."""
         return self._bias is not None
-
-    @property
-    def sensor_in_tool(self) -> Array:
-        """Origin (3,) of the sensor in the TCP frame, m (a copy)."""
-        return self._sensor_in_tool.copy()
 
     def sample(self) -> None:
         """Read the sensor for this control period."""
@@ -111,7 +101,7 @@ class WristWrench:
         if not readings or reading.force != readings[-1][1].force:
             self._changed = now
         readings.append((now, reading))
-        while now - readings[0][0] > READINGS_KEPT_TIME:
+        while now - readings[0][0] > 0.21:  # s
             readings.popleft()
         self.force = self._external(reading)
 
@@ -157,7 +147,7 @@ class WristWrench:
     def contact(self, window: float, q: Array) -> Wrench:
         """Return the mean wrench of contacts at the hand or its load, at rest: without tool, bias, payload
         and tare."""
-        return _wrench(self.over(window, q) - self._carried(self._model.tcp(q).rotation()))
+        return _wrench(self.over(window, q) - self.carried(self._model.tcp(q).rotation()))
 
     def load(self, window: float) -> float:
         """Return the weight on the hand since the tare, N, mean over the last `window` s."""
@@ -195,7 +185,7 @@ class WristWrench:
         known = np.zeros(6) if self._bias is None else self._bias
         tool = self._model.tcp(q)
         turn = tool.rotation()
-        felt = self.over(window, q) - self._carried(turn)
+        felt = self.over(window, q) - self.carried(turn)
         step = np.concatenate([turn.T @ felt[:3], turn.T @ felt[3:]])
         bias = known + step
         sudden = self._bias is not None and float(np.linalg.norm(step[:3])) > MAX_BIAS_STEP
@@ -240,14 +230,6 @@ class WristWrench:
     def carry(self, payload: Payload | None) -> None:
         """Set the payload of the hand; None: it is empty. A payload is no contact."""
         self.payload = payload
-
-    def estimate(self) -> PayloadEstimator:
-        """Return an estimator of the payload without readings; `weigh` adds them."""
-        return PayloadEstimator(self._sensor_in_tool)
-
-    def weigh(self, estimate: PayloadEstimator, window: float, q: Array) -> None:
-        """Add the present reading at rest, without tool and bias, to an estimate of the payload."""
-        estimate.add(self.over(window, q), self._model.tcp(q).rotation())
 
     def state(self) -> tuple[tuple[Wrench, ...], tuple[float, ...]]:
         """Return readings and tare for a checkpoint."""
@@ -296,8 +278,8 @@ class WristWrench:
         bx, by, bz = self._bias_in_world
         return (x - bx, y - by, z + self._weight - bz)
 
-    def _carried(self, turn: Array) -> Array:
-        """Return the wrench (6,) of the known payload on the wrist at rest."""
+    def carried(self, turn: Array) -> Array:
+        """Return the wrench (6,) of the known payload at rest; `turn` (3, 3): TCP in the world."""
         return np.zeros(6) if self.payload is None else self.payload.wrench(turn, self._sensor_in_tool)
 
     def _last(self, window: float) -> list[Wrench]:
@@ -417,8 +399,7 @@ class BiasEstimator:
 
     def known_load(self, state: JointState) -> Array:
         """Return the wrench (6,) of the known payload on the wrist at rest, world axes."""
-        payload, turn = self._wrist.payload, self._model.tcp(state.position).rotation()
-        return np.zeros(6) if payload is None else payload.wrench(turn, self._wrist.sensor_in_tool)
+        return self._wrist.carried(self._model.tcp(state.position).rotation())
 
     def _borne(self, state: JointState, claimed: Array) -> bool:
         """Return whether the joints, at rest, carry the wrench (6,) that the wrist reads beyond the

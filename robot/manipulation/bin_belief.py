@@ -30,10 +30,11 @@ def apply_bin_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:
         inside = [each.id for each in there if each.role != "heap"]
         world.vision.bins.pop(bin_id, None)
         world.vision.heaps.pop(str(bin_id), None)
+        items = "1 item is" if len(inside) == 1 else f"{len(inside)} items are"
         other = "another" if world.scene.bins[bin_id].is_tote else "an empty one"
         world.journal.note(
             event_types.BinEmptiedEvent(
-                f"{bin_id} is exchanged for {other}; {_items_are(len(inside))} gone with it",
+                f"{bin_id} is exchanged for {other}; {items} gone with it",
                 node,
                 bin=bin_id,
                 objects=tuple(inside),
@@ -73,7 +74,3 @@ def bin_fill_level(world: World, bin_: Bin) -> float:
     low, high = bin_.inside()
     depth = high[2] - low[2]
     return float(np.clip(heights, 0.0, depth).mean()) / depth
-
-
-def _items_are(items: int) -> str:
-    return "1 item is" if items == 1 else f"{items} items are"

@@ -97,8 +97,6 @@ ROTATION_SHARE = 0.5
 """Share of the expected rotation during a push that counts: friction at the corner holds some back."""
 WIDE_CONTACT_HALF_LENGTH = 0.016
 """Half contact length from which the heading has that precision, m."""
-MAX_AGREEING_SIGMAS = 4.0
-"""Difference between vision and contact that is a contradiction, in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,7 +154,7 @@ def fuse_estimates(touch: PlanarEstimate, sight: PlanarEstimate, turn: float) ->
     both = touch.covariance + sight.covariance
     spread = touch.turned**2 + sight.turned**2
     apart = float(off @ np.linalg.solve(both, off)) + (yaw**2 / spread if turn else 0.0)
-    if apart > MAX_AGREEING_SIGMAS**2:
+    if apart > 4.0**2:  # standard deviations
         return sight
     gain = touch.covariance @ np.linalg.inv(both)
     x, y = np.array([touch.at.x, touch.at.y]) + gain @ off
@@ -186,12 +184,6 @@ IMAGES_BETWEEN_STROKES = 5
 """Number of images of an object between two strokes."""
 MAX_STROKE_LENGTH = 0.06
 """Maximum length of one stroke, m; longer only when few strokes are allowed."""
-MIN_BLOCKED_MOTION = 0.004
-"""Least motion of a blocked object that counts as motion, m."""
-MAX_TESTED_PUSHES = 12
-"""Maximum number of singulation pushes that are tested for reachability."""
-MAX_FAILED_STROKES = 2
-"""Number of consecutive strokes without success (object lost or unmoved) after which the skill fails."""
 HEADING_ERROR_WEIGHT = 0.02
 """Weight of the heading error in the remaining error of an object, m for each radian."""
 
@@ -233,7 +225,7 @@ class _Progress:
 
     def add(self, stroke: PushStroke, pushed: PushResult, travel: float) -> None:
         """Add a stroke that has moved the object by `travel` m."""
-        self.stalled = self.stalled + 1 if pushed.blocked and travel < MIN_BLOCKED_MOTION else 0
+        self.stalled = self.stalled + 1 if pushed.blocked and travel < 0.004 else 0  # m
         self.lost = self.lost + 1 if pushed.lost else 0
         if self.stalled:
             self.blocked_sides.add(stroke.side.name)
@@ -244,7 +236,7 @@ class _Progress:
             (self.stalled, push.STALLED, "does not move"),
             (self.lost, push.LOST_CONTACT, "does not stay at the fingers"),
         ):
-            if count >= MAX_FAILED_STROKES:
+            if count >= 2:
                 message = f"{object_id} {what}: {self.strokes[-1]}"
                 raise Failure(cause, message, object=object_id, strokes=self.strokes)
 
@@ -308,7 +300,7 @@ def observe_pushed_object(
         )
     raise Failure(
         push.LOST_CONTACT,
-        f"{task.object} is not seen where it was pushed ({after.told})",
+        f"{task.object} is not seen where it was pushed ({after.summary})",
         object=task.object,
         touched=after.touched,
         reached=after.reached,
@@ -334,7 +326,7 @@ def push_to_goal(
             break
         one = _choose_stroke(world, belief, goal, left, progress.blocked_sides)
         pushed = yield from execute_stroke(world, belief, one, task.speed, task.force, task.node)
-        progress.strokes.append(f"{one.stroke.name}: {pushed.told}")
+        progress.strokes.append(f"{one.stroke.name}: {pushed.summary}")
         yield from step_back(world, (task.object,), task.node)
         after = yield from observe_pushed_object(world, task, pushed)
         travel = known.at.distance(planar_geometry.planar(after.shape, after.pose))
@@ -384,10 +376,10 @@ def _choose_stroke(
                 return answer
             refusal = answer
         why.append(f"{stroke.name}: {refusal}")
-    told = "; ".join(why[:4]) or "no side can be pushed that way"
+    reasons = "; ".join(why[:4]) or "no side can be pushed that way"
     raise Failure(
         push.NO_STROKE,
-        f"no stroke brings {belief.id} nearer to where it is to be: {told}",
+        f"no stroke brings {belief.id} nearer to where it is to be: {reasons}",
         object=belief.id,
         refused=why,
     )
@@ -449,7 +441,7 @@ def make_room(world: World, task: PushTask) -> Doing[None]:
         pushed = yield from execute_stroke(
             world, one.pushed, feasible, task.speed, task.force, task.node, one.there
         )
-        strokes.append(f"{one.name}: {pushed.told}")
+        strokes.append(f"{one.name}: {pushed.summary}")
         yield from step_back(world, one.there, task.node)
         yield from _look(world, task)
     raise Failure(
@@ -475,13 +467,13 @@ def _choose_singulation(
         raise Failure(push.NO_STROKE, message, object=target.id, unchanged=True)
     offered = world.attempts.remaining(task.node, target.id, singulation_pushes(world, target))
     why: list[str] = []
-    for one in offered[:MAX_TESTED_PUSHES]:
+    for one in offered[:12]:  # at most these are tested for reachability
         answer = plan_stroke(world, one.pushed, one.stroke, [n for n in one.there if n != one.pushed.id])
         if isinstance(answer, FeasibleStroke):
             return one, answer
         why.append(f"{one.name}: {answer}")
-    told = "; ".join(why[:4]) or "no push that is free would do"
-    message = f"no stroke makes room for the hand around {target.id}: {told}"
+    reasons = "; ".join(why[:4]) or "no push that is free would do"
+    message = f"no stroke makes room for the hand around {target.id}: {reasons}"
     if not offered:
         world.attempts.refuse(world_facts.PUSH, target, world.scene, message)
     raise Failure(push.NO_STROKE, message, object=target.id, refused=why)

@@ -44,8 +44,6 @@ MIN_FRAGILE_SHARE = 0.4
 """Least grip force for a fragile item, as a share of its limit."""
 FINGER_INERTIA_FORCE = 2.0
 """Force that the fingers' inertia may add on a fast transfer, N; measured up to 1.9."""
-UNKNOWN_GRIP_FORCE = 30.0
-"""Grip force for objects that the catalogue does not contain, N."""
 SINGLE_FINGER_FACTOR = 2.0
 """Force on a finger that touches alone, as a multiple of its share when both touch."""
 IMPACT_FORCE_PER_SPEED = 55.0
@@ -60,8 +58,6 @@ MAX_DRAG_SHARE = 0.4
 """Force of one finger before the other touches, as a share of the item's friction on the table."""
 MAX_DRAG_FRICTION = 2.5
 """Friction on the table up to which an item may be pushed along while the fingers close, N."""
-MIN_CLOSING_SPEED = 0.005
-"""Least closing speed of a finger, m/s."""
 SLIP_GRIP_FACTOR = 1.5
 """Factor of the grip force after a slip."""
 
@@ -107,7 +103,7 @@ def grip_force(entry: CatalogueEntry | None, bound: float, gripper: GripperDescr
     """Return the grip force for an item of that kind, with at most `bound` N on each finger."""
     bound = min(bound, gripper.max_force)
     if entry is None:
-        force = min(UNKNOWN_GRIP_FORCE, bound)
+        force = min(30.0, bound)  # N: the catalogue does not contain it
         return GripForce(force, force, bound, None, 1.0)
     friction = entry.friction * gripper.pad_contact.friction
     least = MIN_GRIP_FORCE if entry.mass >= MIN_FELT_MASS else LIGHT_GRIP_FORCE
@@ -121,7 +117,7 @@ def grip_force(entry: CatalogueEntry | None, bound: float, gripper: GripperDescr
         wanted = max(required_force(entry.mass, friction), min(least, MIN_FRAGILE_SHARE * limit))
         closing = FRAGILE_CLOSING_SHARE * limit
         fastest = (limit / UNEVEN_FORCE_FACTOR - SINGLE_FINGER_FACTOR * closing) / IMPACT_FORCE_PER_SPEED
-        speed = max(fastest, MIN_CLOSING_SPEED) if fastest < gripper.speed else None
+        speed = max(fastest, 0.005) if fastest < gripper.speed else None  # m/s
     grip = min(wanted, most)
     on_table = entry.friction * entry.mass * GRAVITY
     if on_table > MAX_DRAG_FRICTION:

@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 from picktree.robot.perception import put_heap
 from picktree.robot.planning import NamedGoal, OffsetGoal
 from picktree.world import (
-    Array,
     BeliefObject,
     ConvexMesh,
     Failure,
     ObjectId,
     Pose,
-    convex_hull,
     event_types,
     grasp,
     heap_geometry,
@@ -29,7 +27,7 @@ from picktree.world import world as world_causes
 
 from .compliant_closing import GripForce, close, grip_force
 from .heap_grasps import colour_between, grasps
-from .held_object import GripCheck, measure_grip
+from .held_object import GripCheck, inflated_hull, measure_grip, mesh_of
 from .pick_candidates import PickPlaceCandidate, count_rejections, describe_rejections
 from .pick_place_motions import LIFT_GUARD_FORCE, lift
 from .pick_stream import CandidateSearch
@@ -44,12 +42,6 @@ RIM_CLEARANCE = 0.03
 """Clearance of a lifted thing above the rim of its tote, m."""
 HULL_MARGIN = 0.006
 """Inflation of a thing's hull, m: cells of 2 mm, and parts of it that others hide."""
-MAX_STEP = 0.006
-"""Step of height between cells from which on they belong to two things, m."""
-MAX_THING = 0.06
-"""Distance from the grasp up to which cells may belong to the thing, m."""
-RETRY_CAUSES = (grasp.MISSED, grasp.SLIPPED, world_causes.DISTURBED)
-"""Failures of one grasp after which another one is tried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +99,7 @@ def pick_any(world: World, task: HeapPickTask, attempts: int) -> Doing[ObjectId]
             yield from _let_go(world)
             # The thing is still there, and so are its heights where the arm hides them from the camera.
             _store(world, task.tote, _barring(world, heap, candidate), "the grasp has failed")
-            if left == 0 or failure.cause not in RETRY_CAUSES:
+            if left == 0 or failure.cause not in (grasp.MISSED, grasp.SLIPPED, world_causes.DISTURBED):
                 raise
             yield from _clear_view(world, task)
     raise AssertionError("at least one attempt")
@@ -211,9 +203,9 @@ def _cells_between(
     n, m = heap.shape
     i, j = np.meshgrid(np.arange(n), np.arange(m), indexing="ij")
     away = np.hypot((i + 0.5) * heap.cell - tip[0], (j + 0.5) * heap.cell - tip[1])
-    high = (heights > tip[2]) & ~heap.beside_walls() & (away < MAX_THING)
-    rough = np.ptp(np.stack([_neighbour(heights, a, b) for a, b in ((0, 0), (1, 0), (0, 1))]), axis=0)
-    joined = (high & (rough < MAX_STEP)).astype(np.uint8)
+    high = (heights > tip[2]) & ~heap.beside_walls() & (away < 0.06)  # m
+    rough = np.ptp(np.stack([np.roll(heights, by, axis=(0, 1)) for by in ((0, 0), (1, 0), (0, 1))]), axis=0)
+    joined = (high & (rough < 0.006)).astype(np.uint8)  # m: a higher step separates two things
     parts = np.asarray(cv2.connectedComponents(joined, connectivity=4)[1], dtype=np.intp)
     near = parts[high & (away < max(width / 2, 0.006))]
     own = [part for part in np.unique(near) if part > 0]
@@ -221,10 +213,6 @@ def _cells_between(
     if not found.any():
         found = away < 0.008
     return found, float(tip[2])
-
-
-def _neighbour(heights: Array, a: int, b: int) -> Array:
-    return np.roll(heights, (a, b), axis=(0, 1))
 
 
 def _hull(heap: heap_geometry.HeightMap, cells: NDArray[np.bool_], tip: float) -> tuple[ConvexMesh, Pose]:
@@ -237,13 +225,7 @@ def _hull(heap: heap_geometry.HeightMap, cells: NDArray[np.bool_], tip: float) -
     x, y = (i + 0.5) * heap.cell, (j + 0.5) * heap.cell
     above = np.column_stack([x, y, np.maximum(heights, tip + 0.004)])
     points = np.concatenate([above, np.column_stack([x, y, np.full(len(x), min(tip, heap.floor))])])
-    corners = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)]) * HULL_MARGIN
-    points = (points[:, None, :] + corners[None, :, :]).reshape(-1, 3)
-    points = points[np.sort(convex_hull(points).vertices)]
-    world_points = heap.frame.apply(points)
-    middle = (world_points.min(axis=0) + world_points.max(axis=0)) / 2
-    vertices = tuple((float(a), float(b), float(c)) for a, b, c in world_points - middle)
-    return ConvexMesh(vertices, "seen"), Pose((float(middle[0]), float(middle[1]), float(middle[2])))
+    return mesh_of(heap.frame.apply(inflated_hull(points, HULL_MARGIN)))
 
 
 def _tag_on(heap: heap_geometry.HeightMap, cells: NDArray[np.bool_]) -> int | None:

@@ -15,6 +15,7 @@ import numpy as np
 from picktree.world import (
     FALLEN_SIGMA,
     GRAVITY,
+    Array,
     BeliefObject,
     Box,
     CompoundMesh,
@@ -26,6 +27,7 @@ from picktree.world import (
     Pose,
     Sphere,
     bottom,
+    convex_hull,
     extents,
     grasp,
     top,
@@ -43,8 +45,6 @@ if TYPE_CHECKING:
 
 PUT_BACK = "it is a part of the heap again"
 """Reason why a thing leaves the belief when it is put back into a heap."""
-DROPPED_CONFIDENCE = 0.3
-"""Confidence in the estimated pose until the object is seen again."""
 
 
 def open_gripper(world: World, reason: str, width: float | None = None) -> Doing[None]:
@@ -87,7 +87,7 @@ def release_object(scene: PlanningScene, reason: str, *, left_at: Pose | None = 
             object_in_tcp=None,
             pose=fallen,
             place=place,
-            confidence=DROPPED_CONFIDENCE,
+            confidence=0.3,  # until it is seen again
             sigma_position=FALLEN_SIGMA,
         ),
         reason,
@@ -119,8 +119,6 @@ MIN_RELEASED_SHARE = 0.5
 """Share of the load that must be gone after a release."""
 RELEASED_OPENING_SHARE = 0.33
 """Share of a release's opening from which an object in the air falls."""
-MAX_FALL_TICKS = 3
-"""Ticks in which the load of a falling object leaves the hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,6 +223,20 @@ def _widths(held: BeliefObject, gripper: GripperDescription, width: float) -> tu
             return (float(high[1] - low[1]),)
 
 
+def inflated_hull(points: Array, margin: float) -> Array:
+    """Return the corners (k, 3) of the hull of points (n, 3), inflated by `margin` m along each axis."""
+    corners = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)]) * margin
+    points = (points[:, None, :] + corners[None, :, :]).reshape(-1, 3)
+    return points[np.sort(convex_hull(points).vertices)]
+
+
+def mesh_of(points: Array) -> tuple[ConvexMesh, Pose]:
+    """Return the body with these corners (k, 3), and the pose of its middle in their frame."""
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    vertices = tuple((float(a), float(b), float(c)) for a, b, c in points - middle)
+    return ConvexMesh(vertices, "seen"), Pose((float(middle[0]), float(middle[1]), float(middle[2])))
+
+
 def is_in_hand(world: World, object_id: ObjectId, node: str) -> Doing[bool]:
     """Return whether the hand holds the object already. An object without load is lifted off first.
 
@@ -315,7 +327,7 @@ def drop_held_object(
     The arm is at rest. The fingers go on opening.
     """
     yield from release_held_object(world, held, resting, place, "placed", share=RELEASED_OPENING_SHARE)
-    for _ in range(MAX_FALL_TICKS):
+    for _ in range(3):  # ticks in which the load leaves the hand
         if is_released(before, world.control.load(world.tick)):
             return True
         yield

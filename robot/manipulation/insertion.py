@@ -95,10 +95,6 @@ class InsertionTask:
         low, high = extents(self.shape, np.eye(3))
         return float(high[2] - low[2])
 
-    def seen_at(self, hole_in_world: Pose, uncertainty: float) -> InsertionTask:
-        """Return the task with the observed pose of the mouth."""
-        return replace(self, hole_in_world=hole_in_world, uncertainty=uncertainty + MAX_HELD_OFFSET)
-
 
 def fit(fixture: Fixture, hole: Hole, shape: Shape, object_in_tcp: Pose) -> InsertionTask:
     """Return the insertion task. The uncertainty covers the fixture's position, its rotation and the object
@@ -210,14 +206,8 @@ def inserted_pose(fit: InsertionTask, tcp_in_world: Pose) -> Pose:
 
 LINEAR_STIFFNESS, ANGULAR_STIFFNESS = 600.0, 30.0
 """Stiffness of the Cartesian impedance during the search, N/m and Nm/rad."""
-GRIP_SETTLE_TIME = 0.4
-"""Time in which the pads settle on the object after the grip was tightened, s."""
 SEARCH_TIME_LIMIT = 120.0
 """Time limit of one insertion by contact, s."""
-MIN_OPENING_CHANGE = 0.0015
-"""Change of the opening that shows that the object has turned in the hand, m."""
-SEEN_MOUTH_UNCERTAINTY = 0.002
-"""Uncertainty of a mouth's position seen by the hand camera, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -269,7 +259,7 @@ def choose_hole(world: World, held: BeliefObject, into: ObjectId, node: str) -> 
     from .hole_servoing import look_at_hole  # needs OpenCV
 
     seen = yield from look_at_hole(world, hole.id, node)
-    return task if seen is None else task.seen_at(seen, SEEN_MOUTH_UNCERTAINTY)
+    return task if seen is None else replace(task, hole_in_world=seen, uncertainty=0.002 + MAX_HELD_OFFSET)
 
 
 def move_over_hole(
@@ -312,7 +302,7 @@ def insert_by_contact(
     """
     with world.control.contact(rate=task.rate):
         world.gripper.press(grip)
-        for _ in range(math.ceil(GRIP_SETTLE_TIME / world.tick)):
+        for _ in range(math.ceil(0.4 / world.tick)):  # the pads settle in 0.4 s
             yield
         width = world.gripper.width
         motion = InsertionMotion(
@@ -348,7 +338,7 @@ def explain_missed_insertion(
     hold = yield from measure_grip(world)
     if not hold.held:
         yield from fail_as_slipped(world, object_id, hold, f"slipped out of the fingers at {hole.id}")
-    if abs(hold.width - result.width) > MIN_OPENING_CHANGE:
+    if abs(hold.width - result.width) > 0.0015:  # m: the object has turned in the hand
         return Failure(
             grasp.SLIPPED,
             f"{object_id} has turned in the hand at {hole.id}: the fingers stood "

@@ -14,7 +14,7 @@ from picktree.world.scene import Bin
 from .held_object import check_held_object, confirm_release, drop_held_object, release_held_object
 from .pick_place_motions import lower, lower_request, withdraw
 from .release_poses import bin_target, blocked, levels, opens_freely, place_candidates, put_down_poses
-from .replanning import PlaceWatch, PutDownWatch, ReplanBudget, plan_after_stop
+from .replanning import BeliefWatch, PlaceWatch, PutDownWatch, ReplanBudget, plan_after_stop
 from .weighing import GripMonitor, is_fragile, payload_force, update_payload_mass
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class PlacePlan:
 
     motion: MotionPlan
     spot: ReleaseSpot
-    room: PlaceWatch | PutDownWatch
+    room: BeliefWatch
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ class _CarryMonitor:
     """Monitor of a carrying motion, called each tick: is the object held, and is there room at the place?"""
 
     grip: GripMonitor
-    room: PlaceWatch | PutDownWatch
+    room: BeliefWatch
 
     def __call__(self) -> Failure | None:
         return self.grip.watch() or self.room()

@@ -53,14 +53,10 @@ MAX_TAKEN_TURNS, MAX_TAKEN_PLACES = 3, 36
 MAX_TESTED_PLACES, FEW_TESTED_PLACES, MAX_BARREN_GRASPS = 16, 3, 3
 """Tested places at which a grasp gives up; the lower number once `MAX_BARREN_GRASPS` grasps have given up;
 `MAX_BARREN_GRASPS` itself."""
-LOW_TIPS_COST = 5.0
-"""Cost of a grasp whose finger tips do not stay above the hole, s."""
 PRESSING_RELEASE_COST = 4.0
 """Cost of a place where the opening fingers would press against a neighbour, s."""
 MAX_TURNED_GRASPS = 4
 """Number of grasps whose approach is tried from other configurations at the pre-grasp."""
-MIN_POSTURE_DIFFERENCE = 0.1
-"""Difference of a joint at which two configurations are different ones, rad."""
 MAX_UNREACHED_TURNS = 4
 """Unreached rotations over one cell after which the next cell is tried."""
 
@@ -151,7 +147,7 @@ class CandidateSearch:
             if self._hole is not None and fingertips_too_low(
                 self._hole, belief, grasp, world.robot.description.gripper
             ):
-                cost += LOW_TIPS_COST
+                cost += 5.0  # s
             self._push(_Branch(grasp, cost, self._hand_fits, guess))
 
     # ---- search
@@ -294,13 +290,7 @@ class CandidateSearch:
         if places.unreached[level.name] >= MAX_UNREACHED_TURNS or self._leads_nowhere(grasp):
             return
         places.asked += 1
-        request = Request(
-            PoseGoal((landing.above,)),
-            start=at,
-            width=grasp.expected_width,
-            holding=HeldObject(self._belief.id, self._in_tcp(grasp)),
-        )
-        found = self._world.plan.reached(request)
+        found = self._reach_holding(landing.above, at, grasp)
         if found.q is None:
             places.unreached[level.name] += 1
             self._barren += places.asked == MAX_TESTED_PLACES
@@ -318,14 +308,7 @@ class CandidateSearch:
         assert at is not None
         found: ReachResult | None = None
         for tcp in hover_poses(self._world, hole.id, self._belief.shape, in_tcp):
-            found = self._world.plan.reached(
-                Request(
-                    PoseGoal((tcp,)),
-                    start=at,
-                    width=branch.grasp.expected_width,
-                    holding=HeldObject(self._belief.id, in_tcp),
-                )
-            )
+            found = self._reach_holding(tcp, at, branch.grasp)
             if found.q is not None:
                 self.trail.passed(branch.grasp, pick_candidates.PLACE_STAGE)
                 return True
@@ -335,6 +318,12 @@ class CandidateSearch:
         else:
             self._refuse(branch, unreached(pick_candidates.PLACE_STAGE, f"the place over {hole.id}", found))
         return False
+
+    def _reach_holding(self, tcp: Pose, near: Array, grasp: GraspCandidate) -> ReachResult:
+        holding = HeldObject(self._belief.id, self._in_tcp(grasp))
+        return self._world.plan.reached(
+            Request(PoseGoal((tcp,)), start=near, width=grasp.expected_width, holding=holding)
+        )
 
     def _leads_nowhere(self, grasp: GraspCandidate) -> bool:
         """Return whether enough places of a grasp were tested."""
@@ -388,7 +377,7 @@ class CandidateSearch:
         self._turned.add(branch.grasp.name)
         tcp = branch.grasp.pre_grasp(self._world.handling.approach)
         for over in self._world.plan.postures(self._request(tcp, self._start, branch.grasp)):
-            if np.abs(over - branch.over).max() > MIN_POSTURE_DIFFERENCE:
+            if np.abs(over - branch.over).max() > 0.1:  # rad
                 longer = joint_travel_time(self._world.robot, self._start, over)
                 yield replace(branch, over=over, known=branch.known + longer)
 

@@ -15,7 +15,6 @@ from picktree.robot.planning import MotionPlan, PoseGoal
 from picktree.world import (
     Array,
     BeliefObject,
-    ConvexMesh,
     Failure,
     ObjectId,
     Pose,
@@ -23,11 +22,11 @@ from picktree.world import (
     event_types,
     grasp,
     perception,
-    planning,
 )
 from picktree.world.scene import destinations
 
-from .held_object import check_held_object
+from .held_object import check_held_object, inflated_hull, mesh_of
+from .object_placement import PLACE_DEPENDENT_CAUSES
 from .weighing import GripMonitor, payload_force
 
 if TYPE_CHECKING:
@@ -40,20 +39,12 @@ AZIMUTHS = 12
 TILTS = tuple(math.radians(angle) for angle in (45.0, 20.0, 0.0, -20.0))
 """Angles by which the finger tips point towards the camera, rad, the best first: the side that lay below was
 not seen in the heap."""
-DISTANCE_STEPS = (1.2, 1.6)
-"""Distances from the camera, as multiples of the one at which the thing just fits into the picture."""
 HIDDEN_MARGIN = 0.03
 """Distance by which a thing may reach beyond what was seen of it, m."""
-LEAST_DISTANCE = 0.25
-"""Least distance of a thing from the camera, m: the hand and the arm have to fit, too."""
 HULL_MARGIN, HULL_GRID = 0.004, 0.002
 """Inflation of a seen hull, and grid of its points, m."""
 MIN_COLOUR_AREA, MIN_COLOUR_SHARE = 1e-4, 0.12
 """Area, m², and share of the coloured surface from which on a colour is that of a thing."""
-MIN_SEEN_AREA = 5e-5
-"""Area from which on a thing counts as seen, m²."""
-POSE_CAUSES = (planning.NO_IK, planning.GOAL_IN_COLLISION, planning.NO_PATH, planning.BUDGET)
-"""Causes for which another distance may succeed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,13 +119,13 @@ def present(world: World, task: PresentTask) -> Doing[None]:
             yield from _move_before(world, task, camera, side, centre)
         except Failure as failure:
             # It may have been seen from one side already.
-            if failure.cause not in POSE_CAUSES or look == 0:
+            if failure.cause not in PLACE_DEPENDENT_CAUSES or look == 0:
                 raise
             break
         side = -_side(world, camera)
         yield from world.control.settle()
         view = yield from world.vision.examine(task.camera)
-        if float(view.areas.sum()) < MIN_SEEN_AREA:
+        if float(view.areas.sum()) < 5e-5:  # m²
             continue
         views.append(view)
         seen = SeenThing.of(views)
@@ -221,7 +212,7 @@ def _plan_before(
     half = math.atan(min(intrinsics.width / intrinsics.fx, intrinsics.height / intrinsics.fy) / 2)
     fits = (held.size / 2 + HIDDEN_MARGIN) / math.sin(half)
     refused: Failure | None = None
-    distances = [max(step * fits, LEAST_DISTANCE) for step in DISTANCE_STEPS]
+    distances = [max(step * fits, 0.25) for step in (1.2, 1.6)]  # m: hand and arm have to fit
     for tilt in TILTS:
         goal = PoseGoal(
             tuple(
@@ -234,7 +225,7 @@ def _plan_before(
         try:
             return (yield from world.plan.to(goal, scaling=scaling, node=task.node))
         except Failure as failure:
-            if failure.cause not in POSE_CAUSES:
+            if failure.cause not in PLACE_DEPENDENT_CAUSES:
                 raise
             refused = failure
     assert refused is not None
@@ -285,12 +276,5 @@ def _with_hull(world: World, held: BeliefObject, points: Array) -> BeliefObject:
     half = world.gripper.width / 2
     points = np.concatenate([points, [[0.0, half, 0.0], [0.0, -half, 0.0]]])
     points = points[convex_hull(points).vertices]
-    corners = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)]) * HULL_MARGIN
-    points = (points[:, None, :] + corners[None, :, :]).reshape(-1, 3)
-    points = points[np.sort(convex_hull(points).vertices)]
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    vertices = tuple((float(a), float(b), float(c)) for a, b, c in points - middle)
-    in_tcp = Pose((float(middle[0]), float(middle[1]), float(middle[2])))
-    return replace(
-        held, shape=ConvexMesh(vertices, "seen"), object_in_tcp=in_tcp, pose=world.control.tcp @ in_tcp
-    )
+    shape, in_tcp = mesh_of(inflated_hull(points, HULL_MARGIN))
+    return replace(held, shape=shape, object_in_tcp=in_tcp, pose=world.control.tcp @ in_tcp)

@@ -24,8 +24,6 @@ CELLS_PER_SIDE = 3
 """Cells of a bin along each side."""
 RELEASE_RIM_HEIGHT = 0.020
 """Height of the object's bottom above the rim at the release, m."""
-RELEASE_HEIGHT_STEPS = (0.0, 0.03, 0.06, 0.10)
-"""Heights added to the release when nothing lower is free, m."""
 RELEASE_YAWS = 8
 MAX_PLACE_PENETRATION = 0.001
 """Penetration at which a place counts as taken, m: believed poses are no better."""
@@ -116,22 +114,7 @@ def release_poses(
 ) -> tuple[Pose, ...]:
     """Return TCP poses, pointing down at several yaws, with the object over the cell and above the rim."""
     rim = bin_.pose.position[2] + bin_.size[2]
-    poses: list[Pose] = []
-    for k in range(RELEASE_YAWS):
-        tcp = Pose.from_rpy((0.0, 0.0, 0.0), (math.pi, 0.0, 2 * math.pi * k / RELEASE_YAWS))
-        held = tcp @ object_in_tcp
-        low = float(extents(shape, held.rotation())[0][2])
-        offset = np.array(held.position)
-        poses.append(
-            tcp.shifted(
-                (
-                    spot.centre[0] - float(offset[0]),
-                    spot.centre[1] - float(offset[1]),
-                    rim + RELEASE_RIM_HEIGHT + higher - low - float(offset[2]),
-                )
-            )
-        )
-    return tuple(poses)
+    return put_down_poses((*spot.centre, rim + RELEASE_RIM_HEIGHT + higher), shape, object_in_tcp)
 
 
 def put_down_poses(point: tuple[float, float, float], shape: Shape, object_in_tcp: Pose) -> tuple[Pose, ...]:
@@ -155,8 +138,6 @@ def blocked(queries: SceneQueries, held: BeliefObject, tcp_in_world: Pose) -> st
     return next((c.b for c in contacts if c.distance < -MAX_PLACE_PENETRATION), None)
 
 
-MAX_CELLS_TRIED = 4
-"""Maximum number of cells of a bin at each height, lowest first."""
 CELL_COST, STEP_COST = 0.1, 2.0
 """Costs of the next cell, and of the next higher release, s."""
 RIM_CLEARANCE = 0.012
@@ -203,8 +184,8 @@ class ReleaseLevel:
 
 def levels(target: BinTarget) -> Iterator[ReleaseLevel]:
     """Yield the levels: the lowest release over the best cell first."""
-    for step, higher in enumerate(RELEASE_HEIGHT_STEPS):
-        for k, spot in enumerate(target.cells[:MAX_CELLS_TRIED]):
+    for step, higher in enumerate((0.0, 0.03, 0.06, 0.10)):  # m, the lowest first
+        for k, spot in enumerate(target.cells[:4]):  # the lowest cells
             yield ReleaseLevel(spot, higher, step * STEP_COST + k * CELL_COST)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
@@ -26,29 +27,36 @@ DISPLACEMENT_SIGMAS = 4.0
 """Displacement of an uncertain object that counts as a move, in standard deviations."""
 MIN_CONFIDENCE_SHARE = 0.7
 """Share of the former confidence below which a look shows no move: the arm half hides the object."""
-MAX_HEAP_GROWTH = 0.01
-"""Growth of the heap that is allowed at the place of the release, m."""
 
 
 class TargetMoved(Failure):
     """Failure of an approach whose object has moved (world.disturbed) or is gone (world.unknown_object)."""
 
 
-class TargetWatch:
-    """Monitor of an approach, for each tick: whether the object is where it was."""
+class BeliefWatch(ABC):
+    """Monitor of a motion, for each tick: it judges anew whenever a counter of the belief has changed."""
 
-    def __init__(self, world: World, target: BeliefObject) -> None:
-        self._scene, self._target = world.scene, target
-        self._version = world.scene.version
+    def __init__(self, counter: Callable[[], int]) -> None:
+        self._counter, self._counted = counter, counter()
 
     def __call__(self) -> Failure | None:
         """Return the failure that stops the arm. None: the arm goes on."""
-        if self._scene.version == self._version:
-            return None
-        self._version = self._scene.version
-        return self._judged()
+        before, self._counted = self._counted, self._counter()
+        return None if before == self._counted else self.judged()
 
-    def _judged(self) -> Failure | None:
+    @abstractmethod
+    def judged(self) -> Failure | None:
+        """Return why the motion cannot go on, by the present belief. None: it can."""
+
+
+class TargetWatch(BeliefWatch):
+    """Monitor of an approach: whether the object is where it was."""
+
+    def __init__(self, world: World, target: BeliefObject) -> None:
+        super().__init__(lambda: world.scene.version)
+        self._scene, self._target = world.scene, target
+
+    def judged(self) -> Failure | None:
         target, now = self._target, self._scene.find(self._target.id)
         if now is None:
             return TargetMoved(
@@ -82,28 +90,19 @@ def displacement(before: BeliefObject, now: BeliefObject) -> tuple[float, float]
     return 0.0, 0.0
 
 
-class PlaceWatch:
-    """Monitor of a transfer to a bin, for each tick: whether there is still room at the place of the release.
+class PlaceWatch(BeliefWatch):
+    """Monitor of a transfer to a bin: whether there is still room at the place of the release.
 
     It reports place.occupied when the heap has grown, and the caller looks for another spot.
     """
 
     def __init__(self, world: World, held: BeliefObject, landing: PlaceCandidate) -> None:
+        super().__init__(lambda: world.vision.looks)
         assert held.object_in_tcp is not None
         self._world, self._landing = world, landing
         self._held, self._in_tcp = held.id, held.object_in_tcp
-        self._looks = world.vision.looks
-
-    def __call__(self) -> Failure | None:
-        """Return the failure that stops the arm. None: the arm goes on."""
-        if self._world.vision.looks == self._looks:
-            return None
-        self._looks = self._world.vision.looks
-        return self.judged()
 
     def judged(self) -> Failure | None:
-        """Return why the object cannot be released there, by the believed contents of the bin. None: it
-        can."""
         world, landing = self._world, self._landing
         held = world.scene.find(self._held)
         if held is None:
@@ -111,7 +110,7 @@ class PlaceWatch:
         target = bin_target(world, held, landing.into)
         if any(cell.name == landing.spot for cell in target.cells):
             drop = free_drop_height(world, target, landing.above, held.shape, self._in_tcp)
-            if drop >= landing.drop - MAX_HEAP_GROWTH:
+            if drop >= landing.drop - 0.01:  # m
                 return None
         height = float(target.heights.max())
         return Failure(
@@ -123,21 +122,14 @@ class PlaceWatch:
         )
 
 
-class PutDownWatch:
-    """Monitor of a transfer to a point with the TCP at `pose`, for each tick: whether it is still free."""
+class PutDownWatch(BeliefWatch):
+    """Monitor of a transfer to a point with the TCP at `pose`: whether it is still free."""
 
     def __init__(self, world: World, held: BeliefObject, pose: Pose) -> None:
+        super().__init__(lambda: world.scene.version)
         self._world, self._held, self._pose = world, held, pose
-        self._version = world.scene.version
 
-    def __call__(self) -> Failure | None:
-        """Return the failure that stops the arm. None: the arm goes on."""
-        if self._world.scene.version == self._version:
-            return None
-        self._version = self._world.scene.version
-        return self._judged()
-
-    def _judged(self) -> Failure | None:
+    def judged(self) -> Failure | None:
         by = blocked(self._world.queries, self._held, self._pose)
         if by is None:
             return None

@@ -14,16 +14,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from picktree.robot.control import (
-    CENTRE_PRIOR_SIGMA,
     MassEstimate,
     Payload,
     SlipDetector,
     WristSample,
     estimate_moving_mass,
+    point_velocity,
     wrist_sample,
 )
 from picktree.robot.planning import CARRYING_ACCELERATION
-from picktree.world import GRAVITY, Array, Failure, Pose, cross, event_types, grasp
+from picktree.world import GRAVITY, Array, Failure, Pose, event_types, grasp
 from picktree.world.scene import MIN_FELT_MASS, CatalogueEntry
 
 from .compliant_closing import SLIP_GRIP_FACTOR, GripForce, required_force
@@ -31,48 +31,6 @@ from .held_object import MAX_EMPTY_WIDTH, MIN_HELD_LOAD, GripCheck, check_grip
 
 if TYPE_CHECKING:
     from picktree.robot import World
-
-
-class SlipWatch:
-    """Slip watch of a motion that carries an object: each tick compares the load with the known payload.
-
-    The payload comes from `WristWrench.carry`; without one, nothing is watched. When the load is too small,
-    the fingers press more firmly, up to `GripperControl.bound`.
-    """
-
-    def __init__(self, world: World, above: float = -1e9) -> None:
-        """`above`: height of the TCP above which the object is lifted off its support, m."""
-        self._world = world
-        self._above = above
-        self._before: WristSample | None = None
-        self._detector: SlipDetector | None = None
-        self.felt: MassEstimate | None = None
-        """Mass on the hand in the last tick. None: not measured."""
-
-    def watch(self) -> bool:
-        """Add this tick, and return whether the object is gone."""
-        world = self._world
-        payload = world.control.wrist.payload
-        self.felt = felt = None if payload is None else self._felt(np.array(payload.centre))
-        if payload is None or felt is None or world.control.tcp.position[2] < self._above:
-            return False
-        if self._detector is None or self._detector.payload is not payload:
-            self._detector = SlipDetector(payload)
-        detector = self._detector
-        detector.feel(felt)
-        if detector.slipping and tighten_grip(world, felt.mass, payload):
-            detector.forget()
-            return False
-        return detector.gone
-
-    def _felt(self, centre: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> MassEstimate | None:
-        world = self._world
-        q, v = world.control.state.position, world.control.state.velocity
-        now = wrist_sample(world.robot, q, v, world.control.wrist.over(world.tick, q)[:3], centre)
-        before, self._before = self._before, now
-        return (
-            None if before is None else estimate_moving_mass(world.robot.hand_mass, before, now, world.tick)
-        )
 
 
 def tighten_grip(world: World, felt: float, payload: Payload) -> bool:
@@ -102,8 +60,6 @@ def tighten_grip(world: World, felt: float, payload: Payload) -> bool:
     return True
 
 
-HELD_CENTRE_SIGMA = (CENTRE_PRIOR_SIGMA / 3, CENTRE_PRIOR_SIGMA / 3, CENTRE_PRIOR_SIGMA / 3)
-"""Standard deviation of the object's centre in the TCP frame along each axis, m."""
 CATALOGUE_MASS_SIGMA = 0.25
 """Standard deviation of a catalogue mass, as a share of it."""
 WEIGHED_MASS_SIGMA = 0.006
@@ -122,9 +78,7 @@ def register_payload(
     world.gripper.press(press.grip)
     if entry is not None:
         centre = object_in_tcp.position
-        world.control.wrist.carry(
-            Payload(entry.mass, CATALOGUE_MASS_SIGMA * entry.mass, centre, HELD_CENTRE_SIGMA)
-        )
+        world.control.wrist.carry(Payload(entry.mass, CATALOGUE_MASS_SIGMA * entry.mass, centre))
 
 
 def update_payload_mass(world: World, hold: GripCheck, press: GripForce | None = None) -> None:
@@ -138,7 +92,7 @@ def update_payload_mass(world: World, hold: GripCheck, press: GripForce | None =
         return
     before = world.control.wrist.payload
     centre = (0.0, 0.0, 0.0) if before is None else before.centre
-    world.control.wrist.carry(Payload(mass, WEIGHED_MASS_SIGMA, centre, HELD_CENTRE_SIGMA))
+    world.control.wrist.carry(Payload(mass, WEIGHED_MASS_SIGMA, centre))
     held = world.scene.held
     if held is not None:
         world.scene.weighed(held.id, mass)
@@ -164,8 +118,6 @@ def payload_force(world: World) -> float:
 
 LIFTED_HEIGHT = 0.02
 """Height above the grasp from which the object is lifted off its support, m."""
-MAX_WEIGHING_TURN = 0.5
-"""Angular speed of the hand above which a tick does not count, rad/s."""
 MAX_WEIGHING_TICKS, MIN_WEIGHING_TICKS = 6, 2
 """Greatest and least number of ticks in a weighing: the last quiet ones."""
 MAX_OPENING_CHANGE = 0.003
@@ -189,32 +141,56 @@ class _Tick:
 
 
 class GripMonitor:
-    """Grip monitor of a motion that carries an object: each tick checks the opening and the load on the
-    wrist.
+    """Grip monitor of a motion that carries an object: each tick checks the opening, and compares the load on
+    the wrist with the known payload.
 
-    A slipping object is gripped more firmly. When it is gone, the failure grasp.slipped brakes the arm. Only
-    a measurement at rest shows whether something is still held.
+    The payload comes from `WristWrench.carry`; without one, the load is not watched. When the load is too
+    small, the fingers press more firmly, up to `GripperControl.bound`. When the object is gone, the failure
+    grasp.slipped brakes the arm. Only a measurement at rest shows whether something is still held.
     """
 
     def __init__(self, world: World, above: float = -1e9) -> None:
         """`above`: height of the TCP above which the object is lifted off its support, m."""
         self._world = world
-        self._grip = world.gripper
+        self._above = above
         self._width = world.gripper.width
-        self._slip = SlipWatch(world, above)
-
-    @property
-    def felt(self) -> MassEstimate | None:
+        self._before: WristSample | None = None
+        self._detector: SlipDetector | None = None
+        self.felt: MassEstimate | None = None
         """Mass on the hand in the last tick. None: not measured."""
-        return self._slip.felt
 
     def watch(self) -> Failure | None:
         """Return the failure that stops the arm. None: there is none. For `ArmMotion.along` and `finish`."""
-        width = self._grip.width
+        width = self._world.gripper.width
         met = width <= MAX_EMPTY_WIDTH < self._width
         if met or abs(width - self._width) > MAX_OPENING_CHANGE:
             return Failure(grasp.SLIPPED, "the fingers move")
-        return Failure(grasp.SLIPPED, "less is felt than was taken up") if self._slip.watch() else None
+        return Failure(grasp.SLIPPED, "less is felt than was taken up") if self._load_is_gone() else None
+
+    def _load_is_gone(self) -> bool:
+        """Add the load of this tick, and return whether the object is gone."""
+        world = self._world
+        payload = world.control.wrist.payload
+        self.felt = felt = None if payload is None else self._moving_mass(np.array(payload.centre))
+        if payload is None or felt is None or world.control.tcp.position[2] < self._above:
+            return False
+        if self._detector is None or self._detector.payload is not payload:
+            self._detector = SlipDetector(payload)
+        detector = self._detector
+        detector.feel(felt)
+        if detector.slipping and tighten_grip(world, felt.mass, payload):
+            detector.forget()
+            return False
+        return detector.gone
+
+    def _moving_mass(self, centre: Array) -> MassEstimate | None:
+        world = self._world
+        q, v = world.control.state.position, world.control.state.velocity
+        now = wrist_sample(world.robot, q, v, world.control.wrist.over(world.tick, q)[:3], centre)
+        before, self._before = self._before, now
+        return (
+            None if before is None else estimate_moving_mass(world.robot.hand_mass, before, now, world.tick)
+        )
 
     @property
     def weight(self) -> float | None:
@@ -302,12 +278,7 @@ class LiftWeighing:
         twist = robot.jacobian(state.position) @ state.velocity
         tcp = robot.tcp(state.position)
         centre = robot.flange(state.position).apply(np.array(robot.hand_com))
-        speed = float(_at(twist, centre - np.array(tcp.position))[2])
+        speed = float(point_velocity(twist, centre - np.array(tcp.position))[2])
         turning = float(np.linalg.norm(twist[3:]))
         clear = tcp.position[2] - self._height > LIFTED_HEIGHT
-        return _Tick(world.control.load(world.tick), speed, clear and turning < MAX_WEIGHING_TURN)
-
-
-def _at(twist: Array, lever: Array) -> Array:
-    """Return the velocity (3,) of a point of the hand, `lever` (3,) away from the TCP, m/s."""
-    return np.asarray(twist[:3] + cross(twist[3:], lever), np.float64)
+        return _Tick(world.control.load(world.tick), speed, clear and turning < 0.5)  # rad/s

@@ -175,9 +175,9 @@ class SupportSurfaces:
         """Return the bin whose outside contains (x, y), else the highest fixture there whose top is not above
         `below`. Without either the height is 0."""
         for bin_, outside in self._bins:
-            if outside.contains(x, y):
+            if outside.covers(x, y):
                 return SupportSurface(bin_.id, bin_.pose.position[2] + bin_.wall, True, bin_.is_tote)
-        tops = [height for height, area in self._tops if height <= below and area.contains(x, y)]
+        tops = [height for height, area in self._tops if height <= below and area.covers(x, y)]
         height = max(tops, default=0.0)
         point = np.array([[x, y, height]])
         return SupportSurface("table", height, False, any(bool(p.covers(point)[0]) for p in self._piles))
@@ -217,15 +217,8 @@ class _Footprint:
         (self._xx, self._xy), (self._yx, self._yy) = pose.rotation()[:2, :2].tolist()
         self._half = (long / 2, wide / 2)
 
-    def contains(self, x: float, y: float) -> bool:
-        dx, dy = x - self._x, y - self._y
-        return (
-            abs(dx * self._xx + dy * self._yx) <= self._half[0]
-            and abs(dx * self._xy + dy * self._yy) <= self._half[1]
-        )
-
-    def covers(self, x: Array, y: Array) -> NDArray[np.bool_]:
-        """Whether each of many points (n,), (n,) lies inside."""
+    def covers(self, x: Array | float, y: Array | float) -> NDArray[np.bool_]:
+        """Whether a point, or each of many points (n,), (n,), lies inside."""
         dx, dy = x - self._x, y - self._y
         along = np.abs(dx * self._xx + dy * self._yx) <= self._half[0]
         return along & (np.abs(dx * self._xy + dy * self._yy) <= self._half[1])

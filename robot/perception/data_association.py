@@ -57,9 +57,6 @@ MAX_UNEXPLAINED_SHARE = 0.25
 """Share of an obstacle's cells, beside those of all detections in it, above which it is still there."""
 MAX_SUPPOSED_TIME = 60.0
 """Simulated s for which an item that was given up is believed where it fell unseen."""
-MIN_SHARE_IN_ITEMS = 0.9
-"""Share of a patch's points at unrecognised items from which the patch belongs to them. The others are noise
-at its outline."""
 
 Cost: TypeAlias = Callable[[BeliefObject, Detection], float]
 
@@ -93,12 +90,17 @@ def update_belief(
     held = scene.held
     if held is not None and held_at is not None:
         held = replace(held, pose=held_at)
-    detections = [d for d in view.detections if held is None or not _is_held(held, d)]
+    detections = [
+        d
+        for d in view.detections
+        if held is None or d.colour != held.colour or held.pose.distance(d.pose) >= HELD_DISTANCE
+    ]
     items = [o for o in scene.objects if o.role == "item" and not o.attached]
     volumes = [o for o in scene.objects if o.role == "obstacle" and not o.attached]
     detections = _outside_volumes(detections, items, volumes, view)
     matched = _assignment(items, detections, _nearness)
-    missing = [o for o in items if o.id not in matched and _is_place_empty(view, o)]
+    unmatched = [o for o in items if o.id not in matched]
+    missing = [o for o in unmatched if view.look(o.shape, o.pose, o.colour).seen_empty]
     matched |= _assignment(missing, _unmatched(detections, matched), _displacement)
 
     removed: list[ObjectId] = []
@@ -174,10 +176,6 @@ def _displacement(item: BeliefObject, detection: Detection) -> float:
     return distance if alike or _is_given_up(item, detection) else math.inf
 
 
-def _is_held(held: BeliefObject, detection: Detection) -> bool:
-    return detection.colour == held.colour and held.pose.distance(detection.pose) < HELD_DISTANCE
-
-
 def _outside_volumes(
     detections: Sequence[Detection],
     items: Sequence[BeliefObject],
@@ -210,10 +208,6 @@ def _share_within(part: Keys, whole: Keys) -> float:
     return float(np.isin(part, whole).mean()) if len(part) else 0.0
 
 
-def _is_place_empty(view: PerceivedView, item: BeliefObject) -> bool:
-    return view.look(item.shape, item.pose, item.colour).seen_empty
-
-
 def _part_of_known(detection: Detection, hidden: Sequence[BeliefObject]) -> bool:
     """Whether the detection may be a badly seen piece of a hidden object."""
     in_bin = detection.place != "table"
@@ -234,7 +228,7 @@ def _part_of_items(patch: UnexplainedPatch, view: PerceivedView, items: Sequence
     for o in items:
         if o.colour == patch.colour:
             there |= inside(o.shape, o.pose, points, HELD_DISTANCE if o.attached else _gate(o))
-    return float(there.mean()) >= MIN_SHARE_IN_ITEMS
+    return float(there.mean()) >= 0.9  # the rest is noise at the outline
 
 
 def _belief_from(object_id: ObjectId, d: Detection, now: float) -> BeliefObject:
@@ -277,14 +271,7 @@ def _nearest_orientation(detection: Detection, before: Pose) -> Pose:
     if not detection.turn:
         return detection.pose
     position, pose = detection.pose.position, detection.pose
-    turns = (
-        Pose.from_rpy((0, 0, 0), (0, 0, k * detection.turn))
-        for k in range(1, _symmetry_order(detection.turn))
-    )
+    count = max(1, round(2 * math.pi / detection.turn))
+    turns = (Pose.from_rpy((0, 0, 0), (0, 0, k * detection.turn)) for k in range(1, count))
     alike = [pose, *(Pose(position, (turn @ pose).orientation) for turn in turns)]
     return min(alike, key=lambda pose: round(pose.angle(before), 6))
-
-
-def _symmetry_order(turn: float) -> int:
-    """Number of times that an angle goes into a full turn."""
-    return max(1, round(2 * math.pi / turn))

@@ -45,8 +45,6 @@ DEPTH_STEP = 0.008
 """Difference in depth of neighbouring pixels from which they belong to two bodies, m."""
 MIN_BODY_PIXELS = 24
 """Least number of pixels of a body."""
-PART_GROWTH_PIXELS = 6
-"""Number of pixels by which the parts regain what was cut away between them."""
 _SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))
 
 
@@ -70,7 +68,7 @@ def split_at_depth_steps(depth: Array, rows: Pixels, columns: Pixels) -> list[tu
     owner = np.zeros(size, dtype=np.int32)
     for number, (core_rows, core_columns) in enumerate(cores, start=1):
         owner[core_rows, core_columns] = number
-    for _ in range(PART_GROWTH_PIXELS):
+    for _ in range(6):  # pixels that were cut away between the parts
         owner = _grow_parts(owner, near, inside)
     parts = [np.nonzero(owner == number) for number in range(1, len(cores) + 1)]
     return [(part_rows + y, part_columns + x) for part_rows, part_columns in parts]
@@ -91,8 +89,6 @@ TRACKING_REACH = 0.045
 """Greatest distance from its believed place at which an object is located, m."""
 NEAR_DEPTH_SIGMA = 0.0012
 """Part of the depth's standard deviation in pictures from near, m: round items are not quite round there."""
-MAX_FIT_ROUNDS = 8
-"""Greatest number of steps of a fit."""
 MAX_HEADING_CHANGE = math.radians(20)
 """Greatest difference from the believed heading, rad. Beyond it the patch is another object."""
 MAX_TRACKING_MISFIT = 3.0
@@ -232,7 +228,9 @@ def known_objects(
         ]
         found = [each for each in tried if each is not None]
         left = cut.left([each is None for each in tried])
-        if len(found) == len(tried) or (found and _have_real_outlines(picture, left)):
+        outlines = (outline_patch(picture, patch).outline for patch in left)
+        # Each of those left shows enough of its own outline, beside that of the cut, to be recognised.
+        if len(found) == len(tried) or (found and all(o.real.mean() > MIN_REAL_OUTLINE for o in outlines)):
             return KnownContents(found, left)
         if most == MAX_PARTS:
             most = cut.most([one.place == world_facts.ASIDE for one, _ in touching])
@@ -296,11 +294,6 @@ def _patches_beyond(picture: SegmentationInput, blob: Blob, costs: Array) -> lis
     beyond[blob.patch.rows, blob.patch.columns] = costs.min(axis=0) > OUTSIDE_COST + UNEXPLAINED_DISTANCE
     beyond = cv2.morphologyEx(beyond, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     return connected_patches(beyond.astype(np.bool_), MIN_BODY_PIXELS)
-
-
-def _have_real_outlines(picture: SegmentationInput, patches: Sequence[PixelPatch]) -> bool:
-    """Whether each of these shows enough of its own outline, beside that of the cut, to be recognised."""
-    return all(outline_patch(picture, p).outline.real.mean() > MIN_REAL_OUTLINE for p in patches)
 
 
 def _confirmed(
@@ -373,7 +366,7 @@ def _sighting(
     rest, yaw, z = believed.rest, believed.yaw, one.pose.position[2]
     at = picture.sight.at_height(blob.middle, z)
     stand = StandingPose(rest, np.array([at[0], at[1], z]), yaw)
-    best = fitter.judged(blob, stand, MAX_FIT_ROUNDS)
+    best = fitter.judged(blob, stand, 8)  # steps
     turned = abs(math.remainder(best.stand.yaw - yaw, 2 * math.pi)) if rest.turn else 0.0
     moved = math.dist(best.stand.centre[:2], one.pose.position[:2])
     fits = (

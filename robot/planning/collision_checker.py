@@ -117,8 +117,9 @@ class CollisionChecker:
         self._tcp_reach = float(np.linalg.norm(self._tcp_offset))
         self._full_q = (model.full_q(np.zeros(model.n), 0.0),)
         """Configurations of arm and fingers, one of each opening."""
-        self._arm_v = [_v_index(model.full, joint) for joint in model.description.joints]
-        self._arm_q = _run([_q_index(model.full, joint) for joint in model.description.joints])
+        joints = [model.full.joints[model.full.getJointId(name)] for name in model.description.joints]
+        self._arm_v = [joint.idx_v for joint in joints]
+        self._arm_q = _run([joint.idx_q for joint in joints])
         self._seen: _Seen | None = None
         self._still: tuple[CollisionBody, ...] = ()
         self._kept: list[tuple[_Seen, CollisionModel]] = []
@@ -372,14 +373,6 @@ def _robot(model: RobotModel, margins: CollisionMargins) -> RobotCollisionGeomet
     joint, placement = _tcp(model.full)
     pairs = _self_pairs(model, objects, pieces)
     return RobotCollisionGeometry(model.full, geometry, pieces, pairs, joint, placement, margins.table())
-
-
-def _q_index(model: pin.Model, joint: str) -> int:
-    return model.joints[model.getJointId(joint)].idx_q
-
-
-def _v_index(model: pin.Model, joint: str) -> int:
-    return model.joints[model.getJointId(joint)].idx_v
 
 
 def _run(indices: list[int]) -> slice | list[int]:

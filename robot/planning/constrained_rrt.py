@@ -15,11 +15,12 @@ from picktree.world import Array, Trajectory
 from picktree.world.robot_model import RobotModel
 
 from .collision_checker import CollisionChecker
-from .joint_planner import CORNER_RADII, IMPROVING_SHARE, FoundPath
-from .limits import configuration_cost
+from .joint_planner import CORNER_RADII, IMPROVING_SHARE, FoundPath, order_goals
 from .path_constraints import PROJECTION_RESERVE, PathConstraints
+from .path_curves import polyline_length
 from .path_search import ConstraintProjection, PathPlanner, SearchProblem
 from .requests import Scaling
+from .rrt_connect import SearchTree
 from .time_parameterization import time_corners, time_smooth
 from .trajectory_check import EDGE_RESOLUTION, StartTolerance, edge_free, is_trajectory_free
 
@@ -34,12 +35,8 @@ SAMPLE_RESERVES = (0.1, 0.9)
 would be on the borders."""
 CURVATURE_DIVISOR = 8.0
 """Divisor of the estimate s² / CURVATURE of how far a step of s rad leaves a constraint between its ends."""
-SHORTENING_ATTEMPTS = 60
-"""Number of attempts to shorten a path."""
 MIN_SPLINE_CORNERS = 8
 """Number of corners above which a path is also tried as a spline through all of them."""
-SEARCH_ATTEMPTS = 3
-"""Number of searches, each with finer steps, when the found path cannot be timed."""
 
 
 class ConstrainedPlanner:
@@ -75,11 +72,7 @@ class ConstrainedPlanner:
     def direct(self, goals: Sequence[Array]) -> FoundPath | None:
         """Plan a straight edge in joint space to one of the goals, where the constraints hold on it; None: no
         edge is free."""
-
-        def effort(k: int) -> float:
-            return float(np.linalg.norm(goals[k] - self._start)) + configuration_cost(self._model, goals[k])
-
-        for k in sorted(range(len(goals)), key=effort):
+        for k in order_goals(self._model, self._start, goals):
             if self.edge(self._start, goals[k], EDGE_RESOLUTION):
                 path = np.array([self._start, goals[k]])
                 trajectory = self.timed(path)
@@ -94,7 +87,7 @@ class ConstrainedPlanner:
         upper: Array = np.max([self._model.planned_upper, self._start, *goals], axis=0)
         stride = min(MAX_TREE_STEP, float(np.sqrt(CURVATURE_DIVISOR * self._constraints.room / 2)))
         rng = np.random.default_rng(seed)
-        for attempt in range(SEARCH_ATTEMPTS):
+        for attempt in range(3):  # each with finer steps
             search = _Search(self, lower, upper, stride / 2**attempt, EDGE_RESOLUTION / 2**attempt, rng)
             path = (
                 search.connect(self._start, goals)
@@ -163,39 +156,6 @@ class ConstrainedPlanner:
         )
 
 
-class _Tree:
-    """Configurations with their parents, in one growing array."""
-
-    def __init__(self, roots: Sequence[Array]) -> None:
-        self._q: Array = np.empty((256, len(roots[0])))
-        self._parents: list[int] = []
-        for root in roots:
-            self.add(root, -1)
-
-    def add(self, q: Array, parent: int) -> int:
-        index = len(self._parents)
-        if index == len(self._q):
-            self._q = np.concatenate([self._q, np.empty_like(self._q)])
-        self._q[index] = q
-        self._parents.append(parent)
-        return index
-
-    def at(self, index: int) -> Array:
-        return self._q[index].copy()
-
-    def nearest(self, q: Array) -> int:
-        off = self._q[: len(self._parents)] - q
-        return int(np.argmin(np.einsum("ij,ij->i", off, off)))
-
-    def branch(self, index: int) -> list[Array]:
-        """Return the branch from a root to that configuration."""
-        back: list[Array] = []
-        while index >= 0:
-            back.append(self.at(index))
-            index = self._parents[index]
-        return back[::-1]
-
-
 class _Search:
     """Pair of trees with their step sizes."""
 
@@ -216,18 +176,18 @@ class _Search:
 
     def connect(self, start: Array, goals: Sequence[Array]) -> Array | None:
         """Return a path (m, n) from start to one of the goals, or None when the budget is spent."""
-        trees = [_Tree([start]), _Tree(goals)]
+        trees = [SearchTree([(start, ())]), SearchTree([(goal, ()) for goal in goals])]
         target: Array = goals[0]
         turn = 0
         while not self._planner.spent:
             one, other = trees[turn], trees[1 - turn]
-            reached = self._extend(one, one.nearest(target), target, SAMPLE_STEPS)
-            tip = one.at(reached)
-            met = self._extend(other, other.nearest(tip), tip)
-            if float(np.abs(other.at(met) - tip).max()) < 1e-9:
-                halves = [one.branch(reached), other.branch(met)]
-                forward, back = halves if turn == 0 else halves[::-1]
-                return np.array([*forward, *back[::-1][1:]])
+            reached = self._extend(one, one.nearest(target)[0], target, SAMPLE_STEPS)
+            tip = one.points[reached].copy()
+            met = self._extend(other, other.nearest(tip)[0], tip)
+            if float(np.abs(other.points[met] - tip).max()) < 1e-9:
+                halves = [one.back(reached), other.back(met)]
+                ours, theirs = halves if turn == 0 else halves[::-1]
+                return np.array([*ours[::-1], *theirs[1:]])
             turn = 1 - turn
             target = self._sample()
         return None
@@ -267,10 +227,10 @@ class _Search:
         projected = self._planner.project(q, self._lower, self._upper, reserve)
         return q if projected is None else projected
 
-    def _extend(self, tree: _Tree, index: int, target: Array, most: int | None = None) -> int:
+    def _extend(self, tree: SearchTree, index: int, target: Array, most: int | None = None) -> int:
         """Extend a tree from a configuration towards the target, by at most `most` steps. Returns the last
         index."""
-        for q in self._walk(tree.at(index), target, most):
+        for q in self._walk(tree.points[index].copy(), target, most):
             index = tree.add(q, index)
         return index
 
@@ -296,16 +256,17 @@ class _Search:
     def shortened(self, path: Array) -> Array:
         """Cut detours off a path: straight where the constraints allow it, else by projected steps."""
         points = list(path)
-        for _ in range(SHORTENING_ATTEMPTS):
+        for _ in range(60):
             if len(points) < 3 or self._planner.spent:
                 break
             a, b = sorted(int(k) for k in self._rng.choice(len(points), 2, replace=False))
             if b - a < 2:
                 continue
             between = self._between(points[a], points[b])
-            if between is not None and _path_length([points[a], *between, points[b]]) < 0.999 * _path_length(
-                points[a : b + 1]
-            ):
+            if between is None:
+                continue
+            before = polyline_length(np.array(points[a : b + 1]))
+            if polyline_length(np.array([points[a], *between, points[b]])) < 0.999 * before:
                 points[a + 1 : b] = between
         return np.array(self._fewer(points))
 
@@ -325,7 +286,3 @@ class _Search:
             else:
                 k += 1
         return points
-
-
-def _path_length(points: Sequence[Array]) -> float:
-    return float(np.linalg.norm(np.diff(np.array(points), axis=0), axis=1).sum())

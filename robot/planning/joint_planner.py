@@ -30,8 +30,6 @@ CORNER_RADII = (0.1, 0.05, 0.02, 0.005)
 """Distances at which corners are cut, tried in this order until the timed path is free, rad."""
 STEP_SHARES = (1.0, 0.5, 0.25)
 """Shares of the greatest step of an edge, tried in this order while paths graze."""
-ON_PATH_DISTANCE = 1e-4
-"""Distance from a path below which a configuration is on a straight part of it, rad."""
 MAX_PLAIN_CHECKS = 200
 """Number of checks of a first search without retreat paths. Where it suffices, paths are shorter."""
 MAX_IMPROVING_CHECKS = 600
@@ -78,6 +76,12 @@ class FoundPath:
     """Trajectory on the path with its corners cut; None: the path was not to be timed."""
 
 
+def order_goals(model: RobotModel, start: Array, goals: Sequence[Array]) -> list[int]:
+    """Return the indices of goals (n,), the nearest to the start first; discomfort counts as a detour."""
+    efforts = [float(np.linalg.norm(goal - start)) + configuration_cost(model, goal) for goal in goals]
+    return sorted(range(len(goals)), key=efforts.__getitem__)
+
+
 class JointPlanner:
     """Search of one request from the start of `way` (n,) to goals; edges and budget are shared.
 
@@ -103,16 +107,8 @@ class JointPlanner:
         self._planner = planner or PathPlanner(PLANNER_NAME, self._rrt_connect)
 
     def direct(self, goals: Sequence[Array]) -> FoundPath | None:
-        """Plan a straight edge in joint space to one of the goals: the nearest first, with discomfort as a
-        detour.
-
-        None: no edge is free.
-        """
-
-        def effort(k: int) -> float:
-            return float(np.linalg.norm(goals[k] - self._start)) + configuration_cost(self._model, goals[k])
-
-        for k in sorted(range(len(goals)), key=effort):
+        """Plan a straight edge in joint space to one of the goals; None: no edge is free."""
+        for k in order_goals(self._model, self._start, goals):
             if self._edge(self._start, goals[k]):
                 found = self._timed(np.array([self._start, goals[k]]), "direct", k)
                 if found is not None:
@@ -187,11 +183,11 @@ class JointPlanner:
         return self._connected(problem, (problem.start, ()), ends, self._budget.share(checks))
 
     def _retreating(self, problem: SearchProblem) -> list[Array] | None:
-        def rooted(q: Array) -> Rooted:
-            return q, problem.retreat(q)
-
-        ends = self._near_first(problem.goals, rooted)
-        return self._connected(problem, rooted(problem.start), ends, self._budget)
+        nearest = sorted(problem.goals, key=lambda q: float(np.linalg.norm(q - self._start)))
+        ends: list[Rooted] = [
+            (q, problem.retreat(q) if k < MAX_RETREATING_GOALS else ()) for k, q in enumerate(nearest)
+        ]
+        return self._connected(problem, (problem.start, problem.retreat(problem.start)), ends, self._budget)
 
     def _connected(
         self, problem: SearchProblem, start: Rooted, goals: Sequence[Rooted], budget: CheckBudget
@@ -200,12 +196,6 @@ class JointPlanner:
         limits = self._model.planned_lower, self._model.planned_upper
         checks = SearchChecks(problem.edge, problem.between, self._way.count_blocked, lambda: budget.left)
         return rrt_connect(*limits, start, goals, checks, problem.rng)
-
-    def _near_first(self, goals: Sequence[Array], rooted: Callable[[Array], Rooted]) -> list[Rooted]:
-        nearest = sorted(goals, key=lambda q: float(np.linalg.norm(q - self._start)))
-        return [rooted(q) for q in nearest[:MAX_RETREATING_GOALS]] + [
-            (q, ()) for q in nearest[MAX_RETREATING_GOALS:]
-        ]
 
     def _free(self, q: Array) -> bool:
         return self._count_free(q[None]) == 1
@@ -230,7 +220,7 @@ class JointPlanner:
             hit = first_collision(self._way, trajectory)
             if hit is None:
                 return trajectory
-            if _distance_to_path(path, hit) < ON_PATH_DISTANCE:
+            if _distance_to_path(path, hit) < 1e-4:  # rad
                 # On a straight part, cutting less of the corners helps nothing.
                 return None
         return None
@@ -267,8 +257,8 @@ def load_planner(name: str) -> PathPlanner:
     try:
         search = entry.load()
     except (Exception, SystemExit) as error:
-        told = re.sub(r"\s+", " ", str(error)) or type(error).__name__
-        raise PicktreeError(f"the planner {name!r} ({entry.value}) cannot be imported: {told}") from error
+        reason = re.sub(r"\s+", " ", str(error)) or type(error).__name__
+        raise PicktreeError(f"the planner {name!r} ({entry.value}) cannot be imported: {reason}") from error
     if not callable(search):
         raise PicktreeError(f"the planner {name!r} ({entry.value}) is no function of a SearchProblem")
     return PathPlanner(name, cast("PathSearch", search))
@@ -276,13 +266,8 @@ def load_planner(name: str) -> PathPlanner:
 
 RETREAT_STEP = 0.03
 """Travel of the TCP in a step, m."""
-MAX_RETREAT_LENGTH = 0.45
-"""Greatest travel in one direction, m."""
 ENOUGH_STEPS = 3
 """Number of steps from which on no other directions are tried."""
-MAX_JOINT_SWING = 0.5
-"""Greatest change of a joint in a step, rad: more means a singularity."""
-RETREAT_DAMPING = 1e-4
 
 
 def retreat_path(model: RobotModel, edge: EdgeFree, q: Array) -> list[Array]:
@@ -295,11 +280,11 @@ def retreat_path(model: RobotModel, edge: EdgeFree, q: Array) -> list[Array]:
     lower, upper = np.minimum(model.planned_lower, q), np.maximum(model.planned_upper, q)
     walk = _Walk(model, edge, lower, upper)
     chain = walk.along(q, -model.tcp(q).rotation()[:, 2], upright=True)
-    for towards in (_upwards, _towards_base):
-        if len(chain) >= ENOUGH_STEPS:
-            break
+    if len(chain) < ENOUGH_STEPS:
+        chain += walk.along(chain[-1] if chain else q, np.array([0.0, 0.0, 1.0]), upright=False)
+    if len(chain) < ENOUGH_STEPS:
         at = chain[-1] if chain else q
-        chain += walk.along(at, towards(model, at), upright=False)
+        chain += walk.along(at, _towards_base(model, at), upright=False)
     return chain
 
 
@@ -319,22 +304,18 @@ class _Walk:
         wanted: Array = np.zeros(rows)
         wanted[:3] = direction * RETREAT_STEP
         chain, at = list[Array](), q
-        for _ in range(round(MAX_RETREAT_LENGTH / RETREAT_STEP)):
+        for _ in range(round(0.45 / RETREAT_STEP)):  # m
             jacobian = self._model.jacobian(at)[:rows]
             damped: Array = jacobian @ jacobian.T
-            damped[np.diag_indices(rows)] += RETREAT_DAMPING
+            damped[np.diag_indices(rows)] += 1e-4
             step: Array = jacobian.T @ np.asarray(np.linalg.solve(damped, wanted), np.float64)
             behind: Array = np.minimum(np.maximum(at + step, self._lower), self._upper)
             swing = float(np.abs(behind - at).max())
-            if not 1e-3 < swing < MAX_JOINT_SWING or not self._edge(at, behind):
+            if not 1e-3 < swing < 0.5 or not self._edge(at, behind):  # rad: more is a singularity
                 break
             chain.append(behind)
             at = behind
         return chain
-
-
-def _upwards(_: RobotModel, __: Array) -> Array:
-    return np.array([0.0, 0.0, 1.0])
 
 
 def _towards_base(model: RobotModel, q: Array) -> Array:

@@ -20,6 +20,7 @@ from .path_curves import (
     blend_curves,
     concatenate,
     distinct,
+    polyline_length,
     rounded_polyline,
     spline_through,
 )
@@ -36,10 +37,6 @@ MAX_CORNER_SHARE = 0.45
 """Share of a leg that may be rounded at each of its ends."""
 MAX_LONE_CORNER_SHARE = 0.7
 """Share of the first or the last leg that may be rounded: it has one corner."""
-MIN_CORNER_COSINE = -0.9
-"""Cosine of the turn between two legs below which the arm stops: the path goes back on itself."""
-CORNER_CHECK_STEP = 0.02
-"""Distance of the configurations at which a rounded corner is checked, rad."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -206,7 +203,8 @@ class MotionChain:
     def _corner(self, before: _Leg, after: _Leg, room: float) -> float | None:
         """Return the distance at which the corner between two legs is cut, at most `room` rad; None: the arm
         stops there."""
-        if float(_end_direction(before.curve) @ after.curve.at(0.0, 1)) < MIN_CORNER_COSINE:
+        end = before.curve.at(before.curve.length, 1)
+        if float(end @ after.curve.at(0.0, 1)) < -0.9:  # it goes back on itself
             return None
         tried = sorted(
             {min(radius, room) for radius in CORNER_CUTS if min(radius, room) > 1e-3}, reverse=True
@@ -239,7 +237,7 @@ class MotionChain:
         share = most if length < 1e-6 else min(most, self._rounded / length)
         index = round(share * (len(leg.path) - 1))
         part = leg.path[-1 - index :] if at_end else leg.path[: index + 1]
-        return float(np.linalg.norm(np.diff(part, axis=0), axis=1).sum())
+        return polyline_length(part)
 
     def _timed(
         self, legs: Sequence[_Leg], corners: Sequence[float | None]
@@ -369,9 +367,5 @@ def _concatenate_trajectories(parts: Sequence[Trajectory]) -> Trajectory:
     return Trajectory(np.concatenate(times), rows("position"), rows("velocity"), rows("acceleration"))
 
 
-def _end_direction(curve: JointCurve) -> Array:
-    return curve.at(curve.length, 1)
-
-
 def _check_parameters(low: float, high: float) -> Array:
-    return np.linspace(low, high, max(2, int(np.ceil((high - low) / CORNER_CHECK_STEP)) + 1))
+    return np.linspace(low, high, max(2, int(np.ceil((high - low) / 0.02)) + 1))  # rad

@@ -21,10 +21,6 @@ END_TOLERANCE = 1e-6
 """Greatest distance of a path's ends from start and goal, rad."""
 
 
-def _no_retreat(_: Array) -> Sequence[Array]:
-    return ()
-
-
 @dataclass(frozen=True, slots=True)
 class ConstraintProjection:
     """Path constraints of a search, for configurations (n,), rad."""
@@ -63,7 +59,7 @@ class SearchProblem:
     """Collision checks that the budget has left when the search begins."""
     rng: np.random.Generator
     """The only source of random numbers, keyed by node and seed."""
-    retreat: Callable[[Array], Sequence[Array]] = _no_retreat
+    retreat: Callable[[Array], Sequence[Array]] = lambda _: ()
     """Return configurations that lead out of a narrow place at a configuration by free edges, in their order;
     () under constraints. A path may begin and end with them."""
     constraint: ConstraintProjection | None = None

@@ -24,12 +24,8 @@ CLEARANCE_BEYOND_MARGIN = 0.0005
 """Distance beyond its margin at which a pair counts as out, m."""
 STEP_SHARES = (1.0, 0.4, 0.15)
 """Shares of a step, tried in this order while it would bring something closer."""
-MIN_ESCAPE_STEP = 2e-4
-"""Change of the joints below which a step is none, rad."""
 APPROACH_SLACK = 0.0005
 """Greatest further approach of a pair that is too close already, m: escape happens in steps."""
-MAX_ESCAPE_STEPS = 120
-ESCAPE_DAMPING = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,15 +82,15 @@ class EscapeSearch:
         near = self._collision.separations(q, WATCHED_DISTANCE)
         allowed = _closest_by_key(near)
         ended_by = ""
-        for _ in range(MAX_ESCAPE_STEPS):
+        for _ in range(120):
             if (until_free and not _violated(near) and self._free(q)) or length >= reach - 1e-6:
                 break
             behind, ended_by = q, _blocking_words(near)
             for step in self._steps(q, near, direction):
                 tried = np.clip(q + step, self._lower, self._upper)
-                if float(np.abs(tried - q).max()) < MIN_ESCAPE_STEP:
+                if float(np.abs(tried - q).max()) < 2e-4:  # rad
                     continue
-                if not self._in_room(tried):
+                if self._room is not None and not self._room.holds(np.array(model.tcp(tried).position)):
                     ended_by = "the tool would leave the workspace"
                     continue
                 after = self._collision.separations(tried, WATCHED_DISTANCE)
@@ -145,9 +141,6 @@ class EscapeSearch:
         `out`."""
         return np.zeros(3) if direction == "out" else self._along(self._start, direction)
 
-    def _in_room(self, q: Array) -> bool:
-        return self._room is None or self._room.holds(np.array(self._model.tcp(q).position))
-
     def _free(self, q: Array) -> bool:
         return self._collision.free(q, self._room)
 
@@ -193,7 +186,7 @@ class EscapeSearch:
         twist[:3] = ESCAPE_STEP * self._along(q, direction)
         jacobian = model.jacobian(q)
         square: Array = jacobian @ jacobian.T
-        square[np.diag_indices(6)] += ESCAPE_DAMPING
+        square[np.diag_indices(6)] += 1e-3
         return jacobian.T @ np.asarray(np.linalg.solve(square, twist), np.float64)
 
     def _along(self, q: Array, direction: Direction) -> Array:

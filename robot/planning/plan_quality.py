@@ -5,18 +5,17 @@ The cost of a plan, and its record in the journal, are here, too.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from picktree.world import Array, ComputeTimeAccount, Failure, PlanEntry, Trajectory
+from picktree.world import Array, Failure, PlanEntry, Trajectory
 from picktree.world.robot_model import RobotModel
 
 from . import planning_failures
 from .collision_checker import CollisionChecker
-from .inverse_kinematics import InverseKinematics
+from .path_curves import polyline_length
 from .requests import ContactPair, MotionPlan, Request
 
 
@@ -26,35 +25,6 @@ class MeasuredCost:
 
     checks: int = 0
     seconds: float = 0.0
-
-
-class CostMeter:
-    """Meter that charges the use of `collision` and `ik` within `measure` to the thinking account."""
-
-    def __init__(
-        self, collision: CollisionChecker, ik: InverseKinematics, thinking: ComputeTimeAccount, cost: float
-    ) -> None:
-        self._collision = collision
-        self._ik = ik
-        self._thinking = thinking
-        self._cost = cost
-
-    @contextmanager
-    def measure(self) -> Generator[MeasuredCost]:
-        spent = MeasuredCost()
-        checks, solves = self._collision.checks, self._ik.solves
-        try:
-            yield spent
-        finally:
-            spent.checks = self._collision.checks - checks
-            spent.seconds = (spent.checks + self._ik.solves - solves) * self._cost
-            self._thinking.spend(spent.seconds)
-
-
-QUALITY_STEP = 0.05
-"""Greatest distance in joint space between two measured configurations, rad."""
-MAX_MEASURED_DISTANCE = 0.5
-"""Distance beyond which bodies are not measured, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,47 +67,37 @@ class PlanQuality:
     joint: JointMargin
 
 
-class PlanQualityMeter:
-    """Meter of plan qualities for one robot. It uses a collision checker, whose scene the caller sets."""
+def measure_quality(model: RobotModel, collision: CollisionChecker, trajectory: Trajectory) -> PlanQuality:
+    """Measure a whole trajectory, in the scene of the checker's last update."""
+    picked = list(_sampled_indices(trajectory))
+    least = smallest_singular_values(model, trajectory.position[picked])
+    worst = int(np.argmin(least))
+    room = np.minimum(trajectory.position - model.lower, model.upper - trajectory.position)
+    moment, joint = (int(k) for k in np.unravel_index(int(np.argmin(room)), room.shape))
+    return PlanQuality(
+        polyline_length(trajectory.position),
+        polyline_length(model.tcp_positions(trajectory.position)),
+        trajectory.duration,
+        _nearest(collision, trajectory, picked, itself=False),
+        _nearest(collision, trajectory, picked, itself=True),
+        float(least[worst]),
+        float(trajectory.times[picked[worst]]),
+        JointMargin(
+            model.description.joints[joint], float(room[moment, joint]), float(trajectory.times[moment])
+        ),
+    )
 
-    def __init__(self, model: RobotModel, collision: CollisionChecker) -> None:
-        self._model = model
-        self._collision = collision
 
-    def quality(self, trajectory: Trajectory) -> PlanQuality:
-        """Measure a whole trajectory, in the scene of the checker's last update."""
-        picked = list(_sampled_indices(trajectory))
-        least = smallest_singular_values(self._model, trajectory.position[picked])
-        worst = int(np.argmin(least))
-        return PlanQuality(
-            length(trajectory.position),
-            self._way(trajectory),
-            trajectory.duration,
-            self._nearest(trajectory, picked, itself=False),
-            self._nearest(trajectory, picked, itself=True),
-            float(least[worst]),
-            float(trajectory.times[picked[worst]]),
-            self._joint(trajectory),
-        )
-
-    def _nearest(self, trajectory: Trajectory, picked: Sequence[int], *, itself: bool) -> NearestBody | None:
-        nearest: NearestBody | None = None
-        for k in picked:
-            within = MAX_MEASURED_DISTANCE if nearest is None else nearest.contact.distance
-            contact = self._collision.nearest(trajectory.position[k], within, itself=itself)
-            if contact is not None:
-                nearest = NearestBody(contact, float(trajectory.times[k]))
-        return nearest
-
-    def _way(self, trajectory: Trajectory) -> float:
-        return length(self._model.tcp_positions(trajectory.position))
-
-    def _joint(self, trajectory: Trajectory) -> JointMargin:
-        q = trajectory.position
-        room = np.minimum(q - self._model.lower, self._model.upper - q)
-        moment, joint = (int(k) for k in np.unravel_index(int(np.argmin(room)), room.shape))
-        name = self._model.description.joints[joint]
-        return JointMargin(name, float(room[moment, joint]), float(trajectory.times[moment]))
+def _nearest(
+    collision: CollisionChecker, trajectory: Trajectory, picked: Sequence[int], *, itself: bool
+) -> NearestBody | None:
+    nearest: NearestBody | None = None
+    for k in picked:
+        within = 0.5 if nearest is None else nearest.contact.distance  # m
+        contact = collision.nearest(trajectory.position[k], within, itself=itself)
+        if contact is not None:
+            nearest = NearestBody(contact, float(trajectory.times[k]))
+    return nearest
 
 
 def smallest_singular_values(model: RobotModel, path: Array) -> Array:
@@ -174,18 +134,13 @@ def _nearer(a: NearestBody | None, b: NearestBody | None, since: float) -> Neare
     return replace(b, at=since + b.at)
 
 
-def length(path: Array) -> float:
-    """Return the length of a polyline (m, n), in the units of its points."""
-    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-
-
 def _sampled_indices(trajectory: Trajectory) -> Iterator[int]:
     """Yield samples at most about STEP apart; the first and the last among them."""
     q = trajectory.position
     since = np.inf
     for k in range(len(q)):
         since += 0.0 if k == 0 else float(np.linalg.norm(q[k] - q[k - 1]))
-        if since >= QUALITY_STEP or k == len(q) - 1:
+        if since >= 0.05 or k == len(q) - 1:  # rad
             since = 0.0
             yield k
 
@@ -224,7 +179,7 @@ def plan_entry(
         duration=answer.trajectory.duration,
         path=tuple(tuple(one) for one in answer.path.tolist()),
         tool_path=tool_path,
-        length=length(q),
-        way=length(np.array(tool_path)),
+        length=polyline_length(q),
+        way=polyline_length(np.array(tool_path)),
         singular=float(smallest_singular_values(model, picked).min()),
     )

@@ -43,14 +43,7 @@ from .lookahead_planning import (
 )
 from .motion_chain import DEFAULT_LINE_ROUNDING, MotionChain, split_into_legs
 from .penetration_escape import EscapeSearch
-from .plan_quality import (
-    CostMeter,
-    MeasuredCost,
-    PlanQuality,
-    PlanQualityMeter,
-    combine_qualities,
-    plan_entry,
-)
+from .plan_quality import MeasuredCost, PlanQuality, combine_qualities, measure_quality, plan_entry
 from .requests import (
     DEFAULT_CHECK_BUDGET,
     ContactPair,
@@ -122,7 +115,7 @@ class PlanService:
         self.solver = RequestSolver(
             model, scene, configuration=configuration, width=width, workspace=workspace, planner=planner
         )
-        self._meter = CostMeter(self.solver.collision, self.solver.ik, thinking, cost)
+        self._cost = cost
         beside = (
             PlanningWorker(lambda: ChainSolver(model, scene, workspace, planner))
             if worker and not verify
@@ -308,8 +301,15 @@ class PlanService:
     @contextmanager
     def checking(self) -> Generator[MeasuredCost]:
         """Charge the checker's queries within the block to the thinking account."""
-        with self._stopwatch.measure("planning"), self._meter.measure() as spent:
-            yield spent
+        spent, solver = MeasuredCost(), self.solver
+        checks, solves = solver.collision.checks, solver.ik.solves
+        with self._stopwatch.measure("planning"):
+            try:
+                yield spent
+            finally:
+                spent.checks = solver.collision.checks - checks
+                spent.seconds = (spent.checks + solver.ik.solves - solves) * self._cost
+                self._thinking.spend(spent.seconds)
 
     def forget(self) -> None:
         """Drop what was planned ahead, as a checkpoint does."""
@@ -360,7 +360,7 @@ class PlanService:
         measured: list[PlanQuality] = []
         for leg, trajectory in zip(plan.legs or (plan,), split_into_legs(plan), strict=True):
             self.solver.look(leg.request)
-            measured.append(PlanQualityMeter(self._model, self.solver.collision).quality(trajectory))
+            measured.append(measure_quality(self._model, self.solver.collision, trajectory))
         return combine_qualities(measured)
 
     def contacts(self, q: Array | None = None) -> tuple[ContactPair, ...]:

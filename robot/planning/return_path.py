@@ -16,6 +16,7 @@ from picktree.world.robot_model import RobotModel
 
 from .collision_checker import CollisionChecker
 from .inverse_kinematics import InverseKinematics
+from .path_curves import polyline_length
 from .trajectory_check import MAX_JOINT_STEP, MAX_TCP_STEP, StartTolerance
 
 RETURN_BUDGET = 8000
@@ -28,7 +29,6 @@ ROUNDING = 1e-7
 """Growth of an excess that counts as none, rad or m."""
 INSIDE_RESERVE = 0.01
 """Distance of the tool to the edge of its room at which straight motions aim, m."""
-INWARD_DAMPING = 1e-3
 INWARD_STEP = 0.05
 """Travel of the tool in an extension straight inwards, m."""
 INWARD_NOISE = 0.05
@@ -125,7 +125,7 @@ class ReturnSearch:
         size = float(np.linalg.norm(inside))
         if size > 0.0:
             jacobian = self._model.jacobian(q)[:3]
-            square = jacobian @ jacobian.T + INWARD_DAMPING * np.eye(3)
+            square = jacobian @ jacobian.T + 1e-3 * np.eye(3)
             wanted = inside * (INWARD_STEP / size) - jacobian @ step
             step = step + jacobian.T @ np.asarray(np.linalg.solve(square, wanted), np.float64)
         return q + step
@@ -147,8 +147,7 @@ class ReturnSearch:
         return reached
 
     def _steps(self, a: Array, b: Array) -> int:
-        tool = self._model.tcp_positions(np.linspace(a, b, 9))
-        moved = float(np.linalg.norm(np.diff(tool, axis=0), axis=1).sum())
+        moved = polyline_length(self._model.tcp_positions(np.linspace(a, b, 9)))
         turned = float(np.linalg.norm(b - a))
         return max(1, int(np.ceil(max(moved / MAX_TCP_STEP, turned / MAX_JOINT_STEP))))
 

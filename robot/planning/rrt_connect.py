@@ -34,10 +34,6 @@ MIN_MOVE_GAIN = 0.015
 """Share below which a corner is not moved: that takes the checks of two whole edges."""
 FIRST_CUT = 0.5
 """First distance from a corner at which it is cut, as a share of the lengths of its two edges together."""
-CUT_REDUCTION = 0.7
-"""Factor on that distance after a cut that was not free."""
-MAX_CORNER_MOVES = 60
-"""Number of attempts to move corners of a path."""
 MOVE_SHARES = (0.5, 0.25)
 """Shares of the way to the straight line by which a corner is moved in all joints together."""
 MAX_LENGTH_RATIO = 1.3
@@ -69,7 +65,7 @@ def rrt_connect(
     rng: np.random.Generator,
 ) -> list[Array] | None:
     """Search a path, each (n,), from start to one of the goals. None when the checks are spent first."""
-    ours, theirs, samples = _Tree([start]), _Tree(goals), _Samples(lower, upper, start, goals, rng)
+    ours, theirs, samples = SearchTree([start]), SearchTree(goals), _Samples(lower, upper, start, goals, rng)
     forward = True
     for end in ours.ends:
         for other in theirs.ends:
@@ -135,8 +131,8 @@ def improve_path(
     return path
 
 
-class _Tree:
-    """Nodes by number: their configurations and their parents; the roots come first."""
+class SearchTree:
+    """Search tree: configurations by number with their parents; the roots come first."""
 
     def __init__(self, roots: Sequence[Rooted]) -> None:
         self.points: Array = np.empty((256, len(roots[0][0])))
@@ -245,7 +241,7 @@ class _Samples:
         return self._rng.uniform(lower, upper)[None]
 
 
-def _extend(tree: _Tree, samples: _Samples, checks: SearchChecks, left: int) -> int | None:
+def _extend(tree: SearchTree, samples: _Samples, checks: SearchChecks, left: int) -> int | None:
     """Extend a tree towards the first of the next samples to which the end of the extension is free, in at
     most `left` checks.
 
@@ -262,7 +258,7 @@ def _extend(tree: _Tree, samples: _Samples, checks: SearchChecks, left: int) -> 
     return tree.add(q, k) if checks.between(tree.points[k], q) else None
 
 
-def _connect(tree: _Tree, target: Array, checks: SearchChecks) -> int | None:
+def _connect(tree: SearchTree, target: Array, checks: SearchChecks) -> int | None:
     """Grow the tree towards the target while edges are free. Returns the node from which the target is
     reached, else None."""
     k, distance = tree.nearest(target)
@@ -306,7 +302,7 @@ def _cut_corners(path: list[Array], between: EdgeFree) -> list[Array]:
             points[k : k + 1] = new
             shares[k : k + 1] = [FIRST_CUT] * len(new)
         else:
-            shares[k] *= CUT_REDUCTION
+            shares[k] *= 0.7
     return points
 
 
@@ -339,7 +335,7 @@ def _move_corners(path: list[Array], edge: EdgeFree, between: EdgeFree) -> list[
     """
     points, left = list(path), MIN_MOVE_GAIN * path_length(path)
     failed: list[set[int]] = [set() for _ in points]
-    for _ in range(MAX_CORNER_MOVES):
+    for _ in range(60):
         moves = [
             (*_best_move(points[k - 1], points[k], points[k + 1], failed[k]), k)
             for k in range(1, len(points) - 1)

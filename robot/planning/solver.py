@@ -48,9 +48,6 @@ from .return_path import ReturnSearch
 from .time_parameterization import time_smooth
 from .trajectory_check import StartTolerance, is_trajectory_free
 
-RETURN_ATTEMPTS = 4
-"""Number of return paths that are tried: a straight one, then others."""
-
 
 class RequestSolver:
     """Request solver for one robot in one believed scene.
@@ -156,7 +153,7 @@ class RequestSolver:
         search = ReturnSearch(self.model, self.collision, self.ik, way, begun.start, begun.constraints.hold)
         home = self.model.named(HOME_CONFIGURATION)
         why = ""
-        for attempt in range(RETURN_ATTEMPTS):
+        for attempt in range(4):  # a straight one, then others
             back = search.around(seed + attempt, begun.request.budget) if attempt else search.straight([home])
             if back is None:
                 continue
@@ -164,7 +161,8 @@ class RequestSolver:
             try:
                 found = self._plan_inside(inside, goal, seed, timed=timed)
             except Failure as failure:
-                if failure.cause not in (planning.NO_PATH, planning.BUDGET) or _goal_enclosed(failure):
+                fails_anywhere = failure.evidence.get("enclosed") == "goal"
+                if failure.cause not in (planning.NO_PATH, planning.BUDGET) or fails_anywhere:
                     raise
                 why = f"a motion leads back in, but not on from there: {failure.message}"
                 continue
@@ -282,7 +280,9 @@ class RequestSolver:
             raise planning_failures.line_grazes(found.fraction, graze)
         for k, q in enumerate(trajectory.position):
             if broken := begun.constraints.broken(q):
-                raise planning_failures.line_breaks(broken, k / (len(trajectory.position) - 1))
+                share = k / (len(trajectory.position) - 1)
+                where = f"on the line, at {share:.0%} of its time,"
+                raise planning_failures.constraint_violated(where, broken, fraction=share)
         return trajectory
 
     def _line_ended(self, found: LineResult, least: float, target: Pose) -> Failure:
@@ -318,11 +318,6 @@ class _Begun:
     way: StartTolerance
     constraints: PathConstraints
     checks: int
-
-
-def _goal_enclosed(failure: Failure) -> bool:
-    """Whether a search failed for its goal's sake, whatever its start."""
-    return failure.evidence.get("enclosed") == "goal"
 
 
 def _planned(trajectory: Trajectory | None, path: PlannedPath) -> PlannedPath:

@@ -89,10 +89,10 @@ class KinematicHardware:
         floor = floor_height(scene.fixtures, robot.base_in_world.position[2])
         self._belts = KinematicBelts(scene, self.bodies, floor, period)
         self.clock = KinematicClock(period)
-        self.ailments = DeviceFaults(c.name for c in scene.cameras)
-        self.arm = KinematicArm(self.model, period, self.ailments)
-        self.gripper = KinematicGripper(robot.gripper, self.bodies, self.ailments)
-        self.wrench = KinematicWrench(self.ailments, lambda: self.model.flange(self.arm.position).orientation)
+        self.faults = DeviceFaults(c.name for c in scene.cameras)
+        self.arm = KinematicArm(self.model, period, self.faults)
+        self.gripper = KinematicGripper(robot.gripper, self.bodies, self.faults)
+        self.wrench = KinematicWrench(self.faults, lambda: self.model.flange(self.arm.position).orientation)
         streams = RandomStreams(seed)
         stage = RenderStage(real, robot, period)
         self.cameras: Mapping[str, Camera] = MappingProxyType(
@@ -104,7 +104,7 @@ class KinematicHardware:
                     self.clock,
                     self._posture,
                     lambda: self._obstacles.here,
-                    self.ailments,
+                    self.faults,
                     streams,
                 )
                 for c in scene.cameras
@@ -162,7 +162,7 @@ class KinematicHardware:
 
     @property
     def stamps(self) -> SensorStamps:
-        now, silence = self.clock.now, self.ailments.silence
+        now, silence = self.clock.now, self.faults.silence
         return SensorStamps(now, now, now if silence is None else silence.since)
 
     def pace(self, rate: int | None = None) -> None:
@@ -287,23 +287,23 @@ class KinematicHardware:
         return item.id
 
     def afflict(
-        self, number: int, fault: fault_entries.Ailing, held: tuple[float, ...] | None = None
+        self, number: int, fault: fault_entries.LastingFault, held: tuple[float, ...] | None = None
     ) -> None:
         """Begin a fault of a device. `held` is given on restore: the device's state when the fault began."""
-        self.ailments.begin(number, fault, self._doing(fault) if held is None else held)
+        self.faults.begin(number, fault, self._doing(fault) if held is None else held)
         if isinstance(fault, fault_entries.Stall) and held is None:
             self.arm.stand()
 
     def relieve(self, number: int) -> None:
         """End a fault of a device."""
-        self.ailments.end(number)
+        self.faults.end(number)
 
-    def _doing(self, fault: fault_entries.Ailing) -> tuple[float, ...]:
+    def _doing(self, fault: fault_entries.LastingFault) -> tuple[float, ...]:
         """Return the present state of the device that a fault affects, as `DeviceFaults` keeps it."""
         match fault:
             case fault_entries.GripperJam():
-                told = checkpoints.GripperCommand(self.gripper.target, self.gripper.force)
-                return jam_command(told, self.gripper.width, self.robot.gripper.max_force)
+                command = checkpoints.GripperCommand(self.gripper.target, self.gripper.force)
+                return jam_command(command, self.gripper.width, self.robot.gripper.max_force)
             case fault_entries.WrenchDead():
                 said = self.wrench.read()
                 return (*said.force, *said.torque, self.stamps.wrench)

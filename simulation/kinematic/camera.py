@@ -70,7 +70,7 @@ class RenderStage:
         self._set(bodies)
         self._stand(obstacles)
         view = CameraRenderer(camera)
-        optical = view.truly(posture.tool)
+        optical = view.true_frame(posture.tool)
         if moved is not None:
             optical = optical @ moved
         return in_front(view.render(self._client, optical), self._scenery.behind(view, optical))
@@ -117,11 +117,11 @@ class KinematicCamera:
         clock: Clock,
         posture: Callable[[], Posture],
         obstacles: Callable[[], Iterable[Fixture]] = tuple,
-        ailments: DeviceFaults | None = None,
+        faults: DeviceFaults | None = None,
         streams: RandomStreams | None = None,
     ) -> None:
-        """`ailments`: active faults of the cameras; `streams`: random streams for the noise of faults."""
-        self._ailments = ailments or DeviceFaults(())
+        """`faults`: active faults of the cameras; `streams`: random streams for the noise of faults."""
+        self._faults = faults or DeviceFaults(())
         self._streams = streams or RandomStreams(0)
         self._camera = camera
         self._stage = stage
@@ -132,8 +132,8 @@ class KinematicCamera:
 
     def capture(self) -> RgbdImage:
         name = self._camera.name
-        trouble = self._ailments.cameras.get(name)
-        if self._ailments.dropped(name):
+        trouble = self._faults.cameras.get(name)
+        if self._faults.dropped(name):
             raise NoImage(f"{name} gave no image")
         posture = self._posture()
         moved = None if trouble is None else trouble.moved

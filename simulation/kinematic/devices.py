@@ -26,18 +26,16 @@ from .bodies import KinematicBodies, KinematicBody
 
 MIN_FINGER_STEP = 1e-9
 """Change of the opening in a control period below which the fingers stand, m."""
-MIN_GRASP_OVERLAP = 0.001
-"""Least overlap of an item with the pads for a grasp, m."""
 
 
 class KinematicGripper:
     """`protocols.Gripper` of the kinematic backend. Holding needs friction: 2μF must carry the weight."""
 
     def __init__(
-        self, description: GripperDescription, bodies: KinematicBodies, ailments: DeviceFaults | None = None
+        self, description: GripperDescription, bodies: KinematicBodies, faults: DeviceFaults | None = None
     ) -> None:
         self._description = description
-        self._ailments = ailments or DeviceFaults(())
+        self._faults = faults or DeviceFaults(())
         self._bodies = bodies
         pad = description.pads[0][0].size
         self._reach_x = pad[0] / 2
@@ -53,23 +51,23 @@ class KinematicGripper:
         """Width of the held item, m."""
 
     def read(self) -> GripperState:
-        force = self._drive.force if self._ailments.any else self.force
+        force = self._drive.force if self._faults.any else self.force
         return GripperState(self.width, self.speed, force if self.speed == 0.0 else 0.0)
 
     @property
     def moves(self) -> bool:
         """Whether the fingers have not reached their target."""
-        if not self._ailments.any:
+        if not self._faults.any:
             return self.width != self.target
         return self.width != self._drive.width
 
     @property
     def _drive(self) -> checkpoints.GripperCommand:
         """Command that the drives carry out: the received one, unless a fault changes it."""
-        ailments = self._ailments
-        if ailments.jam is not None:
-            return checkpoints.GripperCommand(self.width, ailments.jam.force)
-        return checkpoints.GripperCommand(self.target, self.force * ailments.grip_share)
+        faults = self._faults
+        if faults.jam is not None:
+            return checkpoints.GripperCommand(self.width, faults.jam.force)
+        return checkpoints.GripperCommand(self.target, self.force * faults.grip_share)
 
     def command(self, width: float, force: float, speed: float | None = None) -> None:
         self.most_speed = min(speed or self._description.speed, self._description.speed)
@@ -82,7 +80,7 @@ class KinematicGripper:
         held, drive = bodies.held, self._drive
         # An item as wide as the full opening is released by fingers that open fully.
         wide = min(self.gripped + 5e-4, self._description.max_width - 1e-9)
-        opens = self._ailments.jam is None and self.target > wide
+        opens = self._faults.jam is None and self.target > wide
         if held is not None:
             assert self.item_in_tcp is not None
             if opens or not self._carries(bodies[held], drive.force):
@@ -128,7 +126,7 @@ class KinematicGripper:
             x, y, z = pose.position
             inside_x = min(x + float(high[0]), self._reach_x) - max(x + float(low[0]), -self._reach_x)
             inside_z = min(z + float(high[2]), self._highest) - max(z + float(low[2]), self._lowest)
-            if min(inside_x, inside_z) < MIN_GRASP_OVERLAP:
+            if min(inside_x, inside_z) < 0.001:  # m
                 continue
             left, right = y + float(low[1]), y + float(high[1])
             size = right - left
@@ -193,10 +191,10 @@ class WeakJoints:
 class KinematicArm:
     """`protocols.Arm`: follows commands exactly, or integrates the rigid-body dynamics under torques."""
 
-    def __init__(self, model: RobotModel, period: float, ailments: DeviceFaults | None = None) -> None:
+    def __init__(self, model: RobotModel, period: float, faults: DeviceFaults | None = None) -> None:
         self._model = model
         self._period = period
-        self._ailments = ailments or DeviceFaults(())
+        self._faults = faults or DeviceFaults(())
         self._weak = WeakJoints(model, period)
         self._torque: Array | None = None
         self.set(model.named("home"), np.zeros(model.n))
@@ -216,13 +214,13 @@ class KinematicArm:
         return self._torque is not None
 
     def follow(self, position: Array, velocity: Array) -> None:
-        if self._ailments.stalled:
+        if self._faults.stalled:
             return
         self._aim = (position.copy(), velocity.copy())
         self._torque = None
 
     def apply_torque(self, torque: Array) -> None:
-        if self._ailments.stalled:
+        if self._faults.stalled:
             return
         self._torque = torque.copy()
 
@@ -233,7 +231,7 @@ class KinematicArm:
 
     def step(self, wrench_at_tcp: Array) -> None:
         """Advance by one control period under a wrench (6,) on the TCP, N and Nm, in the world's axes."""
-        shares = self._ailments.torque_shares
+        shares = self._faults.torque_shares
         if self._torque is None and shares:
             self.position, self.velocity, effort = self._weak.follow(
                 self.position, self.velocity, *self._aim, shares
@@ -257,19 +255,19 @@ class KinematicArm:
 class KinematicWrench:
     """`protocols.WrenchSensor` without noise."""
 
-    def __init__(self, ailments: DeviceFaults, turn: Callable[[], Quaternion]) -> None:
+    def __init__(self, faults: DeviceFaults, turn: Callable[[], Quaternion]) -> None:
         """`turn` returns the sensor's orientation in the world."""
         self.reading = Wrench()
-        self._ailments = ailments
+        self._faults = faults
         self._turn = turn
 
     def read(self) -> Wrench:
-        ailments, said = self._ailments, self.reading
-        if ailments.silence is not None:
-            return ailments.silence.wrench
-        if not ailments.biased:
+        faults, said = self._faults, self.reading
+        if faults.silence is not None:
+            return faults.silence.wrench
+        if not faults.biased:
             return said
-        x, y, z, a, b, c = ailments.off(self._turn())
+        x, y, z, a, b, c = faults.off(self._turn())
         (fx, fy, fz), (tx, ty, tz) = said.force, said.torque
         return Wrench((fx + x, fy + y, fz + z), (tx + a, ty + b, tz + c))
 

@@ -107,15 +107,15 @@ class PhysicsHardware:
         self._static = StaticBodies(self._real, robot.base_in_world, client.id)
         self._contacts = ContactPoints(self._body, self._items, self._static, client.id)
         self._room: FreeSpaceCheck | None = None
-        self.ailments = DeviceFaults(c.name for c in scene.cameras)
-        self.arm = PhysicsArm(senses, self._body, self.ailments)
+        self.faults = DeviceFaults(c.name for c in scene.cameras)
+        self.arm = PhysicsArm(senses, self._body, self.faults)
         self._model: RobotModel | None = None
         scenery = StaticScene(self._real)
         tcps = self._body.tcp, self._believed_tcp
         self._cameras = MappingProxyType(
             {
                 c.name: PhysicsCamera(
-                    c, scenery, self._streams, client, senses, *tcps, self.ailments, self._items.stickers
+                    c, scenery, self._streams, client, senses, *tcps, self.faults, self._items.stickers
                 )
                 for c in scene.cameras
             }
@@ -124,7 +124,7 @@ class PhysicsHardware:
         limits = {e.kind: e.force_limit for e in scene.catalogue if e.force_limit is not None}
         self.crushing = CrushDetector(self._body, self._items, limits, client.id)
         """Forces of the fingers on fragile items, for tests and benchmarks."""
-        self.wrench = PhysicsWrench(senses, self.ailments)
+        self.wrench = PhysicsWrench(senses, self.faults)
         self._feeder: Feeder | None = None
         if has_feeder(scene):
             self._feeder = Feeder(scene, PhysicsCell(robot, self._items, senses), seed, self._belts.drives)
@@ -224,10 +224,10 @@ class PhysicsHardware:
         self._belts.build(self._static.names)
         self.penetrations.watch(self._items.numbers, self._static.holed)
         self._belts.restore(saved.belts)
-        self._items.lull(saved.items)
+        self._items.restore_sleep(saved.items)
         self._body.restore(saved.robot, saved.arm, saved.gripper)
-        if self.ailments.any:
-            self._ail()
+        if self.faults.any:
+            self._apply_device_faults()
         time = saved.step * RESOLUTION // EVERYDAY_STEP_RATE if saved.time is None else saved.time
         self._senses.start(saved.step, time, saved.robot)
         self._initial = saved.initial
@@ -279,8 +279,8 @@ class PhysicsHardware:
 
     def _with_marks(self, bodies: Iterable[TrueBody]) -> tuple[TrueBody, ...]:
         """Return the bodies with what has crushed them and their seating in holes."""
-        told = map(self.crushing.told, bodies)
-        return tuple(map(self._seated, told)) if self._boards else tuple(told)
+        crushed = map(self.crushing.with_crush_force, bodies)
+        return tuple(map(self._seated, crushed)) if self._boards else tuple(crushed)
 
     def true_fixtures(self) -> tuple[Fixture, ...]:
         """Return the scene's fixtures at their true poses."""
@@ -353,21 +353,21 @@ class PhysicsHardware:
         return item.id
 
     def afflict(
-        self, number: int, fault: fault_entries.Ailing, held: tuple[float, ...] | None = None
+        self, number: int, fault: fault_entries.LastingFault, held: tuple[float, ...] | None = None
     ) -> None:
         """Begin a fault of a device. `held` is given on restore: the device's state when the fault began."""
-        self.ailments.begin(number, fault, self._doing(fault) if held is None else held)
+        self.faults.begin(number, fault, self._doing(fault) if held is None else held)
         if isinstance(fault, fault_entries.Stall) and held is None:
             n = len(self.robot.joints)
             self._body.follow(self._senses.reading.position[:n], (0.0,) * n)
-        self._ail()
+        self._apply_device_faults()
 
     def relieve(self, number: int) -> None:
         """End a fault of a device."""
-        self.ailments.end(number)
-        self._ail()
+        self.faults.end(number)
+        self._apply_device_faults()
 
-    def _doing(self, fault: fault_entries.Ailing) -> tuple[float, ...]:
+    def _doing(self, fault: fault_entries.LastingFault) -> tuple[float, ...]:
         """Return the present state of the device that a fault affects, as `DeviceFaults` keeps it."""
         match fault:
             case fault_entries.GripperJam():
@@ -380,9 +380,9 @@ class PhysicsHardware:
             case _:
                 return (0.0,) if fault_entries.counted(fault) else ()
 
-    def _ail(self) -> None:
-        ailments = self.ailments
-        self._body.weaken(ailments.torque_shares, ailments.jam, ailments.grip_share)
+    def _apply_device_faults(self) -> None:
+        faults = self.faults
+        self._body.weaken(faults.torque_shares, faults.jam, faults.grip_share)
 
     def obstacles(self) -> tuple[TrueObstacle, ...]:
         """Return the obstacles that the robot does not know."""

@@ -28,10 +28,6 @@ from .items import PhysicsItems
 
 SLAB_SET_BACK = 0.01
 """Travel after which the slab is set back, m. Its ends are off the belt's by half of that at most."""
-SLAB_MASS = 50.0
-"""Mass of the slab, kg: large, so that items on it do not brake it."""
-MAX_MOTOR_FORCE = 500.0
-"""Greatest force of the slab's motor, N."""
 STATIC_COLLISION_FILTER, NO_COLLISION_FILTER = (2, -3), (0, 0)
 """Collision group and mask of static bodies, and of bodies that touch nothing. Two bodies collide when either
 of them wants to."""
@@ -67,7 +63,7 @@ class PhysicsBelt(BeltDrive):
             -1,
             self._fixture.pose.position,
             self._fixture.pose.orientation,
-            linkMasses=[SLAB_MASS],
+            linkMasses=[50.0],  # kg: items on it do not brake it
             linkCollisionShapeIndices=[box],
             linkVisualShapeIndices=[-1],
             linkPositions=[(0.0, 0.0, 0.0)],
@@ -154,7 +150,7 @@ class PhysicsBelt(BeltDrive):
             SLAB_LINK,
             pb.VELOCITY_CONTROL,
             targetVelocity=speed,
-            force=MAX_MOTOR_FORCE,
+            force=500.0,
             physicsClientId=self._client,
         )
 

@@ -39,6 +39,9 @@ from picktree.world.scene import TILE_HEIGHT, Bin, Fixture, SceneDescription, ti
 
 from .engine import pb
 
+MeshLists: TypeAlias = tuple[list[list[float]], list[int], list[list[float]]]
+"""Corners, order and normals of triangles, as pybullet takes them."""
+
 
 def add_holed_fixture(fixture: Fixture, client: int) -> tuple[int, ...]:
     """Add the fixture's convex pieces for collisions, invisible to cameras; return pybullet's body
@@ -58,7 +61,11 @@ def add_holed_fixture(fixture: Fixture, client: int) -> tuple[int, ...]:
 
 def holed_visual(fixture: Fixture, rgba: tuple[float, float, float, float], client: int) -> int:
     """Create a visual shape of the fixture in its own frame, with the insides of its holes."""
-    corners, order, normals = _lists(fixture)
+    return _mesh_visual(_lists(fixture), rgba, client)
+
+
+def _mesh_visual(lists: MeshLists, rgba: tuple[float, float, float, float], client: int) -> int:
+    corners, order, normals = lists
     return pb.createVisualShape(
         pb.GEOM_MESH,
         vertices=corners,
@@ -70,7 +77,7 @@ def holed_visual(fixture: Fixture, rgba: tuple[float, float, float, float], clie
 
 
 @cache
-def _lists(fixture: Fixture) -> tuple[list[list[float]], list[int], list[list[float]]]:
+def _lists(fixture: Fixture) -> MeshLists:
     """Return corners, indices and normals of the fixture's surface. They are made once: pybullet never frees
     the lists."""
     assert isinstance(fixture.shape, Box)
@@ -89,14 +96,13 @@ MAX_COLLISION_PARTS = 16
 """Greatest number of parts of a collision shape; `createCollisionShapeArray` silently drops the rest."""
 MOVING_BODY_GROUP, ALL_GROUPS_MASK = 1, -1
 """Collision group of moving bodies, and the mask of the groups with which they collide."""
-FLOOR_ID = ObjectId("floor")
 
 
 def add_fixed(scene: SceneDescription, base_in_world: Pose, client: int) -> dict[int, str]:
     """Add floor, fixtures and bins for collisions, invisible to cameras; return their names by pybullet's
     body number."""
     height = floor_height(scene.fixtures, base_in_world.position[2])
-    floor = Fixture(FLOOR_ID, Box((10.0, 10.0, 0.1)), Pose((0.0, 0.0, height - 0.05)))
+    floor = Fixture(ObjectId("floor"), Box((10.0, 10.0, 0.1)), Pose((0.0, 0.0, height - 0.05)))
     bodies: dict[int, str] = {}
     for fixture in (floor, *scene.fixtures):
         check_body(fixture.id, fixture.shape, fixture.pose)
@@ -316,19 +322,11 @@ def _visual(shape: Shape, colour: str, client: int) -> int:
         case Sphere(radius):
             return pb.createVisualShape(pb.GEOM_SPHERE, radius=radius, rgbaColor=rgba, physicsClientId=client)
         case ConvexMesh():
-            corners, order, normals = _faces(shape)
-            return pb.createVisualShape(
-                pb.GEOM_MESH,
-                vertices=corners,
-                indices=order,
-                normals=normals,
-                rgbaColor=rgba,
-                physicsClientId=client,
-            )
+            return _mesh_visual(_faces(shape), rgba, client)
 
 
 @cache
-def _faces(mesh: ConvexMesh) -> tuple[list[list[float]], list[int], list[list[float]]]:
+def _faces(mesh: ConvexMesh) -> MeshLists:
     """Return corners, order and normals of the triangles of its parts. They are made once: pybullet never
     frees the lists."""
     hulls = [_hull(part.vertices) for part in convex_parts(mesh)]

@@ -65,12 +65,6 @@ class ContactPoints:
         return self._items.name(body) or "?"
 
 
-PENETRATION_WINDOW = 1.0
-"""Time for which measured depths are kept, s."""
-PENETRATION_INTERVAL = 12
-"""Number of steps between two measurements."""
-
-
 class Penetrations:
     """Penetration monitor: contacts of items with the fixtures of one client.
 
@@ -84,7 +78,7 @@ class Penetrations:
         self._items: Mapping[ObjectId, int] = {}
         self._recent: dict[ObjectId, deque[tuple[float, float]]] = {}
         self._steps = 0
-        self.every = PENETRATION_INTERVAL
+        self.every = 12  # steps between two measurements
         self.greatest: dict[ObjectId, float] = {}
         """Greatest depth of each item that touched a fixture since `watch`, m."""
         self.lasting: dict[ObjectId, float] = {}
@@ -120,7 +114,7 @@ class Penetrations:
     def _note(self, name: ObjectId, now: float, depth: float) -> None:
         recent = self._recent.setdefault(name, deque())
         recent.append((now, depth))
-        while recent[0][0] < now - PENETRATION_WINDOW:
+        while recent[0][0] < now - 1.0:  # s
             recent.popleft()
         self.greatest[name] = max(depth, self.greatest.get(name, 0.0))
 
@@ -143,20 +137,6 @@ MIN_EXAMINED_EFFORT_SHARE = 0.15
 """Effort of the finger drives from which contacts are examined, as a share of the least force limit."""
 
 
-@dataclass(frozen=True, slots=True)
-class PeakFingerForce:
-    """Greatest force of one finger on a fragile item so far, and the force that the item survives, N."""
-
-    force: float
-    limit: float
-    gripped: float = 0.0
-    """Greatest force while the fingers had the command to close, N; other forces were bumps."""
-
-    @property
-    def crushed(self) -> bool:
-        return self.force > self.limit
-
-
 class CrushDetector:
     """Crush detector: examines the contacts of the fingers in every step in which they press."""
 
@@ -172,7 +152,7 @@ class CrushDetector:
         self._worth = MIN_EXAMINED_EFFORT_SHARE * min(limits.values(), default=float("inf"))
         if body.description.gripper.linkage is not None:
             self._worth = 0.0
-        self._most: dict[ObjectId, PeakFingerForce] = {}
+        self._most: dict[ObjectId, checkpoints.PressedItem] = {}
         self._events: list[JournalEvent] = []
 
     def stepped(self, now: float, reading: checkpoints.RobotReading) -> None:
@@ -184,7 +164,7 @@ class CrushDetector:
             if name in fingers:
                 self._look(link, name, now)
 
-    def most(self) -> Mapping[ObjectId, PeakFingerForce]:
+    def most(self) -> Mapping[ObjectId, checkpoints.PressedItem]:
         """Return the greatest forces on every fragile item that was between the fingers."""
         return dict(self._most)
 
@@ -194,15 +174,13 @@ class CrushDetector:
 
     def state(self) -> tuple[checkpoints.PressedItem, ...]:
         """Return the state for a checkpoint."""
-        return tuple(
-            checkpoints.PressedItem(name, p.force, p.limit, p.gripped) for name, p in self._most.items()
-        )
+        return tuple(self._most.values())
 
     def restore(self, state: Iterable[checkpoints.PressedItem]) -> None:
-        self._most = {item.id: PeakFingerForce(item.force, item.limit, item.gripped) for item in state}
+        self._most = {item.id: item for item in state}
         self._events = []
 
-    def told(self, body: TrueBody) -> TrueBody:
+    def with_crush_force(self, body: TrueBody) -> TrueBody:
         """Return the item's truth with the force that crushed it, if one did."""
         pressed = self._most.get(body.id)
         return body if pressed is None or not pressed.crushed else replace(body, crushed=pressed.force)
@@ -221,11 +199,11 @@ class CrushDetector:
         limit = self._limits.get(self._items.inventory.here[name].entry.kind)
         if limit is None:
             return
-        before = self._most.get(name) or PeakFingerForce(0.0, limit)
+        before = self._most.get(name) or checkpoints.PressedItem(name, 0.0, limit)
         gripped = force if self._body.grip.width <= 0.0 else 0.0
         if force <= before.force and gripped <= before.gripped:
             return
-        after = PeakFingerForce(max(force, before.force), limit, max(gripped, before.gripped))
+        after = replace(before, force=max(force, before.force), gripped=max(gripped, before.gripped))
         self._most[name] = after
         if after.crushed and not before.crushed:
             self._events.append(

@@ -64,10 +64,10 @@ class IdealSensors:
 class PhysicsArm:
     """`protocols.Arm` of the physics backend."""
 
-    def __init__(self, senses: IdealSensors, body: RobotBody, ailments: DeviceFaults) -> None:
+    def __init__(self, senses: IdealSensors, body: RobotBody, faults: DeviceFaults) -> None:
         self._senses = senses
         self._body = body
-        self._ailments = ailments
+        self._faults = faults
         self._shape = (len(body.description.joints),)
 
     @property
@@ -83,14 +83,14 @@ class PhysicsArm:
         return JointState(moving[:n], moving[n:], np.array(reading.effort[:n]))
 
     def follow(self, position: Array, velocity: Array) -> None:
-        if self._ailments.stalled:
+        if self._faults.stalled:
             return
         self._body.follow(
             finite(position, "arm position", self._shape), finite(velocity, "arm velocity", self._shape)
         )
 
     def apply_torque(self, torque: Array) -> None:
-        if self._ailments.stalled:
+        if self._faults.stalled:
             return
         self._body.apply_torque(finite(torque, "arm torque", self._shape))
 
@@ -130,23 +130,23 @@ class PhysicsGripper:
 class PhysicsWrench:
     """`protocols.WrenchSensor` of the physics backend."""
 
-    def __init__(self, senses: IdealSensors, ailments: DeviceFaults) -> None:
+    def __init__(self, senses: IdealSensors, faults: DeviceFaults) -> None:
         self._senses = senses
-        self._ailments = ailments
+        self._faults = faults
 
     @property
     def stamp(self) -> float:
         """Time of the last new reading, s."""
-        silence = self._ailments.silence
+        silence = self._faults.silence
         return self._senses.now if silence is None else silence.since
 
     def read(self) -> Wrench:
-        senses, ailments = self._senses, self._ailments
-        if ailments.silence is not None:
-            return ailments.silence.wrench
+        senses, faults = self._senses, self._faults
+        if faults.silence is not None:
+            return faults.silence.wrench
         a, b, c, d, e, f = senses.noise.wrench(senses.step, senses.now, senses.reading.turn)
         fx, fy, fz, tx, ty, tz = senses.reading.wrench
-        if ailments.biased:
-            more = ailments.off(senses.reading.turn)
+        if faults.biased:
+            more = faults.off(senses.reading.turn)
             a, b, c, d, e, f = (one + other for one, other in zip((a, b, c, d, e, f), more, strict=True))
         return Wrench((fx + a, fy + b, fz + c), (tx + d, ty + e, tz + f))

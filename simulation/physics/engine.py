@@ -13,7 +13,6 @@ from picktree.world import GRAVITY
 
 __all__ = ["pb"]
 STANDARD_ERROR = 2
-BUILD_MESSAGE = b"pybullet build time"
 
 
 @contextmanager
@@ -35,7 +34,7 @@ def _without_build_time() -> Generator[None]:
             os.close(kept)
             said.seek(0)
             for line in said:
-                if not line.startswith(BUILD_MESSAGE):
+                if not line.startswith(b"pybullet build time"):
                     os.write(STANDARD_ERROR, line)
 
 

@@ -18,8 +18,6 @@ from picktree.world.scene import Bin, CameraDescription, Fixture, SceneDescripti
 from .bodies import add_scenery
 from .engine import Client, pb
 
-LIGHT_DIRECTION = (0.3, 0.2, 1.0)
-"""Direction towards the light, in the world."""
 HAND_CAMERA_NEAR_CLIP = 0.01
 """Near clipping distance of a camera on the hand, m. The hand hides what is behind it, also where it is too
 near to be measured."""
@@ -46,7 +44,7 @@ class CameraRenderer:
         right = up * camera.size[0] / camera.size[1]
         self._projection = pb.computeProjectionMatrix(-right, right, -up, up, self._clip, camera.far)
 
-    def truly(self, tool: Pose) -> Pose:
+    def true_frame(self, tool: Pose) -> Pose:
         """Return the true optical frame in the world, for a tool that truly is at `tool`."""
         mounted = self.camera.pose @ self.camera.error
         return mounted if self.camera.on == "world" else tool @ mounted
@@ -63,7 +61,7 @@ class CameraRenderer:
             height,
             view_matrix(optical),
             self._projection,
-            lightDirection=LIGHT_DIRECTION,
+            lightDirection=(0.3, 0.2, 1.0),
             lightColor=(1.0, 1.0, 1.0),
             shadow=0,
             lightAmbientCoeff=0.6,
@@ -100,7 +98,7 @@ class StaticScene:
     def behind(self, view: CameraRenderer, optical: Pose) -> RenderedImage:
         """Return the image without moving bodies, from the true optical frame `optical` in the world."""
         picture = self._still.get(view.camera.name)
-        if picture is not None and optical == view.truly(Pose()):
+        if picture is not None and optical == view.true_frame(Pose()):
             return picture
         if self._client is None:
             self._client = _scenery(self._scene.fixtures, self._scene.bins)
@@ -113,7 +111,7 @@ def _still(
 ) -> tuple[RenderedImage, ...]:
     """Return the image of each camera that hangs still, without moving bodies: rendered once a process."""
     client = _scenery(fixtures, bins)
-    return tuple(view.render(client.id, view.truly(Pose())) for view in map(CameraRenderer, cameras))
+    return tuple(view.render(client.id, view.true_frame(Pose())) for view in map(CameraRenderer, cameras))
 
 
 def _scenery(fixtures: Sequence[Fixture], bins: Sequence[Bin]) -> Client:
@@ -193,7 +191,7 @@ class PhysicsCamera:
         clock: Clock,
         tool: Callable[[], Pose],
         believed_tool: Callable[[], Pose],
-        ailments: DeviceFaults,
+        faults: DeviceFaults,
         stickers: Callable[[], Iterable[Sticker]] = tuple,
     ) -> None:
         """`tool` returns the true TCP in the world, `believed_tool` the TCP by the encoders. Both are for a
@@ -207,16 +205,16 @@ class PhysicsCamera:
         self._clock = clock
         self._tool = tool
         self._believed_tool = believed_tool
-        self._ailments = ailments
+        self._faults = faults
         self._intrinsics = camera.intrinsics
         self._view = CameraRenderer(camera)
 
     def capture(self) -> RgbdImage:
         camera, moving = self._description, self._description.on == "hand"
-        trouble = self._ailments.cameras.get(camera.name)
-        optical = self._view.truly(self._tool() if moving else Pose())
+        trouble = self._faults.cameras.get(camera.name)
+        optical = self._view.true_frame(self._tool() if moving else Pose())
         if trouble is not None:
-            if self._ailments.dropped(camera.name):
+            if self._faults.dropped(camera.name):
                 self.captures += 1
                 raise NoImage(f"{camera.name} gave no image")
             optical = optical @ trouble.moved

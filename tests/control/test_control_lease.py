@@ -7,7 +7,7 @@ import pytest
 
 from picktree.files import PicktreeError
 from picktree.robot.control import HoldController
-from picktree.robot.control.compliant_motion import HoldPose
+from picktree.robot.control.compliant_motion import CompliantMotion
 from picktree.robot.control.impedance import (
     CartesianImpedance,
     ContactReflex,
@@ -126,7 +126,7 @@ def test_brake_slows_each_joint_at_its_limit() -> None:
 def test_torque_to_position_and_back_without_a_step() -> None:
     cell = Cell()
     lease: Lease = cell.loop.acquire("skill")
-    lease.run(CartesianImpedance(cell.model, cell.loop.period, HoldPose()))
+    lease.run(CartesianImpedance(cell.model, cell.loop.period, CompliantMotion()))
     positions, velocities = record(cell, 480)
     assert np.abs(positions - HOME).max() < 1e-6
     assert np.abs(velocities).max() < 1e-5

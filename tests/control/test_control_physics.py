@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from picktree.robot.control import CartesianStiffness, HoldController
-from picktree.robot.control.compliant_motion import HoldPose
+from picktree.robot.control.compliant_motion import CompliantMotion
 from picktree.robot.control.impedance import CartesianImpedance
 from picktree.simulation.physics import PhysicsHardware
 from picktree.world import Array, Failure, Pose
@@ -52,7 +52,9 @@ def test_impedance_at_rest_stays_put(linear: float) -> None:
     one.loop.step_tick(0.05)
     begin = one.hardware.true_tcp()
     lease = one.loop.acquire("test")
-    lease.run(CartesianImpedance(one.model, one.loop.period, HoldPose(), CartesianStiffness(linear=linear)))
+    lease.run(
+        CartesianImpedance(one.model, one.loop.period, CompliantMotion(), CartesianStiffness(linear=linear))
+    )
     speeds: list[float] = []
     for _ in range(40):
         one.loop.step_tick(0.05)

@@ -1,4 +1,4 @@
-"""The wrist: bias, tare and payload, over times and not numbers of readings; contacts; payloads at rest."""
+"""The wrist: bias, tare and payload, over times and not numbers of readings; contacts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import pytest
 
 from picktree.robot.control import ContactDetector, Payload
 from picktree.robot.control.contact_detection import ForceSample
-from picktree.robot.control.payload_estimate import PayloadEstimator
 from picktree.robot.control.wrist_wrench import WristWrench
 from picktree.world import Array, Wrench
 from picktree.world.robot_model import RobotModel, load_robot
@@ -192,33 +191,8 @@ def test_what_the_hand_carries_is_no_contact_in_any_orientation() -> None:
     assert one.contact(0.1, TILTED).force == pytest.approx((0.0, 3.0, 0.0), abs=1e-9)
 
 
-def test_two_orientations_tell_mass_and_centre() -> None:
-    carried = Payload(0.8, 0.0, (0.012, -0.02, 0.035))
-    sensor = Sensor(HOME, payload=carried)
-    one = wrist(sensor)
-    estimate = one.estimate()
-    for q in (HOME, TILTED):
-        sensor.q = q
-        rest(one, sensor, 0.3)
-        one.weigh(estimate, 0.1, q)
-    found = estimate.payload
-    assert found.mass == pytest.approx(0.8, abs=0.002)
-    assert found.centre == pytest.approx(carried.centre, abs=0.002)
-    assert max(found.centre_sigma) < 0.003
-
-
-def test_one_orientation_leaves_the_height_of_the_centre_open() -> None:
-    down = HOME
-    estimate = PayloadEstimator(WRIST_IN_TOOL)
-    turn = MODEL.tcp(down).rotation()
-    estimate.add(Payload(0.8, 0.0, (0.01, 0.0, 0.05)).wrench(turn, WRIST_IN_TOOL), turn)
-    found = estimate.payload
-    assert found.mass == pytest.approx(0.8, abs=0.005)
-    assert found.centre[0] == pytest.approx(0.01, abs=0.002)
-    x, y, z = found.centre_sigma
-    assert max(x, y) < 0.002
-    assert z > 0.02
-    assert str(found) == "800 ± 5 g"
+def test_a_payload_reads_as_grams() -> None:
+    assert str(Payload(0.8, 0.005)) == "800 ± 5 g"
 
 
 def noisy(seconds: float, force: Array, seed: int, begin: float = 0.0) -> list[ForceSample]:
