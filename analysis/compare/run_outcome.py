@@ -14,8 +14,7 @@ from picktree.analysis import Run
 from picktree.logs import node_visits
 from picktree.world import event_types
 
-from .alignment import Alignment
-from .matching import Basis, first_bodies
+from .alignment import Alignment, Basis, first_bodies
 
 
 @dataclass(frozen=True, slots=True)
