@@ -481,19 +481,15 @@ def gripper_faulty(case: Investigation) -> Iterator[DeviceFinding]:
         told, pressed = number(failure, "told"), number(failure, "force") or 0.0
         moved, width = number(failure, "moved") or 0.0, 1000 * (number(failure, "width") or 0.0)
         start = case.visit(failure).start
-        weak = told is not None and moved > 2e-3
-        if weak:
-            felt = f"{force(pressed)}, though told {force(told or 0.0)}"
-            title = f"the gripper is too weak: its fingers press with {felt}"
-            yield DeviceFinding(
-                Finding("gripper.weak", "gripper", title, (failure.message,), "", failure.time),
-                ((start, failure.time),), ("control.gripper", "grasp.*", "place.missed"), 5.0,
-            )  # fmt: skip
-            continue
+        cause, placing = "gripper.jammed", "place.*"
         title = f"the fingers are stuck at {width:.0f} mm: they did not move though told to"
+        if told is not None and moved > 2e-3:
+            cause, placing = "gripper.weak", "place.missed"
+            felt = f"{force(pressed)}, though told {force(told)}"
+            title = f"the gripper is too weak: its fingers press with {felt}"
         yield DeviceFinding(
-            Finding("gripper.jammed", "gripper", title, (failure.message,), "", failure.time),
-            ((start, failure.time),), ("control.gripper", "grasp.*", "place.*"), 5.0,
+            Finding(cause, "gripper", title, (failure.message,), "", failure.time),
+            ((start, failure.time),), ("control.gripper", "grasp.*", placing), 5.0,
         )  # fmt: skip
 
 

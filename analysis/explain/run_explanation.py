@@ -41,9 +41,6 @@ from .root_causes import root_causes_of
 if TYPE_CHECKING:
     from picktree.logs import RunRecord
 
-PLANS = 3
-"""Failing plans in a row that are told."""
-
 
 def choices_before(run: RunRecord, source: node_visits.Visit) -> tuple[CandidateChoice, ...]:
     """Those within the visit that failed and of its item, or of the heap in it, in the order of time."""

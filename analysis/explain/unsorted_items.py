@@ -411,12 +411,14 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
         moved = distance(math.dist(lies.pose.position, track.bodies[-2].pose.position))
         reasons.append(f"it moved {moved} {between(track.times[-2], track.times[-1])}")
         return Finding("place.not_at_rest", true, title, tuple(reasons), item, track.times[-1])
-    others = [case.name_of(id_) for id_ in case.truth.tracks if id_ != true and _lies_in(case, id_, into)]
-    if (
-        not inside
-        and others
-        and any(_lay_in(case, id_, into, time) for id_ in case.truth.tracks if id_ != true)
-    ):
+    neighbours = [id_ for id_ in case.truth.tracks if id_ != true]
+    others = [
+        case.name_of(id_)
+        for id_ in neighbours
+        if case.gone(id_) is None and case.bin_at(case.truth.tracks[id_].bodies[-1]) == into
+    ]
+    then = (case.truth.at(id_, time) for id_ in neighbours)
+    if not inside and others and any(body is not None and case.bin_at(body) == into for body in then):
         title = f"{into} has no room for {item}: it did not stay in it when it was placed"
         reasons.append(f"in it lie {listed(others, 5)}")
         return Finding("bin.crowded", into, title, tuple(reasons), item, time)
@@ -426,7 +428,8 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
     if ends == into:
         reasons.append(f"beside it lie {listed(others, 5)}" if others else "nothing else lies there")
         title = f"{item} lies above the rim of {into}, or does not come to rest there"
-        return Finding(*_crowded(into, true, others), title, tuple(reasons), item, time)
+        cause, about = ("bin.crowded", into) if others else ("place.not_at_rest", true)
+        return Finding(cause, about, title, tuple(reasons), item, time)
     out, outside = next((t, b) for t, b in later if t > inside[-1] and case.bin_at(b) != into)
     lay = next(b for t, b in later if t == inside[-1])
     reasons.append(
@@ -452,20 +455,6 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
     title = f"{item} left {into} again after it had been placed, {when}"
     reasons.append("nothing was placed there about then: something else than the arm flung it out")
     return Finding("item.left_bin", true, title, tuple(reasons), item, inside[-1])
-
-
-def _lies_in(case: Investigation, true: str, bin_id: str) -> bool:
-    return case.gone(true) is None and case.bin_at(case.truth.tracks[true].bodies[-1]) == bin_id
-
-
-def _lay_in(case: Investigation, true: str, bin_id: str, time: float) -> bool:
-    body = case.truth.at(true, time)
-    return body is not None and case.bin_at(body) == bin_id
-
-
-def _crowded(bin_id: str, true: str, others: list[str]) -> tuple[str, str]:
-    """Cause and subject of an item that found no place in a bin."""
-    return ("bin.crowded", bin_id) if others else ("place.not_at_rest", true)
 
 
 def _not_tried(case: Investigation, true: str) -> Finding | None:

@@ -25,7 +25,6 @@ from .viewpoint import PictureView
 ROBOT_PICTURE_SIZE = (1000, 900)
 PICTURE_SHARE = 0.88
 """Share of a picture's sides that the robot fills."""
-"""Maximum number of faces of one mesh."""
 FRAME_AXIS_LENGTH = 0.08
 """Length of the axes of a frame, m."""
 _AXIS_COLOURS = ((214, 60, 60), (52, 168, 83), (66, 110, 235))
@@ -64,7 +63,11 @@ def home_mesh(robot: RobotDescription) -> triangle_meshes.Mesh:
     model = RobotModel(robot)
     poses = model.link_poses(model.named("home"), robot.gripper.max_width)
     return triangle_meshes.join_meshes(
-        [part.placed(pose) for link, part in _parts(robot) if (pose := poses.get(link)) is not None]
+        [
+            triangle_meshes.shape_mesh(part.shape).placed(part.pose_in_link).placed(pose)
+            for part in link_shapes(robot.urdf)
+            if (pose := poses.get(part.link)) is not None
+        ]
     )
 
 
@@ -76,13 +79,6 @@ def _filling_distance(view: PictureView, offsets: Array) -> float:
         PICTURE_SHARE * side / 2 / view.focal(ROBOT_PICTURE_SIZE[1]) for side in ROBOT_PICTURE_SIZE
     )
     return float((np.maximum(np.abs(right) / width, np.abs(down) / height) - forward).max())
-
-
-def _parts(robot: RobotDescription) -> list[tuple[str, triangle_meshes.Mesh]]:
-    return [
-        (part.link, triangle_meshes.shape_mesh(part.shape).placed(part.pose_in_link))
-        for part in link_shapes(robot.urdf)
-    ]
 
 
 def _frame(picture: np.ndarray, view: PictureView, name: str, pose: Pose) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import cv2
@@ -195,15 +195,7 @@ def thin_plot(plot: CurvePlot, most: int = MAX_CURVE_POINTS) -> CurvePlot:
     times = np.stack([plot.times[starts], plot.times[middles]], axis=1).ravel()
     curves = tuple(PlotCurve(curve.label, _extremes(curve.values, size)) for curve in plot.curves)
     note = f"{plot.note} " if plot.note else ""
-    return CurvePlot(
-        plot.name,
-        plot.title,
-        plot.unit,
-        plot.step,
-        times,
-        curves,
-        f"{note}Least and greatest of {size} ticks each.",
-    )
+    return replace(plot, times=times, curves=curves, note=f"{note}Least and greatest of {size} ticks each.")
 
 
 def _extremes(values: Floats, size: int) -> Floats:

@@ -322,20 +322,12 @@ class RecipeComparison:
         cases."""
         return any(criterion.better for criterion in self.criteria)
 
-    def criterion(self, name: str) -> Criterion:
-        return next(criterion for criterion in self.criteria if criterion.name == name)
-
-
-def compare(a: str, b: str, *, unpaired: bool = False) -> RecipeComparison:
-    """Compare two recipes, given as batches' folders, or FOLDER@LABEL for one recipe of several.
-
-    They are paired by seed, unless they share less than half of their seeds, or `unpaired` is set. Raises
-    PicktreeError when there is no such recipe, or none of its jobs was run.
-    """
-    return compare_recipes(read_recipe(a), read_recipe(b), unpaired=unpaired)
-
 
 def compare_recipes(a: RecipeOutcomes, b: RecipeOutcomes, *, unpaired: bool = False) -> RecipeComparison:
+    """Compare two recipes by seed, or as independent jobs.
+
+    They are independent when they share less than half of their seeds, or `unpaired` is set.
+    """
     shared = sorted(set(a.outcomes) & set(b.outcomes))
     by_seed = not unpaired and len(shared) >= _MIN_SHARED_SEED_SHARE * min(len(a.outcomes), len(b.outcomes))
     pairs = [(a.outcomes[seed], b.outcomes[seed]) for seed in shared]

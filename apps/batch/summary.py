@@ -294,9 +294,7 @@ def _worst_places(places: tuple[TableCellShare, ...]) -> str:
 def _recipe_json(recipe: RecipeSummary) -> dict[str, Any]:
     return {
         "label": recipe.label,
-        "success": _rate_json(recipe.success),
-        "items": _rate_json(recipe.items),
-        "first_try": _rate_json(recipe.first_try),
+        **{name: _rate_json(getattr(recipe, name)) for name in ("success", "items", "first_try")},
         "crashed": recipe.crashed,
         "picks_an_hour": None if recipe.picks_an_hour is None else asdict(recipe.picks_an_hour),
         "seconds_a_pick": dict(recipe.phases),
