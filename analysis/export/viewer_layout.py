@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from picktree.analysis import Run
-from picktree.logs import RunLog, log_records, topics
+from picktree.logs import RunLog, log_records, node_visits, topics
 from picktree.logs.recording import WORLD
 from picktree.world import Array, corners
 
@@ -167,42 +167,39 @@ class Lane:
     label: str
 
 
-@dataclass(frozen=True, slots=True)
-class _Activity:
-    """Activity of the nodes over a run."""
-
-    ticks: Mapping[str, int]
-    """Number of ticks in which a node was busy: reached, and not idle."""
-    failed: frozenset[str]
-    """Nodes that failed with a cause."""
-    began: Mapping[str, int]
-    """Number of times that a node became busy."""
-    leaves: frozenset[str]
-
-
 def lanes(run: Run) -> tuple[Lane, ...]:
     """Return the root, the busiest leaves (failed ones first) and the busiest sub-trees, in the tree's order.
 
     Of nodes that wrap each other and are always busy together, one has a lane: the outermost, or the leaf.
     """
-    nodes = _nodes(tree.record for tree in run.trees)
+    nodes: dict[str, log_records.TreeNode] = {}
+    for tree in run.trees:
+        for node in tree.record.nodes:
+            nodes.setdefault(node.path, node)
     if not nodes:
         return ()
-    activity = _activity(run, frozenset(node.path for node in nodes if not node.children))
-    root = nodes[0].path
-    busy = [node for node in nodes if activity.ticks.get(node.path) and node.path != root]
-    leaves = [node for node in busy if not node.children]
-    inner = [node for node in busy if node.children and not _wraps_or_wrapped(node, activity)]
+    visits: dict[str, list[node_visits.Visit]] = {}
+    for visit in run.account.visits:
+        visits.setdefault(visit.path, []).append(visit)
+    ticks = {path: [(visit.first, visit.last) for visit in each] for path, each in visits.items()}
+    spent = {path: sum(last - first + 1 for first, last in each) for path, each in ticks.items()}
+    failed = {visit.path for visit in run.account.visits if visit.outcome == "FAILURE" and visit.cause}
+    root = next(iter(nodes))
+    busy = [node for path, node in nodes.items() if path in spent and path != root]
+    leaves = [node.path for node in busy if not node.children]
 
-    def rank(node: log_records.TreeNode) -> tuple[bool, int]:
-        return (node.path not in activity.failed, -activity.ticks[node.path])
+    def repeated(node: log_records.TreeNode) -> bool:
+        """Whether the node's parent, or a leaf below it, was busy at exactly the same times."""
+        others = (node.parent, *(child for child in node.children if child in leaves))
+        return any(ticks[node.path] == ticks.get(other) for other in others)
 
-    chosen = {root}
-    chosen.update(node.path for node in sorted(leaves, key=rank)[:MAX_LEAF_LANES])
-    chosen.update(
-        node.path for node in sorted(inner, key=lambda n: -activity.ticks[n.path])[:MAX_INNER_LANES]
-    )
-    paths = [node.path for node in nodes if node.path in chosen]
+    inner = [node.path for node in busy if node.children and not repeated(node)]
+    chosen = {
+        root,
+        *sorted(leaves, key=lambda path: (path not in failed, -spent[path]))[:MAX_LEAF_LANES],
+        *sorted(inner, key=lambda path: -spent[path])[:MAX_INNER_LANES],
+    }
+    paths = [path for path in nodes if path in chosen]
     return tuple(Lane(path, label) for path, label in zip(paths, labels(paths), strict=True))
 
 
@@ -220,36 +217,3 @@ def _ends(path: str) -> tuple[str, ...]:
     """Return the ends of the path, the shortest first, the whole path last."""
     parts = path.split("/")
     return tuple("/".join(parts[k:]) for k in range(len(parts) - 1, -1, -1))
-
-
-def _nodes(trees: Iterable[log_records.Tree]) -> tuple[log_records.TreeNode, ...]:
-    """Return the nodes of all trees of the run, each once, in its first form."""
-    found: dict[str, log_records.TreeNode] = {}
-    for tree in trees:
-        for node in tree.nodes:
-            found.setdefault(node.path, node)
-    return tuple(found.values())
-
-
-def _wraps_or_wrapped(node: log_records.TreeNode, activity: _Activity) -> bool:
-    """Whether the node's parent, or a leaf below it, was busy at exactly the same times."""
-    return any(
-        activity.ticks[node.path] == activity.ticks.get(other)
-        and activity.began[node.path] == activity.began[other]
-        for other in (node.parent, *node.children)
-        if other == node.parent or other in activity.leaves
-    )
-
-
-def _activity(run: Run, leaves: frozenset[str]) -> _Activity:
-    """Return the activity from the ticks alone, which logs of every format have."""
-    ticks, began = Counter[str](), Counter[str]()
-    failed: set[str] = set()
-    before: frozenset[str] = frozenset()
-    for tick in run.ticks:
-        busy = frozenset(n.path for n in tick.record.nodes if n.ticked and n.status != "IDLE")
-        ticks.update(busy)
-        began.update(busy - before)
-        before = frozenset(n.path for n in tick.record.nodes if n.status == "RUNNING")
-        failed.update(n.path for n in tick.record.nodes if n.ticked and n.status == "FAILURE" and n.cause)
-    return _Activity(ticks, frozenset(failed), began, leaves)
