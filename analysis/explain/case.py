@@ -352,6 +352,11 @@ class Investigation:
     def bins(self) -> Mapping[str, Bin]:
         return {str(b.id): b for b in self.scene.bins} if self.scene else {}
 
+    def last_believed(self, failure: FailureStory) -> log_records.BodyRecord | None:
+        """Return the item of a failure as it was last believed until then; None when it never was."""
+        track = self.belief.tracks.get(failure.item)
+        return None if track is None else track.before(failure.time)
+
     def believed_at(self, time: float) -> list[log_records.BodyRecord]:
         """All bodies of the belief at that time."""
         return [body for _, body in self.belief.there(time)]

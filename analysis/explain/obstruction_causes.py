@@ -149,9 +149,7 @@ APPROACH = 0.08
 
 def no_way_to_bin(case: Investigation, failure: FailureStory, refused: int, total: int) -> Finding | None:
     """No grasp leads to the item's bin: because that is full, covered, or too far away."""
-    lies = (
-        case.belief.tracks[failure.item].before(failure.time) if failure.item in case.belief.tracks else None
-    )
+    lies = case.last_believed(failure)
     target = case.bins.get(case.destination(lies)) if lies else None
     reasons = (f"from {refused} of {total} grasps {failure.item} {NOWHERE}",)
     if lies is None or target is None:
@@ -311,11 +309,12 @@ def _touching(
         if name in fixtures:
             title = f"{name} stands in the way of {_doing(failure)}"
             return Finding("scene.blocked", name, title, reasons, failure.item, failure.time)
-    obstacles = [name for name in most if _role(case, name) == "obstacle"]
+    tracks = case.belief.tracks
+    obstacles = [name for name in most if name in tracks and tracks[name].first.role == "obstacle"]
     if obstacles:
         title = f"something unknown ({obstacles[0]}) is seen in the way of {_doing(failure)}"
         return Finding("scene.unknown_obstacle", obstacles[0], title, reasons, failure.item, failure.time)
-    neighbours = [name for name in most if name in case.belief.tracks and name != failure.item]
+    neighbours = [name for name in most if name in tracks and name != failure.item]
     if neighbours and failure.cause == "planning.start_in_collision":
         # The hand may just have let go of something there: where that lies is a guess.
         begun = failure.name_and_item
@@ -350,9 +349,7 @@ def _far(
     hindered: Counter[str],
 ) -> Finding | None:
     """`hindered`: how often the arm itself would touch what."""
-    lies = (
-        case.belief.tracks[failure.item].before(failure.time) if failure.item in case.belief.tracks else None
-    )
+    lies = case.last_believed(failure)
     where = f" at {place(lies.pose.position)}" if lies else ""
     poses = _grasp_poses(case, choice)
     arm = case.arm
@@ -430,8 +427,3 @@ def _pairs(pairs: Sequence[str]) -> Counter[str]:
     """`panda_hand 3.2 mm deep in shelf`: what is touched, and how often."""
     found = (PAIR.match(pair) for pair in pairs)
     return Counter(match.group(2).split("/")[0] for match in found if match)
-
-
-def _role(case: Investigation, name: str) -> str:
-    track = case.belief.tracks.get(name)
-    return track.first.role if track else ""

@@ -140,8 +140,10 @@ def _of_failures(case: Investigation) -> Mapping[int, Finding]:
             finding = before
         elif finding.cause in DISPLACING:
             displaced[true] = finding
-        elif finding.cause in PLACES and true in displaced and not _held_since(case, true, displaced[true]):
-            finding = displaced[true]
+        elif finding.cause in PLACES and before is not None:
+            held = (p for p in case.once(held_periods) if p.true == true)
+            if not any(period.start > (before.time or 0.0) for period in held):
+                finding = before
         found[failure.number] = finding
     return found
 
@@ -166,11 +168,6 @@ def _kept_moving(case: Investigation, true: str, before: Finding, after: Finding
 
 STEP = 1e-3
 """Way between two samples of the truth below which an item rests, m."""
-
-
-def _held_since(case: Investigation, true: str, displaced: Finding) -> bool:
-    """Whether the robot had the item in its hand after it had been moved there."""
-    return any(p.true == true and p.start > (displaced.time or 0.0) for p in case.once(held_periods))
 
 
 def _as_it_says(failure: FailureStory) -> Finding:
@@ -221,9 +218,10 @@ def _why_unsorted(case: Investigation, true: str, by_failure: Mapping[int, Findi
     sure = [finding for finding, _ in to_blame if finding.confidence != "the log does not tell"]
     unsure = [finding for finding, answered in to_blame if not answered]
     answer = next(reversed(sure or unsure), None) or why_not_sorted(case, true)
-    if answer is None or answer.cause not in ("mission.not_tried", "item.never_seen"):
-        return answer
-    return _no_time(case, true, by_failure) if answer.cause == "mission.not_tried" else _unseen(case, answer)
+    if answer is not None and answer.cause == "mission.not_tried":  # a stop may have taken its time
+        stopped = [f for f in case.failures if f.cause == "tree.timeout" and f.fate != "cured"]
+        return by_failure[stopped[-1].number] if stopped else why_not_sorted(case, true)
+    return _unseen(case, answer) if answer is not None and answer.cause == "item.never_seen" else answer
 
 
 ORIGINS = (
@@ -247,12 +245,6 @@ def _why_crushed(
     during = (f for f in case.failures if case.visit(f).start <= time <= f.time + 1e-6)
     origins = (by_failure[failure.number] for failure in during)
     return next((finding for finding in origins if finding.cause.startswith(ORIGINS)), broken)
-
-
-def _no_time(case: Investigation, true: str, by_failure: Mapping[int, Finding]) -> Finding | None:
-    """The stop that took the time in which an item would have been tried."""
-    stopped = [f for f in case.failures if f.cause == "tree.timeout" and f.fate != "cured"]
-    return by_failure[stopped[-1].number] if stopped else why_not_sorted(case, true)
 
 
 def _unseen(case: Investigation, answer: Finding) -> Finding:

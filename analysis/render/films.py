@@ -8,7 +8,7 @@ import signal
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from fractions import Fraction
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -37,12 +37,6 @@ _LIMITED_RANGE = 1
 235."""
 _KEYFRAME_INTERVAL = 2.0
 """Interval between points at which playback of a film can start, s."""
-
-
-def require_encoder() -> None:
-    """Raise PicktreeError when the encoder's library is not installed."""
-    with optional_import("video", "av", "A video"):
-        import av  # noqa: F401 # pyright: ignore[reportUnusedImport]
 
 
 def write_mp4(path: Path, pictures: Iterable[Picture], size: tuple[int, int], fps: int) -> int:
@@ -302,15 +296,7 @@ class Film:
         )
 
     def to_json(self) -> dict[str, object]:
-        return {
-            "path": str(self.path),
-            "seconds": self.seconds,
-            "frames": self.frames,
-            "fps": self.fps,
-            "size": list(self.size),
-            "bytes": self.bytes,
-            "wall": self.wall,
-        }
+        return {**asdict(self), "path": str(self.path), "seconds": self.seconds, "size": list(self.size)}
 
 
 def film(
@@ -329,7 +315,8 @@ def film(
     ending = output.suffix.lower()
     if ending not in FILM_SUFFIXES:
         raise PicktreeError(f"{output}: a film is a file that ends in {' or '.join(FILM_SUFFIXES)}")
-    require_encoder()
+    with optional_import("video", "av", "A video"):
+        import av  # noqa: F401 # pyright: ignore[reportUnusedImport]
     moving = ending == ".gif"
     fps = request.fps or (10 if moving else 20)
     size = request.size or ((640, 400) if moving else (960, 600))

@@ -254,11 +254,6 @@ _MISSING_MISSION_PATH: Final = Path("/nonexistent/picktree/mission.yaml")
 """Path that replaces the mission's own, so that a report runs no code from beside it."""
 
 
-def charts_of(run: Run) -> tuple[mission_chart.Chart, ...]:
-    """Return one chart for each of `run.trees`, in their order."""
-    return tuple(_chart(run, place, at.record) for place, at in enumerate(run.trees))
-
-
 def _chart(run: Run, place: int, tree: log_records.Tree) -> mission_chart.Chart:
     try:
         drawn = _of_mission(run, f"edit-{place:04d}/" if place else "")
@@ -328,7 +323,7 @@ def pack_tree(run: Run) -> Section:
     table = tick_table(run)
     if not table.nodes:
         return Section("tree", {"empty": "The log holds no tree."})
-    charts = charts_of(run)
+    charts = [_chart(run, place, at.record) for place, at in enumerate(run.trees)]
     return Section(
         "tree",
         {

@@ -105,7 +105,6 @@ class BatchWatcher(Protocol):
     def stopping(self, under_way: int) -> None: ...
     def waiting(self) -> None:
         """Called several times a second while the batch waits."""
-        ...
 
 
 class Batch:

@@ -584,7 +584,10 @@ def _lines(found: RecipeComparison, program: str) -> Iterator[str]:
         yield ""
         yield f"{len(found.changed)} seeds changed sides"
         for changed in found.changed:
-            yield from _changed_lines(changed, program)
+            said = f"  seed {changed.seed}: {changed.winner} alone reached its goal"
+            yield f"{said}; {changed.parting}" if changed.parting else said
+            if changed.logs is not None:
+                yield f"    {program} diff {shlex.join(changed.logs)}"
         lacking = [changed for changed in found.changed if changed.missing]
         if lacking and not any(changed.parting for changed in lacking):
             yield f"of {len(lacking)} a log was not kept: --remake runs them again and says where they part"
@@ -632,13 +635,6 @@ def _difference_row(title: str, found: MeanDifference, adjusted: float, scale: f
 
 def _p(value: float) -> str:
     return f"{value:.3f}" if value >= 0.001 else "< 0.001"
-
-
-def _changed_lines(changed: ChangedSeed, program: str) -> Iterator[str]:
-    said = f"  seed {changed.seed}: {changed.winner} alone reached its goal"
-    yield f"{said}; {changed.parting}" if changed.parting else said
-    if changed.logs is not None:
-        yield f"    {program} diff {shlex.join(changed.logs)}"
 
 
 def _json(found: RecipeComparison) -> dict[str, Any]:
