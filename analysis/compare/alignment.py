@@ -28,6 +28,7 @@ from picktree.logs import account_of, log_records, node_visits
 MAX_SAME_PLACE_DISTANCE = 0.02
 """Maximum distance of the same place, m: half an item, above the error of perception, below the gap of two
 items."""
+Side: TypeAlias = Literal["a", "b"]
 Basis: TypeAlias = Literal["place", "order"]
 
 
@@ -140,6 +141,12 @@ class NodeMatch:
         """Paths in A of the nodes of B."""
         return {pair.b.path: pair.a.path for pair in self.pairs}
 
+    def inner(self, side: Side) -> frozenset[str]:
+        """Return the paths of that side's nodes with children."""
+        nodes = [pair.a if side == "a" else pair.b for pair in self.pairs]
+        nodes += self.only_a if side == "a" else self.only_b
+        return frozenset(node.path for node in nodes if node.children)
+
     @property
     def moved(self) -> tuple[NodePair, ...]:
         """Pairs with different paths."""
@@ -161,11 +168,7 @@ class NodeMatch:
 
 
 def match_nodes(a: Run, b: Run) -> NodeMatch:
-    return match_trees(a.nodes, b.nodes)
-
-
-def match_trees(a: Iterable[log_records.TreeNode], b: Iterable[log_records.TreeNode]) -> NodeMatch:
-    in_a, in_b = {node.path: node for node in a}, {node.path: node for node in b}
+    in_a, in_b = {node.path: node for node in a.nodes}, {node.path: node for node in b.nodes}
     b_of = {path: path for path in in_a if path in in_b}
     same_in_b = {path: path for path in b_of}
     left_a, left_b = _unpaired_below(in_a, b_of), _unpaired_below(in_b, same_in_b)
@@ -262,7 +265,6 @@ def renamed(value: object, names: Mapping[str, str]) -> object:
     return value
 
 
-Side: TypeAlias = Literal["a", "b"]
 SIDES: Final[tuple[Side, Side]] = ("a", "b")
 How: TypeAlias = Aspect | Literal["order", "end"]
 AT_START: Final[tuple[Aspect, ...]] = ("type", "inputs")
@@ -430,9 +432,7 @@ def _next(
             for pair in sides.pairs
             if abs(pair.a.start - pair.b.start) <= TIME_TOLERANCE
         }
-    nodes = [pair.a if side == "a" else pair.b for pair in sides.nodes.pairs]
-    nodes += sides.nodes.only_a if side == "a" else sides.nodes.only_b
-    inner = {node.path for node in nodes if node.children}
+    inner = sides.nodes.inner(side)
     fitting = (
         visit
         for visit in sides.visits(side)

@@ -41,21 +41,6 @@ POSES = 12
 SOLUTIONS = 1
 
 
-def arm_of(run: RunRecord) -> InverseKinematics | None:
-    """The arm's kinematics by the robot file in the log; None when that cannot be read here."""
-    if "robot.yaml" not in run.log.attachments:
-        return None
-    # They are slow to import, and needed for few failures.
-    from picktree.robot.planning import InverseKinematics
-    from picktree.world.robot_model import RobotModel
-
-    with tempfile.TemporaryDirectory() as folder:
-        try:
-            return InverseKinematics(RobotModel(run_recipe.Unpacking(run.log, Path(folder)).robot()))
-        except (PicktreeError, OSError, ValueError):
-            return None
-
-
 def reachable(arm: InverseKinematics, poses: Sequence[Pose]) -> bool:
     """Whether a configuration within the joint limits leads to one of the poses of the TCP in the world."""
     step = max(len(poses) // POSES, 1)
@@ -169,7 +154,19 @@ class Investigation:
 
     @cached_property
     def arm(self) -> InverseKinematics | None:
-        return arm_of(self.run)
+        """Arm's kinematics by the robot file in the log; None when that cannot be read here."""
+        if "robot.yaml" not in self.run.log.attachments:
+            return None
+        # They are slow to import, and needed for few failures.
+        from picktree.robot.planning import InverseKinematics
+        from picktree.world.robot_model import RobotModel
+
+        with tempfile.TemporaryDirectory() as folder:
+            try:
+                robot = run_recipe.Unpacking(self.run.log, Path(folder)).robot()
+                return InverseKinematics(RobotModel(robot))
+            except (PicktreeError, OSError, ValueError):
+                return None
 
     @cached_property
     def scores(self) -> Mapping[str, ItemScore]:

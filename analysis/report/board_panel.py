@@ -87,14 +87,10 @@ def _writes(table: TickTable) -> Packable:
     return {
         "tick": np.array([written.tick for written in table.writes], dtype=np.uint32),
         "key": words.numbers([written.write.key for written in table.writes]),
-        "value": words.numbers([_json(written.write.value) for written in table.writes]),
+        "value": words.numbers([orjson.dumps(written.write.value).decode() for written in table.writes]),
         "node": words.numbers([written.write.node for written in table.writes]),
         "words": list(words.texts),
     }
-
-
-def _json(value: object) -> str:
-    return orjson.dumps(value).decode()
 
 
 def _belief(seen: Sequence[BeliefSighting]) -> Packable:

@@ -168,12 +168,8 @@ def _content_security_policy(scripts: Iterable[str]) -> str:
 
 
 _OUTCOME_COLOURS = {
-    "success": "success",
-    "paused": "open",
-    "interrupted": "open",
-    "killed": "open",
-    "unknown": "open",
-}
+    "success": "success", **dict.fromkeys(("paused", "interrupted", "killed", "unknown"), "open")
+}  # fmt: skip
 """Colour class of the outcome; any other outcome is a failure."""
 
 

@@ -180,10 +180,9 @@ def paired_difference(pairs: Sequence[tuple[float, float]]) -> MeanDifference:
     changed = apart[apart != 0.0]
     p_value = 1.0
     if len(changed) > 1:
-        p_value = _p_value((changed,), _mean, "samples")
+        p_value = _p_value((changed,), np.mean, "samples")
     mean_a, mean_b = (float(mean) for mean in values.mean(axis=0))
-    interval = _interval((apart,), _mean)
-    return MeanDifference(mean_a, mean_b, interval, p_value, len(pairs))
+    return MeanDifference(mean_a, mean_b, _interval((apart,), np.mean), p_value, len(pairs))
 
 
 def unpaired_difference(a: Sequence[float], b: Sequence[float]) -> MeanDifference:
@@ -198,10 +197,6 @@ def unpaired_difference(a: Sequence[float], b: Sequence[float]) -> MeanDifferenc
     if len({*one.tolist(), *other.tolist()}) > 1:
         p_value = _p_value((one, other), _apart, "independent")
     return MeanDifference(mean_a, mean_b, _interval((one, other), _apart), p_value, count)
-
-
-def _mean(values: _Numbers, axis: int = -1) -> Any:
-    return np.mean(values, axis=axis)
 
 
 def _apart(a: _Numbers, b: _Numbers, axis: int = -1) -> Any:
