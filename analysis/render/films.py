@@ -332,33 +332,20 @@ def film(
         return painters.pictures(frames)
 
     setup = FrameSetup(log.robot_model(), request.view, size, bin_tints(log))
-    partial = output.with_name(file_system.fitted(f".{output.name}.partial"))
-    try:
+    with file_system.whole([output], output) as (beside,):
         output.parent.mkdir(parents=True, exist_ok=True)
-        partial.touch()
-    except OSError as error:
-        raise _refused(output, error) from None
-    try:
+        beside.touch()
         with FrameWorkers(setup, request.processes if count > _MAX_SINGLE_PROCESS_FRAMES else 1) as painters:
             drawn = _with_progress(pictures(times, painters), count, progress)
             if moving:
                 sample = list(
                     pictures(times[:: max(1, math.ceil(count / _PALETTE_IMAGES))], FrameWorkers(setup, 1))
                 )
-                frames = write_gif(partial, drawn, size, fps, sample)
+                frames = write_gif(beside, drawn, size, fps, sample)
             else:
-                frames = write_mp4(partial, drawn, size, fps)
-        written = partial.stat().st_size
-        partial.replace(output)
-    except OSError as error:
-        raise _refused(output, error) from None
-    finally:
-        partial.unlink(missing_ok=True)
+                frames = write_mp4(beside, drawn, size, fps)
+        written = beside.stat().st_size
     return Film(output, frames, fps, size, written, time.monotonic() - began)
-
-
-def _refused(output: Path, error: OSError) -> PicktreeError:
-    return PicktreeError(f"{output} cannot be written: {(error.strerror or str(error)).lower()}")
 
 
 def _span(log: RunLog, request: FilmRequest) -> tuple[float, float]:

@@ -64,14 +64,13 @@ def images_within_budget(shots: Sequence[Stamped[CameraImage]], budget: int) -> 
     decoded.
     """
     some = [shots[k] for k in range(0, len(shots), max(len(shots) // 8, 1))]
+    width = quality = count = 0
     for width, quality in _widths_and_qualities(some[0].record.colour.shape[1]):
-        mean = sum(map(_size, _pictures(some, width, quality))) / len(some)
-        if 1.1 * mean * len(shots) <= budget:
+        sizes = [len(picture.colour) + len(picture.depth) for picture in _pictures(some, width, quality)]
+        count = int(budget * len(sizes) / (1.1 * sum(sizes)))
+        if count >= len(shots):
             return _pictures(shots, width, quality)
-    width, quality = _widths_and_qualities(some[0].record.colour.shape[1])[-1]
-    mean = sum(map(_size, _pictures(some, width, quality))) / len(some)
-    count = max(int(budget / (1.1 * mean)), 1)
-    chosen = sorted({round(float(k)) for k in np.linspace(0, len(shots) - 1, count)})
+    chosen = sorted({round(float(k)) for k in np.linspace(0, len(shots) - 1, max(count, 1))})
     return _pictures((shots[k] for k in chosen), width, quality)
 
 
@@ -80,10 +79,6 @@ def _widths_and_qualities(width: int) -> list[tuple[int, int]]:
     whole = min(width, 640)
     small = [(max(whole // 2, _MIN_IMAGE_WIDTH), 60)] if whole > _MIN_IMAGE_WIDTH else []
     return [*((whole, quality) for quality in _WEBP_QUALITIES), *small]
-
-
-def _size(picture: ReportImage) -> int:
-    return len(picture.colour) + len(picture.depth)
 
 
 def _pictures(shots: Iterable[Stamped[CameraImage]], width: int, quality: int) -> list[ReportImage]:

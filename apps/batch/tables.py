@@ -223,6 +223,8 @@ class TableOf:
     key: tuple[str, ...] = ()
     index: tuple[str, ...] = ()
     """Columns with an index."""
+    row: type | None = None
+    """Type of its rows; None: they have none of their own."""
 
     def to_sql(self) -> str:
         """Return the CREATE statements; their comments remain in the database."""
@@ -247,22 +249,10 @@ def _text(name: str, meaning: str) -> table_files.Column:
     return table_files.Column(name, "text", False, "", meaning)
 
 
-CHILDREN: Final[Mapping[str, type]] = {
-    "items": JobItemRow,
-    "picks": JobPickRow,
-    "failures": JobFailureRow,
-    "episodes": EpisodeRow,
-    "planted": PlantedRow,
-    "plans": JobPlanRow,
-    "timings": JobTimingRow,
-}
-"""Rows of the tables with many of a job."""
-
-
 def _table(
     name: str, meaning: str, row: type, *, key: tuple[str, ...] = (), index: tuple[str, ...] = ()
 ) -> TableOf:
-    return TableOf(name, meaning, (_JOB, *columns(row)), key, index)
+    return TableOf(name, meaning, (_JOB, *columns(row)), key, index, row)
 
 
 _JOB = _text("job", "id of the job")
@@ -314,6 +304,10 @@ TABLES = (
         key=("job", "library"),
     ),
 )
+CHILDREN: Final[Mapping[str, type]] = {
+    table.name: table.row for table in TABLES if table.row is not None and table.row is not CrashRow
+}
+"""Rows of the tables with many of a job."""
 _DEFAULTS = {"status": "DEFAULT 'waiting'", "attempts": "DEFAULT 0"} | dict.fromkeys(
     ("message", "digest", "root_cause", "look_at", "folder"), "DEFAULT ''"
 )
