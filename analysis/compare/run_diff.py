@@ -172,15 +172,8 @@ def value_changes(a: Mapping[str, object], b: Mapping[str, object]) -> tuple[Val
 
 def _settings(info: log_records.RunInfo) -> dict[str, object]:
     """Return the settings by user-visible names; the version of picktree has no prefix."""
-    named: dict[str, object] = {
-        "mission": info.mission,
-        "scene": info.scene,
-        "robot": info.robot,
-        "seed": info.seed,
-        "backend": info.backend,
-        "tick": info.tick,
-        "revision": info.revision,
-    }
+    fields = ("mission", "scene", "robot", "seed", "backend", "tick", "revision")
+    named: dict[str, object] = {name: getattr(info, name) for name in fields}
     for prefix, values in (("set ", info.parameters), ("", info.physics), ("", info.versions)):
         named.update({f"{prefix}{name}": value for name, value in values.items()})
     return named

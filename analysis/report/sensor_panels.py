@@ -121,12 +121,8 @@ def _webp(image: NDArray[np.uint8], width: int, quality: int) -> bytes:
 
 def _packed_image(picture: ReportImage, findings: Sequence[str]) -> Packable:
     return {
-        "camera": picture.camera,
-        "time": picture.time,
-        "colour": np.frombuffer(picture.colour, dtype=np.uint8),
-        "depth": np.frombuffer(picture.depth, dtype=np.uint8),
-        "nearest": picture.nearest,
-        "farthest": picture.farthest,
+        **{name: getattr(picture, name) for name in ("camera", "time", "nearest", "farthest")},
+        **{name: np.frombuffer(getattr(picture, name), dtype=np.uint8) for name in ("colour", "depth")},
         "findings": list(findings),
     }
 
@@ -260,10 +256,7 @@ def _gripper_plots(joints: series.JointSeries, fingers: Sequence[str]) -> tuple[
 
 def _packed_plot(plot: CurvePlot) -> Packable:
     return {
-        "name": plot.name,
-        "title": plot.title,
-        "unit": plot.unit,
-        "note": plot.note,
+        **{name: getattr(plot, name) for name in ("name", "title", "unit", "note")},
         "times": quantise(plot.times, 1e-3),
         "labels": [curve.label for curve in plot.curves],
         "values": [quantise(curve.values, plot.step) for curve in plot.curves],

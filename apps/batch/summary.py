@@ -8,7 +8,7 @@ import json
 import shlex
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -469,15 +469,9 @@ def _added_causes(causes: Iterable[CauseTotal]) -> tuple[CauseTotal, ...]:
     """Add up causes, the most frequent first. Each job has one recipe, so that jobs add up, too."""
     sums: dict[str, CauseTotal] = {}
     for c in causes:
-        b = sums.get(c.cause, CauseTotal(c.cause, 0, 0, 0, 0, 0.0))
-        sums[c.cause] = CauseTotal(
-            c.cause,
-            b.failures + c.failures,
-            b.cured + c.cured,
-            b.done_instead + c.done_instead,
-            b.jobs + c.jobs,
-            b.seconds_lost + c.seconds_lost,
-        )
+        before = sums.get(c.cause, CauseTotal(c.cause, 0, 0, 0, 0, 0.0))
+        counts = (one + other for one, other in zip(astuple(before)[1:], astuple(c)[1:], strict=True))
+        sums[c.cause] = CauseTotal(c.cause, *counts)
     return tuple(sorted(sums.values(), key=lambda c: (-c.failures, c.cause)))
 
 
