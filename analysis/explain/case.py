@@ -32,18 +32,18 @@ E = TypeVar("E", bound=JournalEvent)
 T = TypeVar("T")
 
 
-NEAR_HAND = 0.08
+HAND_RANGE = 0.08
 """An item whose centre is this near to the fingers may be touched, m."""
-NEAR_ARM = 0.15
+ARM_RANGE = 0.15
 """An obstacle this near to a link's frame may be touched, m."""
-POSES = 12
+MAX_POSES = 12
 """Number of poses that are tried of a longer list, spread over it."""
 SOLUTIONS = 1
 
 
 def reachable(arm: InverseKinematics, poses: Sequence[Pose]) -> bool:
     """Whether a configuration within the joint limits leads to one of the poses of the TCP in the world."""
-    step = max(len(poses) // POSES, 1)
+    step = max(len(poses) // MAX_POSES, 1)
     home = arm.model.named("home")
     rng = np.random.default_rng(0)
     return any(arm.solutions(pose, rng, home, SOLUTIONS) for pose in poses[::step])
@@ -264,7 +264,7 @@ class Investigation:
         held = {self.pairs.get(b.id, "") for b in self.believed_at(time) if b.attached}
         items = (body for name, body in self.truth.there(time) if name not in held)
         return bool(self.obstacles_near(time)) or any(
-            hand is not None and math.dist(hand, body.pose.position) < NEAR_HAND for body in items
+            hand is not None and math.dist(hand, body.pose.position) < HAND_RANGE for body in items
         )
 
     def obstacles_near(self, time: float) -> list[str]:
@@ -275,7 +275,7 @@ class Investigation:
             low, high = extents(body.shape, np.eye(3))
             local = body.pose.inverse().apply(links)
             away = np.linalg.norm(np.maximum(np.maximum(low - local, local - high), 0.0), axis=1)
-            if float(away.min()) < NEAR_ARM:
+            if float(away.min()) < ARM_RANGE:
                 found.append((float(away.min()), name))
         return [name for _, name in sorted(found)]
 

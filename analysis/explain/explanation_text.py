@@ -29,7 +29,7 @@ from .explanation import (
 if TYPE_CHECKING:
     from picktree.analysis import Run
 
-PLANTED = 12
+MAX_PLANTED = 12
 """Planted faults that are told."""
 
 
@@ -49,10 +49,10 @@ def recovery_lines(found: Episodes, paint: Paint) -> Iterator[str]:
             yield from rest
     if found.planted:
         yield paint("Faults that were planted, and what failed first after them", "place")
-        for fault in found.planted[:PLANTED]:
+        for fault in found.planted[:MAX_PLANTED]:
             yield from wrapped(f"{fault.time:7.2f} s  {fault.message}: {_then(fault)}", "  ", " " * 13)
-        if len(found.planted) > PLANTED:
-            yield f"  … {len(found.planted) - PLANTED} more (--json)"
+        if len(found.planted) > MAX_PLANTED:
+            yield f"  … {len(found.planted) - MAX_PLANTED} more (--json)"
 
 
 def _title(found: Episodes) -> str:
@@ -84,9 +84,9 @@ def _then(fault: item_episodes.Planted) -> str:
     return f"{fault.cause} {fault.after:.1f} s later, {episode_counts.ENDS[fault.end]}"
 
 
-EACH = 8
+MAX_SINGLE = 8
 """Failures up to which each is told by itself, unless all are asked for."""
-GROUPS = 12
+MAX_GROUPS = 12
 """Kinds of failures that are told, unless all are asked for."""
 _BODY, _HANGING = " " * 13, " " * 15
 _FATES = {
@@ -131,11 +131,11 @@ def _few(words: Sequence[str], most: int = 4) -> list[str]:
     return [*words[:most], f"{len(words) - most} other reasons"] if len(words) > most else [*words]
 
 
-CAUSES = 8
+MAX_CAUSES = 8
 """Root causes that are told, unless all are asked for."""
-ITEMS = 30
+MAX_ITEMS = 30
 """Items up to which those that are done are told, too."""
-EVENTS = 9
+MAX_EVENTS = 9
 """Events of an item that are told, unless all are asked for."""
 
 
@@ -188,7 +188,7 @@ class ExplanationText:
                 yield self._title("Nothing failed.")
             return
         yield self._title("Root cause" if len(causes) == 1 else f"Root causes ({len(causes)})")
-        shown = causes if everything else causes[:CAUSES]
+        shown = causes if everything else causes[:MAX_CAUSES]
         for number, cause in enumerate(shown, 1):
             mark = self._paint(f"{number}", "error" if cause.ended_run else "warning")
             stop = "" if cause.title.endswith((".", "!", "?")) else "."
@@ -234,9 +234,9 @@ class ExplanationText:
         summary = ", ".join(f"{n} {_FATES[fate]}" for fate, n in counts if n)
         yield self._title(f"Failures ({len(failures)}: {summary})")
         groups = [[f] for f in failures]
-        if not everything and len(failures) > EACH:
+        if not everything and len(failures) > MAX_SINGLE:
             groups = _alike(failures)
-        shown = groups if everything else groups[:GROUPS]
+        shown = groups if everything else groups[:MAX_GROUPS]
         for number, group in enumerate(shown):
             if number:
                 yield ""
@@ -323,7 +323,7 @@ class ExplanationText:
         if not items:
             return
         quiet = [i for i in items if i.state == "done" and "it belongs into" not in i.truth]
-        few = everything or len(items) <= ITEMS
+        few = everything or len(items) <= MAX_ITEMS
         shown = [i for i in items if few or i not in quiet]
         yield self._title(f"Items ({len(items)}, as the robot believed)")
         width = max((len(i.id) for i in shown), default=0)
@@ -350,15 +350,15 @@ class ExplanationText:
 
 def _timeline(item: ItemStory, width: int, everything: bool) -> str:
     done = item.state == "done" and all(e.failure is None for e in item.events)
-    told = [f"{e.time:.2f} s {_BRIEF.sub('', e.what) if done else e.what}" for e in item.events]
-    if len(told) > EVENTS and not everything:
-        told = [*told[: EVENTS - 3], f"… {len(told) - EVENTS + 1} more", *told[-2:]]
+    told = [f"{e.time:.2f} s {_DETAILS.sub('', e.what) if done else e.what}" for e in item.events]
+    if len(told) > MAX_EVENTS and not everything:
+        told = [*told[: MAX_EVENTS - 3], f"… {len(told) - MAX_EVENTS + 1} more", *told[-2:]]
     events = "; ".join(told)
     truth = f" ({item.truth})" if item.truth else ""
     return f"{item.id:<{width}}  {item.state:<5} {events}{truth}"
 
 
-_BRIEF = re.compile(r",? (?:for the first time|at x|\().*")
+_DETAILS = re.compile(r",? (?:for the first time|at x|\().*")
 """Parts left out of the timeline of an item that nothing happened to."""
 
 

@@ -19,11 +19,11 @@ from .explanation import FailureStory, Finding, between, counted, distance, plac
 from .held_items import held_periods
 from .item_causes import NOWHERE, another_size, appeared, never_seen, way_since
 
-NEAR_THING = 0.035
+THING_RADIUS = 0.035
 """Distance from a thing's middle up to which grasps and failed closings are its own, m."""
-LOW = 0.0125
+MIN_GRIP_HEIGHT = 0.0125
 """Height above the tote's floor below which the pads get no hold, m."""
-COVERED = 0.012
+COVER_DEPTH = 0.012
 """Depth below the seen surface from which on a thing is hidden, m: columns have steps of 6 mm."""
 FINGER_ROOM = 0.021
 """Distance from a wall below which no finger fits between, m."""
@@ -132,9 +132,9 @@ def lying(tote: Bin, heap: log_records.BodyRecord | None, body: log_records.Body
     inner_low, inner_high = tote.inside()
     top = z + float(high[2])
     over = -math.inf if heap is None else _column(heap, body.pose.position) - body.pose.position[2]
-    if over - float(high[2]) > COVERED:
+    if over - float(high[2]) > COVER_DEPTH:
         return "hidden below other things"
-    if top - inner_low[2] < LOW:
+    if top - inner_low[2] < MIN_GRIP_HEIGHT:
         return f"flat, {1000 * max(0.0, top - inner_low[2]):.0f} mm high"
     sides = ((x, low[0], high[0], 0), (y, low[1], high[1], 1))
     gap = min(min(inner_high[k] - at - far, at + near - inner_low[k]) for at, near, far, k in sides)
@@ -181,7 +181,7 @@ def _tried(
     body: log_records.BodyRecord,
 ) -> str:
     def near(position: Sequence[float]) -> bool:
-        return math.dist(position[:2], body.pose.position[:2]) < NEAR_THING
+        return math.dist(position[:2], body.pose.position[:2]) < THING_RADIUS
 
     reasons = Counter(reason for position, reason in refused if near(position))
     failed = sum(near(position) for position in vain)
@@ -192,9 +192,9 @@ def _tried(
     return ", ".join(words) or "no grasp was found on it"
 
 
-BESIDE_IT = 1.0
+PLACING_TIME = 1.0
 """Time around the placing of an item within which it pushes others, or bounces itself, s."""
-PUSHED = 0.35
+PUSH_RANGE = 0.35
 """Greatest distance of an item pushed out of a bin one second later, m."""
 
 
@@ -435,8 +435,8 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
     reasons.append(
         f"it lay there, and {distance(math.dist(lies.pose.position, lay.pose.position))} away later"
     )
-    placing = case.events(event_types.ItemDoneEvent, start=inside[-1] - BESIDE_IT, end=out + BESIDE_IT)
-    if math.dist(outside.pose.position, lay.pose.position) > PUSHED:
+    placing = case.events(event_types.ItemDoneEvent, start=inside[-1] - PLACING_TIME, end=out + PLACING_TIME)
+    if math.dist(outside.pose.position, lay.pose.position) > PUSH_RANGE:
         placing = []
     came = [at.record.object for at in placing if at.record.into == into]
     came = [name for name in came if name != item]
@@ -445,11 +445,11 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
         title = f"{into} is too small for all that belongs into it: {item} left it again {when}"
         reasons.append(f"{listed(came, 5)} came down into {into} about then and pushed it out")
         return Finding("bin.crowded", into, title, tuple(reasons), item, inside[-1])
-    if out - time < BESIDE_IT and others:
+    if out - time < PLACING_TIME and others:
         title = f"{into} is too full for {item}: it did not stay in it when it was placed, {when}"
         reasons.append(f"in it lie {listed(others, 5)}")
         return Finding("bin.crowded", into, title, tuple(reasons), item, inside[-1])
-    if out - time < BESIDE_IT:
+    if out - time < PLACING_TIME:
         title = f"{item} bounced out of {into} when it was placed, {when}"
         return Finding("place.beside", true, title, tuple(reasons), item, time)
     title = f"{item} left {into} again after it had been placed, {when}"
