@@ -367,15 +367,11 @@ class Investigation:
         """The bin, hole or fixture with holes where it belongs by the scene's rules; empty when nowhere."""
         if self.scene is None:
             return ""
-        entry = self.scene.find_entry(body.kind)
+        entry, size = self.scene.find_entry(body.kind), greatest_length(body.shape)
+        mass, tag = None if entry is None else entry.mass, None
         if isinstance(body, log_records.ThingRecord):
-            size = greatest_length(body.shape) if body.size is None else body.size
-            item = destinations.ItemTraits(body.colour, body.form, body.kind, body.mass, size, body.tag)
-        else:
-            mass = None if entry is None else entry.mass
-            item = destinations.ItemTraits(
-                body.colour, body.form, body.kind, mass, greatest_length(body.shape)
-            )
+            mass, size, tag = body.mass, size if body.size is None else body.size, body.tag
+        item = destinations.ItemTraits(body.colour, body.form, body.kind, mass, size, tag)
         return str(destinations.destination_rule(self.scene.destinations)(item) or "")
 
     def bin_at(self, body: log_records.BodyRecord) -> str:

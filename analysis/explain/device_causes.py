@@ -296,15 +296,13 @@ def wrist_silent(case: Investigation) -> Iterator[DeviceFinding]:
         at.time for at in case.events(event_types.SafetyStopEvent) if at.record.cause == "safety.stale_sensor"
     ]
     stale += [f.time for f in case.failures if f.cause == "safety.stale_sensor"]
-    spans: list[tuple[float, float]] = []
+    spans: tuple[tuple[float, float], ...] = ()
     if case.run.info.backend == "physics" and len(wrenches.times) > 2:  # else it is without noise
         same = np.abs(np.diff(np.linalg.norm(wrenches.forces, axis=1))) < 1e-6
-        spans = [s for s in _spans(wrenches.times[1:], same) if s[1] - s[0] > MIN_SILENCE]
-        spans = spans or [
-            s for s in smooth_spans(wrenches.times, wrenches.forces) if s[1] - s[0] > MIN_SILENCE
-        ]
+        spans = _lasting(_spans(wrenches.times[1:], same))
+        spans = spans or _lasting(smooth_spans(wrenches.times, wrenches.forces))
     if stale:
-        spans = spans or list(_spans(np.array(sorted(set(stale))), np.ones(len(set(stale)), dtype=bool), 2.0))
+        spans = spans or _spans(np.array(sorted(set(stale))), np.ones(len(set(stale)), dtype=bool), 2.0)
     if not spans:
         return
     title = f"the wrist sensor was silent {listed_spans(spans)}: it gave no new readings"
@@ -312,7 +310,7 @@ def wrist_silent(case: Investigation) -> Iterator[DeviceFinding]:
         f"the safety monitor saw no new reading at {listed_times(sorted(set(stale)))}",
     )  # fmt: skip
     yield DeviceFinding(
-        Finding("wrist.silent", "wrist", title, reasons, "", spans[0][0]), tuple(spans), FORCE_FAILURES
+        Finding("wrist.silent", "wrist", title, reasons, "", spans[0][0]), spans, FORCE_FAILURES
     )
 
 
@@ -355,13 +353,9 @@ def wrist_biased(case: Investigation) -> Iterator[DeviceFinding]:
     first = int(np.argmax(knows))  # the sensor's own bias, learnt at the start
     off = _sizes(read + learnt - np.where(knows[:, None], learnt[first], 0.0), pressing)
     still = np.array([s.speed < REST_SPEED for s in states])
-    spans = [
-        s
-        for s in _spans(times, (off > MIN_BIAS) & (still | (off > SWING_FORCE)))
-        if s[1] - s[0] > MIN_SILENCE
-    ]
     silent = [span for found in wrist_silent(case) for span in found.spans]
-    spans = [(a, b) for a, b in spans if not any(x <= b and a <= y for x, y in silent)]
+    lasting = _lasting(_spans(times, (off > MIN_BIAS) & (still | (off > SWING_FORCE))))
+    spans = [(a, b) for a, b in lasting if not any(x <= b and a <= y for x, y in silent)]
     if spans:
         start, end = spans[0]
         most = float(np.median(off[(times >= start) & (times <= end)]))
@@ -521,7 +515,7 @@ def fingers_stuck(case: Investigation) -> Iterator[DeviceFinding]:
     before = np.interp(times - 0.2, gripper.times, gripper.widths)
     told = np.array([s.told_width for s in states])
     stuck = (told > width + MIN_JAM) & (np.abs(width - before) < 5e-4)
-    spans = tuple(s for s in _spans(times, stuck) if s[1] - s[0] > MIN_SILENCE)
+    spans = _lasting(_spans(times, stuck))
     if spans:
         at, wanted = float(width[stuck][0]), float(told[stuck][0])
         title = f"the fingers are stuck at {1000 * at:.0f} mm: they did not move though told to"
@@ -551,7 +545,7 @@ def fingers_press_too_little(case: Investigation) -> Iterator[DeviceFinding]:
     resting = closing & (np.abs(width - before) < 5e-4) & (width > 0.004)
     moved = width < float(gripper.widths.max()) - 0.004
     weak = resting & moved & (pressed < WEAK_SHARE * told)
-    spans = tuple(s for s in _spans(times, weak) if s[1] - s[0] > MIN_SILENCE)
+    spans = _lasting(_spans(times, weak))
     if spans:
         most = float(np.median(pressed[weak] / told[weak]))
         title = f"the gripper presses with {100 * most:.0f} % of the force that it is told"
@@ -610,6 +604,10 @@ DETECTORS: tuple[Callable[[Investigation], Iterator[DeviceFinding]], ...] = (
     fingers_press_too_little, camera_silent, planner_refuses, camera_frozen, camera_noisy, camera_off,
     colours_mistaken,
 )  # fmt: skip
+
+
+def _lasting(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    return tuple(span for span in spans if span[1] - span[0] > MIN_SILENCE)
 
 
 def _spans(times: Array, where: NDArray[np.bool_], gap: float = 0.3) -> tuple[tuple[float, float], ...]:

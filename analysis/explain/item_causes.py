@@ -201,11 +201,8 @@ def misjudged(case: Investigation, failure: FailureStory) -> Finding | None:
 
 def _carried(case: Investigation, true: str, time: float) -> bool:
     """Whether the robot believed at that time that it held the item."""
-    for item in case.believed.get(true, ()):
-        body = case.belief.at(item, time)
-        if body is not None and body.attached:
-            return True
-    return False
+    bodies = (case.belief.at(item, time) for item in case.believed.get(true, ()))
+    return any(body is not None and body.attached for body in bodies)
 
 
 def _felt_nothing(failure: FailureStory) -> list[str]:

@@ -354,12 +354,13 @@ def _far(
     """`hindered`: how often the arm itself would touch what."""
     lies = case.last_believed(failure)
     where = f" at {place(lies.pose.position)}" if lies else ""
+    refused = f"{far} of {total} grasps were out of reach or in collision"
     poses = _grasp_poses(case, choice)
     arm = case.arm
     if arm is not None and poses and not reachable(arm, poses):
         title = f"{failure.item} lies{where}, where the arm does not reach it from above"
         reasons = (
-            f"{far} of {total} grasps were out of reach or in collision",
+            refused,
             f"for {counted(min(len(poses), 12), 'of them that was tried', 'of them that were tried')} no "
             "configuration of the arm exists, collisions aside",
         )
@@ -373,13 +374,12 @@ def _far(
     if near:
         title = f"{near[0]} stands in the way of the arm at {failure.item}"
         reasons = (
-            f"{far} of {total} grasps were out of reach or in collision",
+            refused,
             f"the arm could reach {failure.item}{where}, were it not for what stands around it",
         )
         return Finding("scene.blocked", near[0], title, reasons, failure.item, failure.time)
     title = f"the arm cannot get to {failure.item}{where} without touching something"
-    reasons = (f"{far} of {total} grasps were out of reach or in collision", *reasons)
-    return Finding("item.hemmed_in", failure.item, title, reasons, failure.item, failure.time)
+    return Finding("item.hemmed_in", failure.item, title, (refused, *reasons), failure.item, failure.time)
 
 
 def _grasp_poses(case: Investigation, choice: CandidateChoice) -> list[Pose]:

@@ -199,11 +199,8 @@ def hang(case: Investigation, visit: node_visits.Visit) -> Finding | None:
             f"where {visit.id} succeeded it took {median(usual):.1f} s ({counted(len(usual), 'time')}), "
             f"and here {visit.duration:.1f} s"
         )
-    title = f"{visit.name_and_item} hung: it did nothing for {visit.end - alive:.0f} s, until it was stopped"
-    if visit.outcome == "RUNNING":
-        title = (
-            f"{visit.name_and_item} hung: it did nothing for {visit.end - alive:.0f} s, until the log ends"
-        )
+    until = "the log ends" if visit.outcome == "RUNNING" else "it was stopped"
+    title = f"{visit.name_and_item} hung: it did nothing for {visit.end - alive:.0f} s, until {until}"
     return Finding("skill.hangs", visit.path, title, tuple(reasons), visit.item, alive)
 
 

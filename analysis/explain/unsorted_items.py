@@ -99,16 +99,12 @@ def _left(case: Investigation, tote: str, number: int, time: float) -> Finding:
 
 def remains(case: Investigation, tote: str, time: float) -> list[Remainder]:
     """Return the things that truly lie in a tote at that time."""
-    bins = {str(bin_.id): bin_ for bin_ in case.scene.bins} if case.scene else {}
-    bin_ = bins.get(tote)
+    bin_ = case.bins.get(tote)
     if bin_ is None or not bin_.is_tote:
         return []
     scene = case.run.at(time).belief
-    heap = (
-        next((body for body in scene.bodies if body.id == heap_geometry.heap_id(tote)), None)
-        if scene
-        else None
-    )
+    believed = scene.bodies if scene else ()
+    heap = next((body for body in believed if body.id == heap_geometry.heap_id(tote)), None)
     refused, vain = _refused(case, tote, time), _vain(case, time)
     bodies = ((true, case.truth.at(true, time)) for true in case.truth.tracks)
     return [

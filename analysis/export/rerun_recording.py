@@ -410,7 +410,7 @@ def write_rerun(run: Run, path: Path) -> None:
 
 def blueprint(run: Run) -> rrb.Blueprint:
     """Return a blueprint: scene beside images and log lines, above the nodes' lanes and the signals."""
-    contents = [f"+ {lane_entity(lane.path)}" for lane in lanes(run)]
+    contents = [f"+ {lane_entity(path)}" for path in lanes(run)]
     images = [
         rrb.Spatial2DView(origin=f"{camera_entity(camera)}/{kind}", name=f"{camera}, {kind}")
         for camera in run.log.cameras

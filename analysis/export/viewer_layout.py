@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from picktree.analysis import Run
+from picktree.files import short_names
 from picktree.logs import RunLog, log_records, node_visits, topics
 from picktree.logs.recording import WORLD
 from picktree.world import Array, corners
@@ -77,7 +77,7 @@ def layout(run: Run) -> ViewerLayout:
 def _status_series(run: Run) -> list[dict[str, Any]]:
     """Return lanes for the chosen nodes, and for each kind of event in the log."""
     happened = {at.record.kind for at in run.events}
-    nodes = [(lane.label, literal(lane.path)) for lane in lanes(run)]
+    nodes = [(label, literal(path)) for path, label in lanes(run).items()]
     paths = [(label, f"{topics.TICK.name}.nodes[:]{{path=={name}}}.status") for label, name in nodes if name]
     paths += [
         (kind.replace("_", " "), f'{topics.EVENTS.name}{{kind=="{kind}"}}.message')
@@ -159,16 +159,10 @@ def _scene_points(scene: log_records.Scene | None, transforms: Sequence[log_reco
     return np.concatenate(found) if found else _EMPTY_SCENE_BOX
 
 
-@dataclass(frozen=True, slots=True)
-class Lane:
-    """Lane of a node; `label` is the shortest end of the path that no other lane has."""
-
-    path: str
-    label: str
-
-
-def lanes(run: Run) -> tuple[Lane, ...]:
+def lanes(run: Run) -> Mapping[str, str]:
     """Return the root, the busiest leaves (failed ones first) and the busiest sub-trees, in the tree's order.
+
+    The keys are paths, the values short names.
 
     Of nodes that wrap each other and are always busy together, one has a lane: the outermost, or the leaf.
     """
@@ -177,7 +171,7 @@ def lanes(run: Run) -> tuple[Lane, ...]:
         for node in tree.record.nodes:
             nodes.setdefault(node.path, node)
     if not nodes:
-        return ()
+        return {}
     visits: dict[str, list[node_visits.Visit]] = {}
     for visit in run.account.visits:
         visits.setdefault(visit.path, []).append(visit)
@@ -199,21 +193,4 @@ def lanes(run: Run) -> tuple[Lane, ...]:
         *sorted(leaves, key=lambda path: (path not in failed, -spent[path]))[:MAX_LEAF_LANES],
         *sorted(inner, key=lambda path: -spent[path])[:MAX_INNER_LANES],
     }
-    paths = [path for path in nodes if path in chosen]
-    return tuple(Lane(path, label) for path, label in zip(paths, labels(paths), strict=True))
-
-
-def labels(paths: Sequence[str]) -> tuple[str, ...]:
-    """Return for each path its shortest end that no other path has.
-
-    >>> labels(["Main", "Main/A/Grasp", "Main/B/Grasp"])
-    ('Main', 'A/Grasp', 'B/Grasp')
-    """
-    ends = Counter(end for path in paths for end in _ends(path))
-    return tuple(next((end for end in _ends(path) if ends[end] == 1), path) for path in paths)
-
-
-def _ends(path: str) -> tuple[str, ...]:
-    """Return the ends of the path, the shortest first, the whole path last."""
-    parts = path.split("/")
-    return tuple("/".join(parts[k:]) for k in range(len(parts) - 1, -1, -1))
+    return short_names(path for path in nodes if path in chosen)

@@ -97,7 +97,7 @@ def test_lanes_are_the_root_and_what_took_time_in_the_trees_order(troubled_log: 
         chosen = lanes(run)
         order = [node.path for node in run.trees[0].record.nodes]
         idle = {n.path for n in run.trees[0].record.nodes} - {visit.path for visit in run.visits}
-    assert [lane.label for lane in chosen] == [
+    assert list(chosen.values()) == [
         "Main",
         "Repeat/Sequence",
         "Sequence/Observe",
@@ -114,8 +114,8 @@ def test_lanes_are_the_root_and_what_took_time_in_the_trees_order(troubled_log: 
         "GoTo",
         "Push",
     ]
-    assert all(lane.path.endswith(lane.label) for lane in chosen)
-    paths = [lane.path for lane in chosen]
+    assert all(path.endswith(label) for path, label in chosen.items())
+    paths = list(chosen)
     assert paths == sorted(paths, key=order.index)
     assert idle and not idle & set(paths)
     assert len(chosen) <= MAX_LEAF_LANES + 6
