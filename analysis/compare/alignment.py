@@ -404,7 +404,6 @@ def _log_end_divergence(sides: Alignment, over: float) -> Divergence | None:
 
 
 def _deepest_open_visit(visits: Sequence[node_visits.Visit], time: float) -> node_visits.Visit | None:
-    """Return the deepest visit that is open at that time."""
     open_ = [
         v for v in visits if v.start <= time + TIME_TOLERANCE and (v.outcome == "RUNNING" or v.end > time)
     ]

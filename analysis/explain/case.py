@@ -17,7 +17,17 @@ from picktree.files import PicktreeError
 from picktree.logs import BeliefEvent, RunLog, Stamped, log_records, node_visits
 from picktree.session import run_recipe
 from picktree.simulation import MAX_REST_SPEED, ItemScore, TrueBody, score
-from picktree.world import Array, JournalEvent, ObjectId, Pose, Vector3, event_types, extents, greatest_length
+from picktree.world import (
+    Array,
+    JournalEvent,
+    ObjectId,
+    Pose,
+    Vector3,
+    event_types,
+    extents,
+    greatest_length,
+    vector3,
+)
 from picktree.world.scene import Bin, CatalogueEntry, Fixture, SceneDescription, destinations
 
 from .body_tracks import BodyTracks, DeviceState, between, device_state, true_scenes, true_states
@@ -235,7 +245,6 @@ class Investigation:
         return cast("list[Stamped[E]]", between(found, start, end))
 
     def changes(self, item: str, start: float = 0.0, end: float = math.inf) -> list[Stamped[BeliefEvent]]:
-        """Changes of the belief of an item."""
         return between(self._changes.get(item, ()), start, end)
 
     @cached_property
@@ -255,8 +264,7 @@ class Investigation:
         ]
         if not fingers:
             return None
-        x, y, z = np.mean(fingers, axis=0)
-        return (float(x), float(y), float(z))
+        return vector3(np.mean(fingers, axis=0))
 
     def something_near(self, time: float) -> bool:
         """Whether an item that is not believed in the hand, or an obstacle, was truly near hand or arm."""

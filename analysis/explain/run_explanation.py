@@ -405,7 +405,6 @@ def _truth(case: Investigation, true: str) -> str:
 
 
 def _events_by_item(case: Investigation) -> dict[str, list[Stamped[JournalEvent]]]:
-    """Return the events of each item, by its name."""
     found: dict[str, list[Stamped[JournalEvent]]] = {}
     for at in case.run.events:
         event = at.record

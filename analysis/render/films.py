@@ -128,7 +128,6 @@ def _palette(sample: Sequence[Picture]) -> VideoFrame:
 
 
 def _ready_frames(graph: Graph) -> list[VideoFrame]:
-    """Return the frames that the graph has ready."""
     from av.error import BlockingIOError, EOFError
 
     ready: list[VideoFrame] = []
@@ -274,8 +273,6 @@ class FilmRequest:
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """Written film."""
-
     path: Path
     frames: int
     fps: int

@@ -12,7 +12,7 @@ import numpy as np
 from picktree.files import PicktreeError, file_system
 from picktree.logs import RunLog, triangle_meshes
 from picktree.logs.recording import require_picture_name, write_picture
-from picktree.world import Array, Pose
+from picktree.world import Array, Pose, vector3
 from picktree.world.robot_model import RobotDescription, RobotModel, link_shapes
 
 from .captions import write
@@ -42,7 +42,7 @@ def draw_robot(robot: RobotDescription, path: Path) -> None:
     mesh = home_mesh(robot)
     middle = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
     view = PictureView(
-        target=(float(middle[0]), float(middle[1]), float(middle[2])),
+        target=vector3(middle),
         azimuth=math.radians(35.0),
         elevation=math.radians(18.0),
     )

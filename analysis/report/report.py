@@ -100,7 +100,6 @@ def _plans(run: Run) -> Iterator[ReportEvent]:
 
 
 def plan_line(plan: log_records.Plan) -> str:
-    """Return a plan in one line."""
     cost = f"{plan.checks} checks by {plan.planner}" if plan.planner else f"{plan.checks} checks"
     if plan.outcome == "found":
         return f"{plan.request}: {plan.duration:.2f} s of motion, {cost}"
@@ -196,7 +195,6 @@ def pack_run(run: Run) -> Section:
 
 
 def summary(run: Run) -> str:
-    """Return the run in one line."""
     outcome = run.explanation.outcome
     items = _items(outcome)
     return f"{run.info.mission}, {run.info.seed_text}: {outcome.status}" + (f", {items}" if items else "")

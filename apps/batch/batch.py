@@ -88,8 +88,6 @@ Stop: TypeAlias = Literal["no", "finish", "now"]
 
 @dataclass(frozen=True, slots=True)
 class RecordedJob:
-    """Job that was recorded."""
-
     job: Job
     row: JobRow
     causes: tuple[str, ...]

@@ -42,8 +42,6 @@ class ResultFile:
 
 @dataclass(frozen=True, slots=True)
 class TaskReport:
-    """Result of a task."""
-
     event: Event
     files: tuple[ResultFile, ...]
     """Files to copy; empty when they are in place already."""
@@ -62,7 +60,6 @@ class NodeWorker:
         self._stopped: set[Path] = set()
 
     async def installed(self) -> Installation:
-        """Return the installation of this machine."""
         return installed()
 
     async def is_there(self) -> None:
@@ -161,8 +158,6 @@ _OBJECT_STORE_BYTES = 100 << 20
 
 @dataclass(frozen=True, slots=True)
 class ClusterNode:
-    """Machine of the cluster."""
-
     id: str
     address: str
     cpus: int

@@ -154,7 +154,6 @@ class WorkerPool:
         asyncio.get_running_loop().call_later(_STOP_TIME_LIMIT, self._lose, tuple(self._under_way))
 
     async def close(self) -> None:
-        """End all workers."""
         for slot in self._slots:
             slot.cancel()
         await asyncio.gather(*self._slots, return_exceptions=True)

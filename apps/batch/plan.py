@@ -35,8 +35,6 @@ Keep: TypeAlias = Literal["all", "failures", "none"]
 
 @dataclass(frozen=True, slots=True)
 class JobLimits:
-    """Limits of one job."""
-
     simulated: float = 3600.0
     """Simulated time limit, s; the run then ends as `timeout`."""
     wall: float = 3600.0

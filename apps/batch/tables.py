@@ -158,8 +158,6 @@ class CrashRow:
 
 @dataclass(frozen=True, slots=True)
 class JobRow:
-    """Result of a job."""
-
     status: Annotated[
         JobStatus,
         table_files.ColumnDoc("success, incomplete, failure, timeout, paused, crashed; waiting: not yet run"),
@@ -184,8 +182,6 @@ class JobRow:
 
 @dataclass(frozen=True, slots=True)
 class JobRows:
-    """All rows of one job."""
-
     job: JobRow
     items: tuple[JobItemRow, ...] = ()
     picks: tuple[JobPickRow, ...] = ()
