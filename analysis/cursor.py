@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import bisect
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, TypeAlias, TypeVar
@@ -227,15 +227,16 @@ class Cursor:
         if since is None or since >= self.number:
             since = self.number - 1
         begin = self.run.ticks.times[since] if since >= 0 else -1.0
-        events = _between(self.run.events, begin, self.time)
+        span = (begin + _TIME_TOLERANCE, self.time + _TIME_TOLERANCE)
+        events = _between(self.run.events, *span, lambda at: at.time)
         return CursorChanges(
             since,
             self.number,
-            _between_ticks(self.course.moves, since, self.number),
-            _between_ticks(self.course.writes, since, self.number),
+            _between(self.course.moves, since, self.number, lambda move: move.tick),
+            _between(self.course.writes, since, self.number, lambda write: write.tick),
             tuple(Stamped(at.time, at.record) for at in events if isinstance(at.record, BeliefEvent)),
             tuple(at for at in events if not isinstance(at.record, BeliefEvent)),
-            _between(self.run.plans, begin, self.time),
+            _between(self.run.plans, *span, lambda at: at.time),
         )
 
     def _go(self, numbers: Sequence[int], what: str, *, back: bool) -> None:
@@ -249,15 +250,7 @@ class Cursor:
         self.number = numbers[place]
 
 
-def _between(records: Sequence[Stamped[R]], begin: float, end: float) -> tuple[Stamped[R], ...]:
-    """Return the records after `begin`, up to `end`."""
-    first = bisect.bisect_right(records, begin + _TIME_TOLERANCE, key=lambda at: at.time)
-    return tuple(records[first : bisect.bisect_right(records, end + _TIME_TOLERANCE, key=lambda at: at.time)])
-
-
-M = TypeVar("M", NodeChange, KeyChange)
-
-
-def _between_ticks(ones: tuple[M, ...], since: int, to: int) -> tuple[M, ...]:
-    first = bisect.bisect_right(ones, since, key=lambda one: one.tick)
-    return ones[first : bisect.bisect_right(ones, to, key=lambda one: one.tick)]
+def _between(records: Sequence[R], after: float, until: float, key: Callable[[R], float]) -> tuple[R, ...]:
+    """Return the records after one time or tick, up to another."""
+    first = bisect.bisect_right(records, after, key=key)
+    return tuple(records[first : bisect.bisect_right(records, until, key=key)])

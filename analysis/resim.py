@@ -80,12 +80,17 @@ def notes(run: Run) -> tuple[str, ...]:
 
 def moved_sources(run: Run) -> tuple[str, ...]:
     """Return a sentence when picktree's files have other places than in the version that recorded the run."""
-    try:
-        before = environment.sources_from_text(run.log.attachment(environment.SOURCES_ATTACHMENT).decode())
-    except PicktreeError:
-        return ()
-    moved = environment.moved_sources(before, environment.sources())
+    before = _recorded_sources(run)
+    moved = "" if before is None else environment.moved_sources(before, environment.sources())
     return (moved,) if moved else ()
+
+
+def _recorded_sources(run: Run) -> dict[str, str] | None:
+    """Return the hashes of picktree's sources in the log; None when it has none."""
+    try:
+        return environment.sources_from_text(run.log.attachment(environment.SOURCES_ATTACHMENT).decode())
+    except PicktreeError:
+        return None
 
 
 def _present_hash(name: str, path: Path) -> str | None:
@@ -109,16 +114,10 @@ def _changed_attachments(run: Run) -> Iterator[Reason]:
 
 def _sources(run: Run) -> Iterator[Reason]:
     """Yield differences of picktree's sources, or of its revision when the log has no sources."""
-    now = environment.sources()
-    try:
-        before = environment.sources_from_text(run.log.attachment(environment.SOURCES_ATTACHMENT).decode())
-    except PicktreeError:
-        if run.info.revision != environment.revision():
-            yield Reason("revision of picktree", run.info.revision, environment.revision())
-        return
-    changes = environment.source_changes(before, now)
+    before = _recorded_sources(run)
+    changes = () if before is None else environment.source_changes(before, environment.sources())
     yield from (Reason(change, "", "") for change in changes)
-    if changes and run.info.revision != environment.revision():
+    if (changes or before is None) and run.info.revision != environment.revision():
         yield Reason("revision of picktree", run.info.revision, environment.revision())
 
 

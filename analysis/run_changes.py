@@ -13,7 +13,7 @@ from picktree.authoring import check_mission
 from picktree.files import Diagnostic, FileError, PicktreeError
 from picktree.files.yaml import read_document
 from picktree.session import run_recipe
-from picktree.simulation import fault_entries, load_faults
+from picktree.simulation import load_faults
 from picktree.trees import Mission
 from picktree.trees.loading import scene_names
 from picktree.world.robot_model import load_robot
@@ -105,7 +105,8 @@ def apply_changes(changes: RunChanges, recorded: run_recipe.Recipe) -> ChangedRe
     if changes.faults is not None or changes.no_faults:
         faults = load_faults(changes.faults, recipe.scene, recipe.robot) if changes.faults else None
         recipe = replace(recipe, faults=faults)
-        told.append(_fault_changes(recorded.faults, faults))
+        counts = ["none" if file is None else str(len(file.faults)) for file in (faults, recorded.faults)]
+        told.append(f"faults: {counts[0]} instead of {counts[1]}")
     if changes.seed is not None:
         told.append(f"seed {changes.seed} instead of {recorded.seed}")
         recipe = replace(recipe, seed=changes.seed)
@@ -177,8 +178,3 @@ def _block_change(old: Sequence[str], new: Sequence[str]) -> str:
 def _quoted_line(text: str) -> str:
     line = " ".join(text.split())
     return f"`{line if len(line) <= 60 else line[:59] + '…'}`"
-
-
-def _fault_changes(before: fault_entries.FaultFile | None, after: fault_entries.FaultFile | None) -> str:
-    counts = ["none" if file is None else str(len(file.faults)) for file in (after, before)]
-    return f"faults: {counts[0]} instead of {counts[1]}"

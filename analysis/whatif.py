@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -94,7 +94,6 @@ class Continuation:
         return "\n".join(lines)
 
     def to_json(self) -> dict[str, Any]:
-        nodes = self.nodes
         return {
             "identical": self.identical,
             "exact": self.exact,
@@ -107,9 +106,7 @@ class Continuation:
                 "items_done": self.items_done,
             },
             "changes": list(self.changes),
-            "nodes": None
-            if nodes is None
-            else {"kept": nodes.kept, "fresh": list(nodes.fresh), "gone": list(nodes.gone)},
+            "nodes": self.nodes and asdict(self.nodes),
             "ticks": self.ticks,
             "recorded_ticks": self.recorded_ticks,
             "cut": self.cut,
@@ -242,7 +239,7 @@ def what_if(
             exact=comparison.exact,
             difference=comparison.difference or comparison.trees,
             recorded=_recorded_outcome(run),
-            now=_new_outcome(result, session.execution.tally),
+            now=_outcome(result, result.failures, session.execution.tally, result.log, ""),
             status=result.status,
             parting=_parting(run, result.log, begin),
             arithmetic=log_records.arithmetic_difference(run.info.arithmetic, arithmetic()),
@@ -288,10 +285,6 @@ def _recorded_outcome(run: Run) -> RunOutcome:
         failures=dict(tally.failures),
         recoveries=sum(tally.recovered.values()),
     )
-
-
-def _new_outcome(result: RunResult, tally: RunCounters) -> RunOutcome:
-    return _outcome(result, result.failures, tally, result.log, "")
 
 
 def _outcome(

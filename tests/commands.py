@@ -33,7 +33,7 @@ from typing import NoReturn
 
 from picktree.__main__ import main
 from picktree.apps.batch import die_with_parent, local_executor
-from picktree.apps.batch.job_output import flush
+from picktree.apps.batch.job_process import flush_output
 from picktree.apps.batch.local_executor import load, serve
 
 PATIENCE = 120.0
@@ -65,7 +65,7 @@ class Command:
     ) -> None:
         """Start it in a folder. A variable that is None is taken out of the environment."""
         _load()
-        flush()
+        flush_output()
         self.words = tuple(words)
         self.code: int | None = None
         """Exit code as `subprocess` has it: that of a signal is negative. None: not known to have ended."""
@@ -231,7 +231,7 @@ def _be(
     except BaseException:  # noqa: BLE001 - the border to the process
         traceback.print_exc()
     finally:
-        flush()
+        flush_output()
         os._exit(code)
 
 

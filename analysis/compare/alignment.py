@@ -1,32 +1,270 @@
-"""Alignment of two runs: pairs of visits, and the divergence, where the visits first differ.
+"""Alignment of two runs: pairs of their items, nodes and visits, and where the visits first differ.
 
-The key of a visit is (item, node path, attempt). Items are paired by `match_items`, nodes by `match_nodes`.
-On both sides attempts are counted from `since` on, so that a resumed run aligns with the run that it
-continues. Times are simulated seconds.
+Nodes with the same path are a pair. The others (a node inside a renamed one, or wrapped into another, as in a
+new `Recover`) are paired below the nearest pair above them. There, nodes of the same type and name form pairs
+in their order.
+
+Ids of items are the robot's own: `red_block_3` is the third red block that it found. Two runs may number the
+same block differently. With one seed, items start at the same places, so the place decides. The rest, and all
+items when the seeds differ, are paired by the order of discovery within one kind and colour. With different
+seeds, a pair therefore only means the same kind and colour.
+
+The key of a visit is (item, node path, attempt). On both sides attempts are counted from `since` on, so that
+a resumed run aligns with the run that it continues. Times are simulated seconds.
 """
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Literal, TypeAlias
+from difflib import SequenceMatcher
+from typing import Final, Literal, TypeAlias, cast
 
 from picktree.analysis import Run
-from picktree.logs import account_of, node_visits
+from picktree.logs import account_of, log_records, node_visits
 
-from .matching import (
-    TIME_TOLERANCE,
-    Aspect,
-    ItemMatch,
-    NodeMatch,
-    VisitPair,
-    differences,
-    match_items,
-    match_nodes,
-)
-
+MAX_SAME_PLACE_DISTANCE = 0.02
+"""Maximum distance of the same place, m: half an item, above the error of perception, below the gap of two
+items."""
 Side: TypeAlias = Literal["a", "b"]
+Basis: TypeAlias = Literal["place", "order"]
+
+
+@dataclass(frozen=True, slots=True)
+class ItemPair:
+    a: str
+    b: str
+    basis: Basis
+    """Reason for the pair. `place`: the items were at the same place. `order`: kind, colour and number in the
+    order of discovery agree."""
+
+
+@dataclass(frozen=True, slots=True)
+class ItemMatch:
+    """Pairs of the objects of two runs, by their ids."""
+
+    pairs: tuple[ItemPair, ...]
+    only_a: tuple[str, ...]
+    only_b: tuple[str, ...]
+
+    @property
+    def a_by_b(self) -> Mapping[str, str]:
+        """Ids in run A of the objects of B."""
+        return {pair.b: pair.a for pair in self.pairs}
+
+
+def match_items(a: Run, b: Run, *, since: float = 0.0) -> ItemMatch:
+    """Pair the objects of two runs. Objects that are known at `since` (simulated s) count with their place
+    then."""
+    in_a, in_b = first_bodies(a, since), first_bodies(b, since)
+    pairs: list[ItemPair] = []
+    if a.info.seed == b.info.seed:
+        near = sorted(
+            (math.dist(one.pose.position, other.pose.position), one.id != other.id, n, m)
+            for n, one in enumerate(in_a)
+            for m, other in enumerate(in_b)
+            if (one.kind, one.colour) == (other.kind, other.colour)
+        )
+        taken_a: set[int] = set()
+        taken_b: set[int] = set()
+        for distance, _, n, m in near:
+            if distance <= MAX_SAME_PLACE_DISTANCE and n not in taken_a and m not in taken_b:
+                taken_a.add(n)
+                taken_b.add(m)
+                pairs.append(ItemPair(in_a[n].id, in_b[m].id, "place"))
+    left_a = _unpaired_ids(in_a, (pair.a for pair in pairs))
+    left_b = _unpaired_ids(in_b, (pair.b for pair in pairs))
+    for sort, ones in left_a.items():
+        for one, other in zip(ones, left_b.get(sort, ()), strict=False):
+            pairs.append(ItemPair(one, other, "order"))
+    paired_a, paired_b = {pair.a for pair in pairs}, {pair.b for pair in pairs}
+    order = {sighting.id: n for n, sighting in enumerate(in_a)}
+    return ItemMatch(
+        tuple(sorted(pairs, key=lambda pair: order[pair.a])),
+        tuple(s.id for s in in_a if s.id not in paired_a),
+        tuple(s.id for s in in_b if s.id not in paired_b),
+    )
+
+
+def first_bodies(run: Run, since: float = 0.0) -> tuple[log_records.BodyRecord, ...]:
+    """Return every object as the robot first believed in it from `since` (simulated s) on, in the order of
+    discovery."""
+    found: dict[str, log_records.BodyRecord] = {}
+    known = run.log.belief_at(since)
+    for at in run.log.beliefs(known.time if known else since):
+        for body in at.record.bodies:
+            found.setdefault(body.id, body)
+    return tuple(found.values())
+
+
+def _unpaired_ids(
+    known: Iterable[log_records.BodyRecord], paired: Iterable[str]
+) -> dict[tuple[str, str], list[str]]:
+    """Return the ids without a partner, by kind and colour."""
+    done = set(paired)
+    left: dict[tuple[str, str], list[str]] = {}
+    for sighting in known:
+        if sighting.id not in done:
+            left.setdefault((sighting.kind, sighting.colour), []).append(sighting.id)
+    return left
+
+
+@dataclass(frozen=True, slots=True)
+class PortChange:
+    """Port with different values in the two missions; empty where the mission does not set it."""
+
+    path: str
+    """Path of the node in A."""
+    port: str
+    a: str
+    b: str
+
+
+@dataclass(frozen=True, slots=True)
+class NodePair:
+    a: log_records.TreeNode
+    b: log_records.TreeNode
+
+
+@dataclass(frozen=True, slots=True)
+class NodeMatch:
+    """Pairs of the nodes of two runs. When the mission was edited during a run, all its trees count."""
+
+    pairs: tuple[NodePair, ...]
+    only_a: tuple[log_records.TreeNode, ...]
+    only_b: tuple[log_records.TreeNode, ...]
+
+    @property
+    def a_by_b(self) -> Mapping[str, str]:
+        """Paths in A of the nodes of B."""
+        return {pair.b.path: pair.a.path for pair in self.pairs}
+
+    def inner(self, side: Side) -> frozenset[str]:
+        """Return the paths of that side's nodes with children."""
+        nodes = [pair.a if side == "a" else pair.b for pair in self.pairs]
+        nodes += self.only_a if side == "a" else self.only_b
+        return frozenset(node.path for node in nodes if node.children)
+
+    @property
+    def moved(self) -> tuple[NodePair, ...]:
+        """Pairs with different paths."""
+        return tuple(pair for pair in self.pairs if pair.a.path != pair.b.path)
+
+    @property
+    def retyped(self) -> tuple[NodePair, ...]:
+        """Pairs of the same path, but of another type."""
+        return tuple(pair for pair in self.pairs if pair.a.id != pair.b.id)
+
+    @property
+    def rewired(self) -> tuple[PortChange, ...]:
+        return tuple(
+            PortChange(pair.a.path, port, pair.a.ports.get(port, ""), pair.b.ports.get(port, ""))
+            for pair in self.pairs
+            for port in dict.fromkeys((*pair.a.ports, *pair.b.ports))
+            if pair.a.ports.get(port, "") != pair.b.ports.get(port, "")
+        )
+
+
+def match_nodes(a: Run, b: Run) -> NodeMatch:
+    in_a, in_b = {node.path: node for node in a.nodes}, {node.path: node for node in b.nodes}
+    b_of = {path: path for path in in_a if path in in_b}
+    same_in_b = {path: path for path in b_of}
+    left_a, left_b = _unpaired_below(in_a, b_of), _unpaired_below(in_b, same_in_b)
+    for top, ones in left_a.items():
+        others = left_b.get(top, [])
+        matcher = SequenceMatcher(None, [_kind(n) for n in ones], [_kind(n) for n in others], autojunk=False)
+        for block in matcher.get_matching_blocks():
+            for k in range(block.size):
+                b_of[ones[block.a + k].path] = others[block.b + k].path
+    taken = set(b_of.values())
+    return NodeMatch(
+        tuple(NodePair(node, in_b[b_of[path]]) for path, node in in_a.items() if path in b_of),
+        tuple(node for path, node in in_a.items() if path not in b_of),
+        tuple(node for path, node in in_b.items() if path not in taken),
+    )
+
+
+def _unpaired_below(
+    nodes: Mapping[str, log_records.TreeNode], paired: Mapping[str, str]
+) -> dict[str, list[log_records.TreeNode]]:
+    """Return the unpaired nodes in the order of the tree, by the nearest paired node above them."""
+    below: dict[str, list[log_records.TreeNode]] = {}
+    for node in nodes.values():
+        if node.path in paired:
+            continue
+        above = node.parent
+        while above and above not in paired and above in nodes:
+            above = nodes[above].parent
+        below.setdefault(above, []).append(node)
+    return below
+
+
+def _kind(node: log_records.TreeNode) -> tuple[str, str]:
+    """Return type and name without the number that distinguishes siblings; nodes with equal results are
+    alike."""
+    return node.id, node.name.split("#")[0]
+
+
+TIME_TOLERANCE: Final = 1e-6
+"""Difference below which two times are equal, s."""
+Aspect: TypeAlias = Literal["type", "inputs", "outcome", "cause", "length"]
+
+
+@dataclass(frozen=True, slots=True)
+class VisitPair:
+    """Same visit in both runs, each with the item, path and times of its own run."""
+
+    a: node_visits.Visit
+    b: node_visits.Visit
+    differs: tuple[Aspect, ...]
+    """Aspects that differ, apart from the start time."""
+
+
+def differences(
+    a: node_visits.Visit, b: node_visits.Visit, items: Mapping[str, str], *, resumed: bool
+) -> tuple[Aspect, ...]:
+    """Return the aspects in which two visits differ.
+
+    `items`: ids in A of the objects of B. `resumed`: one of the visits had begun before the comparison, so
+    its inputs are unknown. A visit that is cut off by the end of its log differs only when the other one had
+    ended by that time.
+    """
+    found: list[Aspect] = []
+    if a.id != b.id:
+        found.append("type")
+    if not resumed and a.inputs != {port: renamed(value, items) for port, value in b.inputs.items()}:
+        found.append("inputs")
+    if "RUNNING" in (a.outcome, b.outcome):
+        open_, other = (a, b) if a.outcome == "RUNNING" else (b, a)
+        if other.outcome != "RUNNING" and other.end - other.start < open_.end - open_.start - TIME_TOLERANCE:
+            found.append("length")
+        return tuple(found)
+    if a.outcome != b.outcome:
+        found.append("outcome")
+    if (a.cause, a.origin == a.path) != (b.cause, b.origin == b.path):
+        found.append("cause")
+    if abs(a.duration - b.duration) > TIME_TOLERANCE:
+        found.append("length")
+    return tuple(found)
+
+
+def renamed(value: object, names: Mapping[str, str]) -> object:
+    """Return the value with each text that is a name in `names` replaced, also in lists and mappings.
+
+    >>> renamed(["red_ball_1", {"object": "red_ball_2"}], {"red_ball_1": "red_ball_2", "red_ball_2": "x"})
+    ['red_ball_2', {'object': 'x'}]
+    """
+    if isinstance(value, str):
+        return names.get(value, value)
+    if isinstance(value, list):
+        return [renamed(one, names) for one in cast("list[object]", value)]
+    if isinstance(value, dict):
+        return {key: renamed(one, names) for key, one in cast("dict[str, object]", value).items()}
+    return value
+
+
 SIDES: Final[tuple[Side, Side]] = ("a", "b")
 How: TypeAlias = Aspect | Literal["order", "end"]
 AT_START: Final[tuple[Aspect, ...]] = ("type", "inputs")
@@ -57,20 +295,38 @@ class Divergence:
 
 
 @dataclass(frozen=True, slots=True)
-class ComparedRuns:
-    """Visits of two compared runs, and the time of the last tick of each, simulated s."""
+class Alignment:
+    """Two runs with their visits in pairs.
 
-    pairs: Sequence[VisitPair]
-    only_a: Sequence[node_visits.Visit]
-    only_b: Sequence[node_visits.Visit]
-    end_a: float
-    end_b: float
+    Visits that were open at `since` count as if they had begun then, and `attempt` is counted from there.
+    `number`, `parent` and the numbers of ticks are those of the visit's own run.
+    """
+
+    since: float
+    """Start of the comparison, simulated s; 0.0: the beginning."""
+    items: ItemMatch
     nodes: NodeMatch
+    pairs: tuple[VisitPair, ...]
+    """Pairs in the order of their starts in A."""
+    only_a: tuple[node_visits.Visit, ...]
+    only_b: tuple[node_visits.Visit, ...]
+    until: float | None = None
+    """End of the compared visits, simulated s: a gap of one of the logs begins there. None: no gap."""
+    derived: bool = False
+    """Whether the visits follow from the statuses after each tick, because one log is of format 1."""
+    parting: Divergence | None = None
+    """First divergence; None when nothing differs."""
 
-    def all(self, side: Side) -> Sequence[node_visits.Visit]:
-        if side == "a":
-            return [*(pair.a for pair in self.pairs), *self.only_a]
-        return [*(pair.b for pair in self.pairs), *self.only_b]
+    def visits(self, side: Side) -> tuple[node_visits.Visit, ...]:
+        return self.visits_a if side == "a" else self.visits_b
+
+    @property
+    def visits_a(self) -> tuple[node_visits.Visit, ...]:
+        return (*(pair.a for pair in self.pairs), *self.only_a)
+
+    @property
+    def visits_b(self) -> tuple[node_visits.Visit, ...]:
+        return (*(pair.b for pair in self.pairs), *self.only_b)
 
 
 _Rank: TypeAlias = tuple[float, int, int]
@@ -90,16 +346,16 @@ class _Candidate:
     also: tuple[Aspect, ...] = ()
 
 
-def find_parting(sides: ComparedRuns) -> Divergence | None:
-    """Return the first divergence; None when there is none.
+def find_parting(sides: Alignment, end_a: float, end_b: float) -> Divergence | None:
+    """Return the first divergence; None when there is none. The ends are those of the runs, simulated s.
 
     A node with children that only one mission has is no divergence by itself: the behaviour of its children
     counts.
     """
     first = min(_candidates(sides), key=lambda candidate: candidate.rank, default=None)
-    over = min(sides.end_a, sides.end_b)
+    over = min(end_a, end_b)
     if first is None or first.rank[0] > over + TIME_TOLERANCE:
-        return _log_end_divergence(sides, over)
+        return None if abs(end_a - end_b) <= TIME_TOLERANCE else _log_end_divergence(sides, over)
     time, a, b = first.rank[0], first.a, first.b
     if first.how == "order":
         a, b = a or _next(sides, "a", time, new=True), b or _next(sides, "b", time, new=True)
@@ -114,7 +370,7 @@ def find_parting(sides: ComparedRuns) -> Divergence | None:
     )
 
 
-def _candidates(sides: ComparedRuns) -> Iterator[_Candidate]:
+def _candidates(sides: Alignment) -> Iterator[_Candidate]:
     for pair in sides.pairs:
         a, b = pair.a, pair.b
         begun = min(a.start, b.start)
@@ -138,18 +394,16 @@ def _candidates(sides: ComparedRuns) -> Iterator[_Candidate]:
             yield _Candidate((visit.start, 1, visit.number), "order", None, visit)
 
 
-def _log_end_divergence(sides: ComparedRuns, over: float) -> Divergence | None:
-    """Return the divergence at the end of one log when nothing differed before; None when both end
-    together."""
-    if abs(sides.end_a - sides.end_b) <= TIME_TOLERANCE or not sides.pairs:
+def _log_end_divergence(sides: Alignment, over: float) -> Divergence | None:
+    """Return the divergence at the end of one log when nothing differed before; None without pairs."""
+    if not sides.pairs:
         return None
-    a, b = (_deepest_open_visit(sides.all(side), over) for side in SIDES)
+    a, b = (_deepest_open_visit(sides.visits(side), over) for side in SIDES)
     next_a, next_b = (_next(sides, side, over + TIME_TOLERANCE, leaf=True) for side in SIDES)
     return Divergence(over, "end", (), a, b, next_a, next_b)
 
 
 def _deepest_open_visit(visits: Sequence[node_visits.Visit], time: float) -> node_visits.Visit | None:
-    """Return the deepest visit that is open at that time."""
     open_ = [
         v for v in visits if v.start <= time + TIME_TOLERANCE and (v.outcome == "RUNNING" or v.end > time)
     ]
@@ -157,7 +411,7 @@ def _deepest_open_visit(visits: Sequence[node_visits.Visit], time: float) -> nod
 
 
 def _next(
-    sides: ComparedRuns,
+    sides: Alignment,
     side: Side,
     time: float,
     *,
@@ -177,50 +431,16 @@ def _next(
             for pair in sides.pairs
             if abs(pair.a.start - pair.b.start) <= TIME_TOLERANCE
         }
-    nodes = [pair.a if side == "a" else pair.b for pair in sides.nodes.pairs]
-    nodes += sides.nodes.only_a if side == "a" else sides.nodes.only_b
-    inner = {node.path for node in nodes if node.children}
+    inner = sides.nodes.inner(side)
     fitting = (
         visit
-        for visit in sides.all(side)
+        for visit in sides.visits(side)
         if visit.start >= time - TIME_TOLERANCE
         and visit.number not in alike
         and not (leaf and visit.path in inner)
         and (beside is None or visit.number != beside.number)
     )
     return min(fitting, key=lambda visit: visit.number, default=None)
-
-
-@dataclass(frozen=True, slots=True)
-class Alignment:
-    """Two runs with their visits in pairs.
-
-    Visits that were open at `since` count as if they had begun then, and `attempt` is counted from there.
-    `number`, `parent` and the numbers of ticks are those of the visit's own run.
-    """
-
-    since: float
-    """Start of the comparison, simulated s; 0.0: the beginning."""
-    items: ItemMatch
-    nodes: NodeMatch
-    pairs: tuple[VisitPair, ...]
-    """Pairs in the order of their starts in A."""
-    only_a: tuple[node_visits.Visit, ...]
-    only_b: tuple[node_visits.Visit, ...]
-    parting: Divergence | None
-    """First divergence; None when nothing differs."""
-    until: float | None = None
-    """End of the compared visits, simulated s: a gap of one of the logs begins there. None: no gap."""
-    derived: bool = False
-    """Whether the visits follow from the statuses after each tick, because one log is of format 1."""
-
-    @property
-    def visits_a(self) -> tuple[node_visits.Visit, ...]:
-        return (*(pair.a for pair in self.pairs), *self.only_a)
-
-    @property
-    def visits_b(self) -> tuple[node_visits.Visit, ...]:
-        return (*(pair.b for pair in self.pairs), *self.only_b)
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,7 +466,8 @@ def align(a: Run, b: Run, *, since: float = 0.0) -> Alignment:
     begun = max((run.ticks.times[0] for run in (a, b) if run.ticks.times), default=0.0)
     if begun > TIME_TOLERANCE:
         since = max(since, begun + a.info.tick / 2)
-    until = _first_gap(a, b, since)
+    gaps = (gap.start for run in (a, b) for gap in run.log.gaps if gap.start is not None)
+    until = min((start for start in gaps if start > since), default=None)
     items, nodes = match_items(a, b, since=since), match_nodes(a, b)
     # An item that only B has must not be taken for an item of A with the same name.
     names = {**{name: f"{name} of B" for name in items.only_b}, **items.a_by_b}
@@ -268,14 +489,8 @@ def align(a: Run, b: Run, *, since: float = 0.0) -> Alignment:
     only_a = tuple(visit for n, visit in enumerate(side_a.visits) if n not in partners)
     only_b = tuple(visit for m, visit in enumerate(side_b.visits) if m not in taken)
     end_a, end_b = (run.last_tick if until is None else min(run.last_tick, until) for run in (a, b))
-    sides = ComparedRuns(pairs, only_a, only_b, end_a, end_b, nodes)
-    return Alignment(since, items, nodes, tuple(pairs), only_a, only_b, find_parting(sides), until, derived)
-
-
-def _first_gap(a: Run, b: Run, since: float) -> float | None:
-    """Return the start of the first gap after `since`, simulated s; None when there is none."""
-    starts = (gap.start for run in (a, b) for gap in run.log.gaps if gap.start is not None)
-    return min((start for start in starts if start > since), default=None)
+    found = Alignment(since, items, nodes, tuple(pairs), only_a, only_b, until, derived)
+    return replace(found, parting=find_parting(found, end_a, end_b))
 
 
 def _side(

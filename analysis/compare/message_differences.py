@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import groupby, zip_longest
 from operator import attrgetter
@@ -80,17 +81,6 @@ def first_differing_field(schema: str, a: bytes, b: bytes) -> FieldDifference | 
         return first_difference_in_values(_values(schema, a), _values(schema, b))
     except (ValueError, DecodeError):
         return FieldDifference("", "", f"{len(a)} bytes", f"{len(b)} bytes")
-
-
-def decode_message(schema: str, data: bytes) -> object:
-    """Decode a message into JSON values; None when it is unreadable."""
-    from google.protobuf.message import DecodeError
-
-    try:
-        values: object = _values(schema, data)
-    except (ValueError, DecodeError):
-        return None
-    return values
 
 
 def first_difference_in_values(a: object, b: object, path: str = "", of: str = "") -> FieldDifference | None:
@@ -284,6 +274,10 @@ def compared_topics(a: Run, b: Run) -> frozenset[str]:
 
 def _missing(a: Run, b: Run, topic: str, time: int, data: bytes, *, in_b: bool) -> MessageDifference:
     """Return the difference of a message that only one log has."""
-    value = decode_message((b if in_b else a).log.topics[topic].schema, data)
+    from google.protobuf.message import DecodeError
+
+    value: object = None
+    with suppress(ValueError, DecodeError):  # an unreadable message has no value
+        value = _values((b if in_b else a).log.topics[topic].schema, data)
     values = FieldDifference("", "", *((None, value) if in_b else (value, None)))
     return MessageDifference.at(a, topic, time, missing="a" if in_b else "b", field=values)

@@ -154,14 +154,8 @@ class SetupDiff:
 
 
 def compare_settings(a: Run, b: Run) -> SetupDiff:
-    ours, theirs = _settings(a.info), _settings(b.info)
-    settings = tuple(
-        ValueChange(name, ours.get(name), theirs.get(name))
-        for name in dict.fromkeys((*ours, *theirs))
-        if ours.get(name) != theirs.get(name)
-    )
     return SetupDiff(
-        settings,
+        value_changes(_settings(a.info), _settings(b.info)),
         tuple(_files(a, b)),
         log_records.arithmetic_difference(a.info.arithmetic, b.info.arithmetic, "in B"),
     )
@@ -178,15 +172,8 @@ def value_changes(a: Mapping[str, object], b: Mapping[str, object]) -> tuple[Val
 
 def _settings(info: log_records.RunInfo) -> dict[str, object]:
     """Return the settings by user-visible names; the version of picktree has no prefix."""
-    named: dict[str, object] = {
-        "mission": info.mission,
-        "scene": info.scene,
-        "robot": info.robot,
-        "seed": info.seed,
-        "backend": info.backend,
-        "tick": info.tick,
-        "revision": info.revision,
-    }
+    fields = ("mission", "scene", "robot", "seed", "backend", "tick", "revision")
+    named: dict[str, object] = {name: getattr(info, name) for name in fields}
     for prefix, values in (("set ", info.parameters), ("", info.physics), ("", info.versions)):
         named.update({f"{prefix}{name}": value for name, value in values.items()})
     return named
@@ -245,7 +232,7 @@ def parting_lines(parting: Divergence) -> Iterator[str]:
             yield f"  {side}  nothing more begins" if parting.how == "order" else f"  {side}  –"
             continue
         yield f"  {side}  {visit.path}{visit.about}"
-        yield f"     {_visit_text(visit)}"
+        yield f"     {visit.start:.2f} to {visit.end:.2f} s: {end_text(visit)}"
     if a is not None and b is not None and same:
         yield from _differing_values("read", a.inputs, b.inputs)
         yield from _differing_values("evidence", a.evidence, b.evidence)
@@ -289,10 +276,6 @@ def _divergence_phrase(parting: Divergence, same: node_visits.Visit | None) -> s
         return DIVERGENCE_TEXTS[parting.how]
     also = "".join(f", {DIVERGENCE_TEXTS[aspect]}" for aspect in parting.also)
     return f"{same.name} {DIVERGENCE_TEXTS[parting.how]}{also}"
-
-
-def _visit_text(visit: node_visits.Visit) -> str:
-    return f"{visit.start:.2f} to {visit.end:.2f} s: {end_text(visit)}"
 
 
 def end_text(visit: node_visits.Visit, *, short: bool = False) -> str:
@@ -344,8 +327,8 @@ def to_json(diff: RunDiff) -> dict[str, Any]:
         "left_out": list(diff.left_out),
         "parting": None if diff.alignment.parting is None else _parting(diff.alignment.parting),
         "time": {
-            "by_type": [_time(change) for change in diff.time.by_type],
-            "by_node": [_time(change) for change in diff.time.by_node],
+            name: [{**asdict(change), "change": change.change} for change in changes]
+            for name, changes in (("by_type", diff.time.by_type), ("by_node", diff.time.by_node))
         },
         "causes": [asdict(change) for change in diff.causes],
         "ways": [asdict(change) for change in diff.ways],
@@ -360,24 +343,7 @@ def _outcome_json(outcome: RunOutcome) -> dict[str, Any]:
 
 def _parting(parting: Divergence) -> dict[str, Any]:
     evidence = value_changes(parting.a.evidence if parting.a else {}, parting.b.evidence if parting.b else {})
-    return {
-        "time": parting.time,
-        "how": parting.how,
-        "also": list(parting.also),
-        "a": _visit(parting.a),
-        "b": _visit(parting.b),
-        "evidence": [asdict(change) for change in evidence],
-        "next_a": _visit(parting.next_a),
-        "next_b": _visit(parting.next_b),
-    }
-
-
-def _visit(visit: node_visits.Visit | None) -> dict[str, Any] | None:
-    return None if visit is None else asdict(visit)
-
-
-def _time(change: TimeChange) -> dict[str, Any]:
-    return {**asdict(change), "change": change.change}
+    return {**asdict(parting), "evidence": [asdict(change) for change in evidence]}
 
 
 MAX_TABLE_ROWS = 8

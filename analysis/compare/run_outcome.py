@@ -14,8 +14,7 @@ from picktree.analysis import Run
 from picktree.logs import node_visits
 from picktree.world import event_types
 
-from .alignment import Alignment
-from .matching import Basis, first_bodies
+from .alignment import SIDES, Alignment, Basis, first_bodies
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,10 +69,10 @@ class TimeSpent:
 
 
 def time_spent(alignment: Alignment) -> TimeSpent:
-    inner = _inner(alignment)
-    leaves_a = [visit for visit in alignment.visits_a if visit.path not in inner[0]]
-    leaves_b = [visit for visit in alignment.visits_b if visit.path not in inner[1]]
-    path_in_a = alignment.nodes.a_by_b
+    nodes = alignment.nodes
+    inner = {side: nodes.inner(side) for side in SIDES}
+    leaves_a, leaves_b = ([v for v in alignment.visits(side) if v.path not in inner[side]] for side in SIDES)
+    path_in_a = nodes.a_by_b
     return TimeSpent(
         _changes(_grouped(leaves_a, lambda v: v.id), _grouped(leaves_b, lambda v: v.id)),
         _changes(
@@ -99,15 +98,6 @@ def ending_changes(alignment: Alignment) -> tuple[EndingChange, ...]:
     order = {pair.a.path: n for n, pair in enumerate(alignment.nodes.pairs)}
     keys = sorted({*ours, *theirs}, key=lambda key: (order.get(key[0], len(order)), key))
     return tuple(EndingChange(*key, ours[key], theirs[key]) for key in keys if ours[key] != theirs[key])
-
-
-def _inner(alignment: Alignment) -> tuple[set[str], set[str]]:
-    """Return the paths of the nodes with children, in A and in B."""
-    nodes = alignment.nodes
-    return (
-        {n.path for n in (*(p.a for p in nodes.pairs), *nodes.only_a) if n.children},
-        {n.path for n in (*(p.b for p in nodes.pairs), *nodes.only_b) if n.children},
-    )
 
 
 def _grouped(

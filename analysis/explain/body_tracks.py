@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from picktree.logs import Stamped, log_records, topics
 from picktree.logs.recording import fold_states, read_state
-from picktree.world import Pose, Vector3, rotated
+from picktree.world import Pose, Vector3, rotated, vector3
 
 if TYPE_CHECKING:
     from picktree.logs import RunLog
@@ -204,6 +204,7 @@ def device_state(time: float, state: Mapping[str, Any]) -> DeviceState:
     changes = [*state.get("ledger", ()), *({"item": i["id"], **i} for i in state["items"] if "mass" in i)]
     robot: Mapping[str, Any] = state.get("robot") or {}
     grip: Mapping[str, Any] = state.get("gripper") or {"width": state.get("target", 0.0)}
+    bias = (*(state.get("wrist_bias") or ()), 0.0, 0.0, 0.0)[:3]
     velocities: Sequence[float] = robot.get("velocity") or state.get("velocity") or ()
     return DeviceState(
         time=time,
@@ -212,17 +213,12 @@ def device_state(time: float, state: Mapping[str, Any]) -> DeviceState:
         frictions={str(c["item"]): c["friction"] for c in changes if c.get("friction") is not None},
         told_width=grip["width"],
         told_force=grip.get("force", 0.0) or 0.0,
-        learnt=rotated(robot.get("turn", (0.0, 0.0, 0.0, 1.0)), _force(state.get("wrist_bias") or ())),
+        learnt=rotated(robot.get("turn", (0.0, 0.0, 0.0, 1.0)), vector3(bias)),
         speed=max((abs(v) for v in velocities), default=0.0),
         motions={
             str(i["id"]): (tuple(i["velocity"]), tuple(i["spin"])) for i in state["items"] if "velocity" in i
         },
     )
-
-
-def _force(wrench: Sequence[float]) -> Vector3:
-    x, y, z = (*wrench, 0.0, 0.0, 0.0)[:3]
-    return (x, y, z)
 
 
 def offset(seen: log_records.BodyRecord, true: log_records.BodyRecord) -> Vector3:

@@ -17,7 +17,17 @@ from picktree.files import PicktreeError
 from picktree.logs import BeliefEvent, RunLog, Stamped, log_records, node_visits
 from picktree.session import run_recipe
 from picktree.simulation import MAX_REST_SPEED, ItemScore, TrueBody, score
-from picktree.world import Array, JournalEvent, ObjectId, Pose, Vector3, event_types, extents, greatest_length
+from picktree.world import (
+    Array,
+    JournalEvent,
+    ObjectId,
+    Pose,
+    Vector3,
+    event_types,
+    extents,
+    greatest_length,
+    vector3,
+)
 from picktree.world.scene import Bin, CatalogueEntry, Fixture, SceneDescription, destinations
 
 from .body_tracks import BodyTracks, DeviceState, between, device_state, true_scenes, true_states
@@ -32,33 +42,18 @@ E = TypeVar("E", bound=JournalEvent)
 T = TypeVar("T")
 
 
-NEAR_HAND = 0.08
+HAND_RANGE = 0.08
 """An item whose centre is this near to the fingers may be touched, m."""
-NEAR_ARM = 0.15
+ARM_RANGE = 0.15
 """An obstacle this near to a link's frame may be touched, m."""
-POSES = 12
+MAX_POSES = 12
 """Number of poses that are tried of a longer list, spread over it."""
 SOLUTIONS = 1
 
 
-def arm_of(run: RunRecord) -> InverseKinematics | None:
-    """The arm's kinematics by the robot file in the log; None when that cannot be read here."""
-    if "robot.yaml" not in run.log.attachments:
-        return None
-    # They are slow to import, and needed for few failures.
-    from picktree.robot.planning import InverseKinematics
-    from picktree.world.robot_model import RobotModel
-
-    with tempfile.TemporaryDirectory() as folder:
-        try:
-            return InverseKinematics(RobotModel(run_recipe.Unpacking(run.log, Path(folder)).robot()))
-        except (PicktreeError, OSError, ValueError):
-            return None
-
-
 def reachable(arm: InverseKinematics, poses: Sequence[Pose]) -> bool:
     """Whether a configuration within the joint limits leads to one of the poses of the TCP in the world."""
-    step = max(len(poses) // POSES, 1)
+    step = max(len(poses) // MAX_POSES, 1)
     home = arm.model.named("home")
     rng = np.random.default_rng(0)
     return any(arm.solutions(pose, rng, home, SOLUTIONS) for pose in poses[::step])
@@ -169,7 +164,19 @@ class Investigation:
 
     @cached_property
     def arm(self) -> InverseKinematics | None:
-        return arm_of(self.run)
+        """Arm's kinematics by the robot file in the log; None when that cannot be read here."""
+        if "robot.yaml" not in self.run.log.attachments:
+            return None
+        # They are slow to import, and needed for few failures.
+        from picktree.robot.planning import InverseKinematics
+        from picktree.world.robot_model import RobotModel
+
+        with tempfile.TemporaryDirectory() as folder:
+            try:
+                robot = run_recipe.Unpacking(self.run.log, Path(folder)).robot()
+                return InverseKinematics(RobotModel(robot))
+            except (PicktreeError, OSError, ValueError):
+                return None
 
     @cached_property
     def scores(self) -> Mapping[str, ItemScore]:
@@ -238,7 +245,6 @@ class Investigation:
         return cast("list[Stamped[E]]", between(found, start, end))
 
     def changes(self, item: str, start: float = 0.0, end: float = math.inf) -> list[Stamped[BeliefEvent]]:
-        """Changes of the belief of an item."""
         return between(self._changes.get(item, ()), start, end)
 
     @cached_property
@@ -258,8 +264,7 @@ class Investigation:
         ]
         if not fingers:
             return None
-        x, y, z = np.mean(fingers, axis=0)
-        return (float(x), float(y), float(z))
+        return vector3(np.mean(fingers, axis=0))
 
     def something_near(self, time: float) -> bool:
         """Whether an item that is not believed in the hand, or an obstacle, was truly near hand or arm."""
@@ -267,7 +272,7 @@ class Investigation:
         held = {self.pairs.get(b.id, "") for b in self.believed_at(time) if b.attached}
         items = (body for name, body in self.truth.there(time) if name not in held)
         return bool(self.obstacles_near(time)) or any(
-            hand is not None and math.dist(hand, body.pose.position) < NEAR_HAND for body in items
+            hand is not None and math.dist(hand, body.pose.position) < HAND_RANGE for body in items
         )
 
     def obstacles_near(self, time: float) -> list[str]:
@@ -278,7 +283,7 @@ class Investigation:
             low, high = extents(body.shape, np.eye(3))
             local = body.pose.inverse().apply(links)
             away = np.linalg.norm(np.maximum(np.maximum(low - local, local - high), 0.0), axis=1)
-            if float(away.min()) < NEAR_ARM:
+            if float(away.min()) < ARM_RANGE:
                 found.append((float(away.min()), name))
         return [name for _, name in sorted(found)]
 
@@ -352,6 +357,11 @@ class Investigation:
     def bins(self) -> Mapping[str, Bin]:
         return {str(b.id): b for b in self.scene.bins} if self.scene else {}
 
+    def last_believed(self, failure: FailureStory) -> log_records.BodyRecord | None:
+        """Return the item of a failure as it was last believed until then; None when it never was."""
+        track = self.belief.tracks.get(failure.item)
+        return None if track is None else track.before(failure.time)
+
     def believed_at(self, time: float) -> list[log_records.BodyRecord]:
         """All bodies of the belief at that time."""
         return [body for _, body in self.belief.there(time)]
@@ -365,15 +375,11 @@ class Investigation:
         """The bin, hole or fixture with holes where it belongs by the scene's rules; empty when nowhere."""
         if self.scene is None:
             return ""
-        entry = self.scene.find_entry(body.kind)
+        entry, size = self.scene.find_entry(body.kind), greatest_length(body.shape)
+        mass, tag = None if entry is None else entry.mass, None
         if isinstance(body, log_records.ThingRecord):
-            size = greatest_length(body.shape) if body.size is None else body.size
-            item = destinations.ItemTraits(body.colour, body.form, body.kind, body.mass, size, body.tag)
-        else:
-            mass = None if entry is None else entry.mass
-            item = destinations.ItemTraits(
-                body.colour, body.form, body.kind, mass, greatest_length(body.shape)
-            )
+            mass, size, tag = body.mass, size if body.size is None else body.size, body.tag
+        item = destinations.ItemTraits(body.colour, body.form, body.kind, mass, size, tag)
         return str(destinations.destination_rule(self.scene.destinations)(item) or "")
 
     def bin_at(self, body: log_records.BodyRecord) -> str:

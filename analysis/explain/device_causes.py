@@ -16,7 +16,7 @@ from picktree.logs import CameraImage, Stamped
 from picktree.robot.perception import PosedCamera, depth_noise, noise_factor
 from picktree.world import Array, event_types, extents
 
-from .case import NEAR_ARM, Investigation
+from .case import ARM_RANGE, Investigation
 from .explanation import (
     Confidence,
     DeviceFinding,
@@ -32,9 +32,9 @@ from .explanation import (
     seconds,
     words,
 )
-from .identities import FRESH, Sighting
+from .identities import MAX_AGE, Sighting
 
-REACHED = (
+PLACE_FAILURES = (
     "grasp.*", "world.*", "safety.*", "planning.start_in_collision", "planning.goal_in_collision",
     "control.*", "place.*", "perception.not_found", "push.*", "insert.*",
 )  # fmt: skip
@@ -68,7 +68,7 @@ def _is_noisy(name: str, factor: float) -> str:
     return f"the camera {name} is {factor:.0f} times as noisy as it should be"
 
 
-LOOKS = 24
+MAX_IMAGES = 24
 """Images of a run that are examined, at most."""
 
 
@@ -77,11 +77,11 @@ def looks(case: Investigation) -> tuple[Stamped[CameraImage], ...]:
     shots = case.run.shots
     fixed = {c.name for c in case.scene.cameras if c.on != "hand"} if case.scene else set[str]()
     theirs = [n for n, camera in enumerate(shots.cameras) if camera in fixed]
-    chosen = sorted({int(n) for n in np.linspace(0, len(theirs) - 1, min(len(theirs), LOOKS))})
+    chosen = sorted({int(n) for n in np.linspace(0, len(theirs) - 1, min(len(theirs), MAX_IMAGES))})
     return tuple(shots[theirs[n]] for n in chosen)
 
 
-ABOVE = 0.1
+MIN_HEIGHT = 0.1
 """Height above an item's top from which what an image shows at its place hides it, m."""
 
 
@@ -102,8 +102,8 @@ def hidden_by_arm(case: Investigation, true: str) -> Finding | None:
         depth = float(image.depth[row, column])
         shown = sight.origin + sight.directions(pixels.astype(np.float64))[0] * depth
         links = case.links(shot.time)
-        arm = len(links) > 0 and float(np.linalg.norm(links - shown, axis=1).min()) < NEAR_ARM
-        if depth <= 0.0 or shown[2] < top[2] + ABOVE or not arm:
+        arm = len(links) > 0 and float(np.linalg.norm(links - shown, axis=1).min()) < ARM_RANGE
+        if depth <= 0.0 or shown[2] < top[2] + MIN_HEIGHT or not arm:
             return None
         found.append((shot, float(shown[2] - top[2])))
     if not found:
@@ -124,9 +124,9 @@ def hidden_by_arm(case: Investigation, true: str) -> Finding | None:
 
 LEAST_NOISE = 5e-4
 """Noise of a logged depth image from which no two images are the same, m: the log has steps of 1 mm."""
-LATE = 0.5
+IMAGE_DELAY = 0.5
 """Time after its capture within which an image is in the log, s."""
-SHIFTED = 0.02
+MIN_SHIFT = 0.02
 """Way of an item that shows in a picture, m."""
 
 
@@ -145,15 +145,15 @@ def camera_frozen(case: Investigation) -> Iterator[DeviceFinding]:
             reasons = (f"its images of {seconds(start)} and {seconds(end)} are the same, {why}",)
             yield DeviceFinding(
                 Finding("camera.frozen", name, _stands_still(name, start), reasons, "", start),
-                ((start, end),), (*REACHED, "perception.*", "tree.timeout"), 20.0,
+                ((start, end),), (*PLACE_FAILURES, "perception.*", "tree.timeout"), 20.0,
             )  # fmt: skip
 
 
 def _shifted(case: Investigation, start: float, end: float) -> bool:
     """Return whether an item that an image showed truly lay elsewhere at the next one."""
-    shown = {each.true for each in case.identities.sightings if -LATE <= each.time - start < FRESH}
+    shown = {each.true for each in case.identities.sightings if -IMAGE_DELAY <= each.time - start < MAX_AGE}
     moved = ((case.truth.at(true, start), case.truth.at(true, end)) for true in shown - {""})
-    return any(a and (not b or math.dist(a.pose.position, b.pose.position) > SHIFTED) for a, b in moved)
+    return any(a and (not b or math.dist(a.pose.position, b.pose.position) > MIN_SHIFT) for a, b in moved)
 
 
 def camera_noisy(case: Investigation) -> Iterator[DeviceFinding]:
@@ -171,13 +171,13 @@ def camera_noisy(case: Investigation) -> Iterator[DeviceFinding]:
         reasons = (f"its depth scattered so in {counted(len(times), 'image')}, {listed_spans(times)}",)
         yield DeviceFinding(
             Finding("camera.noisy", name, title, reasons, "", times[0][0]), tuple(times),
-            (*REACHED, "perception.*", "planning.*"), 20.0,
+            (*PLACE_FAILURES, "perception.*", "planning.*"), 20.0,
         )  # fmt: skip
 
 
-OFF = 0.006
+MIN_OFFSET = 0.006
 """A mean offset of belief from truth beyond this is the camera's, m."""
-ALIKE = 0.5
+MAX_SCATTER = 0.5
 """Share of the mean by which the offsets of single items may scatter."""
 
 
@@ -194,8 +194,8 @@ def camera_off(case: Investigation) -> Iterator[DeviceFinding]:
         size = float(np.linalg.norm(mean))
         scatter = float(np.median(np.linalg.norm(ways - mean, axis=1)))
         before = found[-1][1] if found else []
-        alike = len(ways) > 1 or any(math.dist(b.off, ways[0]) < ALIKE * size for b in before)
-        if size > OFF and scatter < ALIKE * size and alike:
+        alike = len(ways) > 1 or any(math.dist(b.off, ways[0]) < MAX_SCATTER * size for b in before)
+        if size > MIN_OFFSET and scatter < MAX_SCATTER * size and alike:
             found.append((time, sightings))
     ways = np.array([each.off for _, sightings in found for each in sightings])
     items = sorted({each.item for _, sightings in found for each in sightings})
@@ -213,7 +213,10 @@ def camera_off(case: Investigation) -> Iterator[DeviceFinding]:
         f"from where they were seen, in the same direction ({listed(items, 4)})",
     )
     yield DeviceFinding(
-        Finding("camera.off", f"the camera {case.camera}", title, reasons, "", times[0]), spans, REACHED, 0.5
+        Finding("camera.off", f"the camera {case.camera}", title, reasons, "", times[0]),
+        spans,
+        PLACE_FAILURES,
+        0.5,
     )
 
 
@@ -225,7 +228,7 @@ def cameras_off(case: Investigation) -> tuple[DeviceFinding, ...]:
 def seen_displaced(case: Investigation, item: str, time: float) -> Finding | None:
     """Return the finding about a camera that hung elsewhere when it last showed the item before that time."""
     seen = [each for each in case.identities.by_item.get(item, ()) if each.time <= time + 1e-6]
-    if not seen or math.hypot(*seen[-1].off) < OFF:
+    if not seen or math.hypot(*seen[-1].off) < MIN_OFFSET:
         return None
     last = seen[-1].time
     return next(
@@ -243,7 +246,7 @@ def _runs(times: Iterable[float], looks: list[float]) -> tuple[tuple[float, floa
     return tuple(found)
 
 
-MIXED_UP = ("perception.not_found", "world.unknown_object", "perception.ambiguous")
+COLOUR_FAILURES = ("perception.not_found", "world.unknown_object", "perception.ambiguous")
 """Failures that a wrong colour may have."""
 
 
@@ -266,11 +269,18 @@ def colours_mistaken(case: Investigation) -> Iterator[DeviceFinding]:
         )
         yield DeviceFinding(
             Finding("perception.mistaken", f"{colour} as {shown}", title, reasons, items[0], start),
-            ((start, sightings[-1].time),), MIXED_UP, 3.0,
+            ((start, sightings[-1].time),), COLOUR_FAILURES, 3.0,
         )  # fmt: skip
 
 
-SENSED = ("world.disturbed", "grasp.*", "safety.*", "control.*", "place.*", "planning.start_in_collision")
+FORCE_FAILURES = (
+    "world.disturbed",
+    "grasp.*",
+    "safety.*",
+    "control.*",
+    "place.*",
+    "planning.start_in_collision",
+)
 """Failures that a wrong force at the wrist may have."""
 
 
@@ -286,13 +296,13 @@ def wrist_silent(case: Investigation) -> Iterator[DeviceFinding]:
         at.time for at in case.events(event_types.SafetyStopEvent) if at.record.cause == "safety.stale_sensor"
     ]
     stale += [f.time for f in case.failures if f.cause == "safety.stale_sensor"]
-    spans: list[tuple[float, float]] = []
+    spans: tuple[tuple[float, float], ...] = ()
     if case.run.info.backend == "physics" and len(wrenches.times) > 2:  # else it is without noise
         same = np.abs(np.diff(np.linalg.norm(wrenches.forces, axis=1))) < 1e-6
-        spans = [s for s in _spans(wrenches.times[1:], same) if s[1] - s[0] > SILENT]
-        spans = spans or [s for s in smooth_spans(wrenches.times, wrenches.forces) if s[1] - s[0] > SILENT]
+        spans = _lasting(_spans(wrenches.times[1:], same))
+        spans = spans or _lasting(smooth_spans(wrenches.times, wrenches.forces))
     if stale:
-        spans = spans or list(_spans(np.array(sorted(set(stale))), np.ones(len(set(stale)), dtype=bool), 2.0))
+        spans = spans or _spans(np.array(sorted(set(stale))), np.ones(len(set(stale)), dtype=bool), 2.0)
     if not spans:
         return
     title = f"the wrist sensor was silent {listed_spans(spans)}: it gave no new readings"
@@ -300,7 +310,7 @@ def wrist_silent(case: Investigation) -> Iterator[DeviceFinding]:
         f"the safety monitor saw no new reading at {listed_times(sorted(set(stale)))}",
     )  # fmt: skip
     yield DeviceFinding(
-        Finding("wrist.silent", "wrist", title, reasons, "", spans[0][0]), tuple(spans), SENSED
+        Finding("wrist.silent", "wrist", title, reasons, "", spans[0][0]), spans, FORCE_FAILURES
     )
 
 
@@ -310,19 +320,19 @@ def smooth_spans(times: Array, forces: Array) -> tuple[tuple[float, float], ...]
     The last reading of a silent sensor only turns with the hand, in the axes of the world.
     """
     bends = np.asarray(np.linalg.norm(np.diff(forces, 2, axis=0), axis=1), np.float64)
-    noise = bends[bends > NOISELESS]
-    return _spans(times[:-2], bends < SMOOTH * float(np.quantile(noise, AT_REST))) if len(noise) else ()
+    noise = bends[bends > MIN_NOISE]
+    return _spans(times[:-2], bends < SMOOTH * float(np.quantile(noise, REST_SHARE))) if len(noise) else ()
 
 
-NOISELESS = 0.01
+MIN_NOISE = 0.01
 """Second difference of readings below which they have no noise, N."""
-AT_REST = 0.2
+REST_SHARE = 0.2
 """Quantile of the second differences that is due to noise alone: most of the others are accelerations."""
 SMOOTH = 0.1
 """Share of it below which readings have lost their noise."""
-SILENT = 0.25
+MIN_SILENCE = 0.25
 """Time without a new reading that counts as silence, s."""
-BIAS = 5.0
+MIN_BIAS = 5.0
 """Error of the wrist's force that counts as one, N."""
 
 
@@ -342,10 +352,10 @@ def wrist_biased(case: Investigation) -> Iterator[DeviceFinding]:
     knows: NDArray[np.bool_] = np.abs(learnt).max(axis=1) > 0.0
     first = int(np.argmax(knows))  # the sensor's own bias, learnt at the start
     off = _sizes(read + learnt - np.where(knows[:, None], learnt[first], 0.0), pressing)
-    still = np.array([s.speed < STANDING for s in states])
-    spans = [s for s in _spans(times, (off > BIAS) & (still | (off > SWUNG))) if s[1] - s[0] > SILENT]
+    still = np.array([s.speed < REST_SPEED for s in states])
     silent = [span for found in wrist_silent(case) for span in found.spans]
-    spans = [(a, b) for a, b in spans if not any(x <= b and a <= y for x, y in silent)]
+    lasting = _lasting(_spans(times, (off > MIN_BIAS) & (still | (off > SWING_FORCE))))
+    spans = [(a, b) for a, b in lasting if not any(x <= b and a <= y for x, y in silent)]
     if spans:
         start, end = spans[0]
         most = float(np.median(off[(times >= start) & (times <= end)]))
@@ -354,11 +364,11 @@ def wrist_biased(case: Investigation) -> Iterator[DeviceFinding]:
         yield DeviceFinding(
             Finding("wrist.biased", "wrist", title, reasons, "", start),
             ((start - 0.5, spans[-1][1]),),
-            SENSED,
+            FORCE_FAILURES,
         )
 
 
-SWUNG = 7.0
+SWING_FORCE = 7.0
 """Error of the wrist's force that counts while the arm moves, too, N."""
 
 
@@ -376,11 +386,11 @@ def median_of_neighbours(values: Array) -> Array:
     return np.median(np.stack([padded[:-2], padded[1:-1], padded[2:]]), axis=0)
 
 
-STANDING = 0.1
+REST_SPEED = 0.1
 """Speed of the fastest joint below which the arm is at rest, rad/s."""
-LAG = 0.012
+MIN_LAG = 0.012
 """Error of a joint that lags, rad."""
-ALONE = 3.0
+LAG_RATIO = 3.0
 """A joint is alone in lagging with an error of so many times that of any other."""
 
 
@@ -391,7 +401,7 @@ def joint_weak(case: Investigation) -> Iterator[DeviceFinding]:
         return
     error = np.nan_to_num(np.abs(controls.errors))
     order = np.sort(error, axis=1)
-    alone = (order[:, -1] > LAG) & (order[:, -1] > ALONE * order[:, -2])
+    alone = (order[:, -1] > MIN_LAG) & (order[:, -1] > LAG_RATIO * order[:, -2])
     which = error.argmax(axis=1)
     arm = case.run.joint_names[0]
     for joint in sorted({int(each) for each in which[alone]}):
@@ -406,7 +416,9 @@ def joint_weak(case: Investigation) -> Iterator[DeviceFinding]:
         title = (
             f"{arm[joint]} was too weak: it lagged by up to {lagged:.1f} degrees while the others followed"
         )
-        reasons = [f"its error was more than {ALONE:.0f} times that of any other joint {listed_spans(spans)}"]
+        reasons = [
+            f"its error was more than {LAG_RATIO:.0f} times that of any other joint {listed_spans(spans)}"
+        ]
         if flat:
             reasons.append(f"its torque stayed at {abs(float(np.median(efforts))):.0f} Nm all that time")
         yield DeviceFinding(
@@ -426,12 +438,12 @@ def arm_stalled(case: Investigation) -> Iterator[DeviceFinding]:
     moving, fast = speed[:-1] > 0.04, speed[:-1] > 0.2
     drop = np.abs(np.diff(speeds, axis=0)) / np.maximum(np.diff(joints.times), 1e-3)[:, None]
     slowed = fast & (speed[1:] < 0.75 * speed[:-1])
-    halted = (moving.sum(axis=1) >= MOVING) & (slowed.sum(axis=1) >= fast.sum(axis=1) - 1)
-    hard = halted & (((drop > BRAKED) & moving).sum(axis=1) >= 2)
+    halted = (moving.sum(axis=1) >= MIN_JOINTS) & (slowed.sum(axis=1) >= fast.sum(axis=1) - 1)
+    hard = halted & (((drop > MAX_BRAKING) & moving).sum(axis=1) >= 2)
     errors: Array = np.nan_to_num(np.abs(controls.errors))
     worst: Array = np.max(errors, axis=1)
     tracking = np.array([name == "Track" for name in controls.controllers])
-    lagging: Array = ((errors > STUCK).sum(axis=1) >= MOVING).astype(float) * tracking
+    lagging: Array = ((errors > MIN_ERROR).sum(axis=1) >= MIN_JOINTS).astype(float) * tracking
     behind: Array = np.interp(joints.times[1:], controls.times, lagging)
     error = np.asarray(np.interp(joints.times[1:], controls.times, worst), dtype=np.float64)
     stuck: NDArray[np.bool_] = halted & (error > 2e-3) & (speed[1:].max(axis=1) < 2e-3)
@@ -445,7 +457,7 @@ def arm_stalled(case: Investigation) -> Iterator[DeviceFinding]:
             continue
         if case.something_near(time):
             continue
-        rest = np.flatnonzero(speed[tick + 20 :].max(axis=1) > FOLLOWING)
+        rest = np.flatnonzero(speed[tick + 20 :].max(axis=1) > MIN_SPEED)
         end = float(joints.times[tick + 20 + rest[0]]) if len(rest) else case.end
         title = (
             f"the arm stood still from {seconds(time)} on though it was commanded to move: no drive followed"
@@ -456,20 +468,20 @@ def arm_stalled(case: Investigation) -> Iterator[DeviceFinding]:
         )
         yield DeviceFinding(
             Finding("arm.stalled", "arm", title, reasons, "", time),
-            ((time - 0.1, max(end, time)),), MOVED, 3.0,
+            ((time - 0.1, max(end, time)),), STALL_FAILURES, 3.0,
         )  # fmt: skip
         return
 
 
-MOVING = 3
+MIN_JOINTS = 3
 """Joints that must have moved before the arm can be seen to stall."""
-FOLLOWING = 0.3
+MIN_SPEED = 0.3
 """Speed of a joint that follows its commands again, rad/s."""
-MOVED = ("control.*", "safety.*", "world.disturbed", "tree.timeout")
+STALL_FAILURES = ("control.*", "safety.*", "world.disturbed", "tree.timeout")
 """Failures that an arm may have which does not follow."""
-STUCK = 0.01
+MIN_ERROR = 0.01
 """Error of a joint that does not follow, rad."""
-BRAKED = 18.0
+MAX_BRAKING = 18.0
 """Deceleration that no brake of the arm's controller commands, rad/s²."""
 
 
@@ -481,19 +493,15 @@ def gripper_faulty(case: Investigation) -> Iterator[DeviceFinding]:
         told, pressed = number(failure, "told"), number(failure, "force") or 0.0
         moved, width = number(failure, "moved") or 0.0, 1000 * (number(failure, "width") or 0.0)
         start = case.visit(failure).start
-        weak = told is not None and moved > 2e-3
-        if weak:
-            felt = f"{force(pressed)}, though told {force(told or 0.0)}"
-            title = f"the gripper is too weak: its fingers press with {felt}"
-            yield DeviceFinding(
-                Finding("gripper.weak", "gripper", title, (failure.message,), "", failure.time),
-                ((start, failure.time),), ("control.gripper", "grasp.*", "place.missed"), 5.0,
-            )  # fmt: skip
-            continue
+        cause, placing = "gripper.jammed", "place.*"
         title = f"the fingers are stuck at {width:.0f} mm: they did not move though told to"
+        if told is not None and moved > 2e-3:
+            cause, placing = "gripper.weak", "place.missed"
+            felt = f"{force(pressed)}, though told {force(told)}"
+            title = f"the gripper is too weak: its fingers press with {felt}"
         yield DeviceFinding(
-            Finding("gripper.jammed", "gripper", title, (failure.message,), "", failure.time),
-            ((start, failure.time),), ("control.gripper", "grasp.*", "place.*"), 5.0,
+            Finding(cause, "gripper", title, (failure.message,), "", failure.time),
+            ((start, failure.time),), ("control.gripper", "grasp.*", placing), 5.0,
         )  # fmt: skip
 
 
@@ -506,8 +514,8 @@ def fingers_stuck(case: Investigation) -> Iterator[DeviceFinding]:
     width = np.interp(times, gripper.times, gripper.widths)
     before = np.interp(times - 0.2, gripper.times, gripper.widths)
     told = np.array([s.told_width for s in states])
-    stuck = (told > width + JAMMED) & (np.abs(width - before) < 5e-4)
-    spans = tuple(s for s in _spans(times, stuck) if s[1] - s[0] > SILENT)
+    stuck = (told > width + MIN_JAM) & (np.abs(width - before) < 5e-4)
+    spans = _lasting(_spans(times, stuck))
     if spans:
         at, wanted = float(width[stuck][0]), float(told[stuck][0])
         title = f"the fingers are stuck at {1000 * at:.0f} mm: they did not move though told to"
@@ -518,7 +526,7 @@ def fingers_stuck(case: Investigation) -> Iterator[DeviceFinding]:
         )  # fmt: skip
 
 
-JAMMED = 0.006
+MIN_JAM = 0.006
 """Opening by which fingers at rest stay behind what they are told, m."""
 
 
@@ -536,8 +544,8 @@ def fingers_press_too_little(case: Investigation) -> Iterator[DeviceFinding]:
     closing = width > np.array([s.told_width for s in states]) + 0.004
     resting = closing & (np.abs(width - before) < 5e-4) & (width > 0.004)
     moved = width < float(gripper.widths.max()) - 0.004
-    weak = resting & moved & (pressed < WEAK * told)
-    spans = tuple(s for s in _spans(times, weak) if s[1] - s[0] > SILENT)
+    weak = resting & moved & (pressed < WEAK_SHARE * told)
+    spans = _lasting(_spans(times, weak))
     if spans:
         most = float(np.median(pressed[weak] / told[weak]))
         title = f"the gripper presses with {100 * most:.0f} % of the force that it is told"
@@ -548,7 +556,7 @@ def fingers_press_too_little(case: Investigation) -> Iterator[DeviceFinding]:
         )  # fmt: skip
 
 
-WEAK = 0.6
+WEAK_SHARE = 0.6
 """Share of the commanded finger force below which a gripper is weak."""
 SAME_PLACE = 0.2
 """Start configurations closer than this are the same to a planner, rad."""
@@ -596,6 +604,10 @@ DETECTORS: tuple[Callable[[Investigation], Iterator[DeviceFinding]], ...] = (
     fingers_press_too_little, camera_silent, planner_refuses, camera_frozen, camera_noisy, camera_off,
     colours_mistaken,
 )  # fmt: skip
+
+
+def _lasting(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    return tuple(span for span in spans if span[1] - span[0] > MIN_SILENCE)
 
 
 def _spans(times: Array, where: NDArray[np.bool_], gap: float = 0.3) -> tuple[tuple[float, float], ...]:

@@ -66,7 +66,7 @@ def counted(number: int, one: str, many: str = "") -> str:
 def wrapped(text: str, first: str, rest: str | None = None) -> list[str]:
     """Lines of at most `WIDTH` columns that begin with `first`, all but the first of them with `rest`."""
     lines = textwrap.wrap(
-        _TOGETHER.sub("\N{NO-BREAK SPACE}", text),
+        _UNIT_SPACE.sub("\N{NO-BREAK SPACE}", text),
         WIDTH,
         initial_indent=first,
         subsequent_indent=first if rest is None else rest,
@@ -76,7 +76,7 @@ def wrapped(text: str, first: str, rest: str | None = None) -> list[str]:
     return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 
 
-_TOGETHER = re.compile(r"(?<=\b[xy]) (?=-?\d)|(?<=\d) (?=(?:s|m|cm|mm|N)\b)")
+_UNIT_SPACE = re.compile(r"(?<=\b[xy]) (?=-?\d)|(?<=\d) (?=(?:s|m|cm|mm|N)\b)")
 """Spaces at which no line ends: between a number and its unit."""
 Confidence: TypeAlias = Literal["likely", "possible", "the log does not tell"]
 """How sure an explanation is of a cause.

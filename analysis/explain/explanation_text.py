@@ -29,7 +29,7 @@ from .explanation import (
 if TYPE_CHECKING:
     from picktree.analysis import Run
 
-PLANTED = 12
+MAX_PLANTED = 12
 """Planted faults that are told."""
 
 
@@ -49,10 +49,10 @@ def recovery_lines(found: Episodes, paint: Paint) -> Iterator[str]:
             yield from rest
     if found.planted:
         yield paint("Faults that were planted, and what failed first after them", "place")
-        for fault in found.planted[:PLANTED]:
+        for fault in found.planted[:MAX_PLANTED]:
             yield from wrapped(f"{fault.time:7.2f} s  {fault.message}: {_then(fault)}", "  ", " " * 13)
-        if len(found.planted) > PLANTED:
-            yield f"  … {len(found.planted) - PLANTED} more (--json)"
+        if len(found.planted) > MAX_PLANTED:
+            yield f"  … {len(found.planted) - MAX_PLANTED} more (--json)"
 
 
 def _title(found: Episodes) -> str:
@@ -84,9 +84,9 @@ def _then(fault: item_episodes.Planted) -> str:
     return f"{fault.cause} {fault.after:.1f} s later, {episode_counts.ENDS[fault.end]}"
 
 
-EACH = 8
+MAX_SINGLE = 8
 """Failures up to which each is told by itself, unless all are asked for."""
-GROUPS = 12
+MAX_GROUPS = 12
 """Kinds of failures that are told, unless all are asked for."""
 _BODY, _HANGING = " " * 13, " " * 15
 _FATES = {
@@ -99,31 +99,144 @@ _FATES = {
 }
 
 
-class FailureText:
-    """Tells the failures of a run; `names` gives short names of nodes by their paths."""
+def _alike(failures: Sequence[FailureStory]) -> list[list[FailureStory]]:
+    """Failures of the same node, item and cause that came from the same, and to the same end."""
+    groups: dict[object, list[FailureStory]] = {}
+    for f in failures:
+        key = (f.node, f.item, f.cause, f.root_cause, f.fate, f.because_of is None)
+        groups.setdefault(key, []).append(f)
+    return list(groups.values())
+
+
+def _tells(choice: CandidateChoice, story: FailureStory) -> bool:
+    """Whether a choice says more than the failure's own words."""
+    if any(r.stage for r in choice.rejections) and all(r.reason in story.message for r in choice.rejections):
+        return False
+    return any(r.count > 1 or story.message not in r.reason for r in choice.rejections)
+
+
+def _choice(choice: CandidateChoice) -> str:
+    if any(r.stage for r in choice.rejections):
+        asked = counted(dict(choice.stages).get(pick_candidates.RANKED_STAGE, 0), "candidate")
+        counts = _few([f"{r.count} {r.reason}" for r in choice.rejections])
+        return f"Grasps at {seconds(choice.time)}: {asked}: {'; '.join(counts)}."
+    stages = ", ".join(f"{count} {name}" for name, count in choice.stages)
+    what = "Plans" if choice.purpose == "plan" else f"Grasps at {seconds(choice.time)}"
+    told = f"{what}: {stages}."
+    refused = [f"{r.reason} ({r.count})" if r.count > 1 else r.reason for r in choice.rejections]
+    return f"{told} Refused: {'; '.join(_few(refused))}." if refused else told
+
+
+def _few(words: Sequence[str], most: int = 4) -> list[str]:
+    return [*words[:most], f"{len(words) - most} other reasons"] if len(words) > most else [*words]
+
+
+MAX_CAUSES = 8
+"""Root causes that are told, unless all are asked for."""
+MAX_ITEMS = 30
+"""Items up to which those that are done are told, too."""
+MAX_EVENTS = 9
+"""Events of an item that are told, unless all are asked for."""
+
+
+class ExplanationText:
+    """Turns an explanation into lines.
+
+    `log` is what the reader typed for the log, `program` how picktree is called here, `names` gives short
+    names of nodes by their paths.
+    """
 
     def __init__(
-        self,
-        failures: Sequence[FailureStory],
-        names: Mapping[str, str],
-        paint: Paint,
-        episodes: Sequence[item_episodes.Episode] = (),
+        self, found: Explanation, log: str, program: str, names: Mapping[str, str], paint: Paint = plain
     ) -> None:
-        self._failures, self._names, self._paint = failures, names, paint
-        self._episodes = episodes
+        self._found = found
+        self._log, self._program, self._names, self._paint = log, program, names, paint
 
-    def lines(self, everything: bool) -> Iterator[str]:
-        """Grouped when they are many, unless `everything` is asked for."""
-        failures = self._failures
+    def text(self, head: str, notes: Sequence[str] = (), *, everything: bool = False) -> str:
+        """`head`: what was run. `notes`: what the reader should know of the log. Without a line's end."""
+        found = self._found
+        lines = [
+            *self._outcome(),
+            head,
+            *(line for note in notes for line in wrapped(f"Note: {note}", "")),
+        ]
+        for part in (
+            self._causes(everything),
+            self._failures(everything),
+            recovery_lines(found.recovery, self._paint),
+            self._items(everything),
+            self._look(),
+        ):
+            shown = list(part)
+            if shown:
+                lines += ["", *shown]
+        return "\n".join(lines)
+
+    def _outcome(self) -> list[str]:
+        outcome = self._found.outcome
+        first, *rest = wrapped(f"{outcome.status}: {outcome.sentence}", "")
+        word, _, told = first.partition(":")
+        return [f"{self._paint(word, 'hint' if outcome.status == 'success' else 'error')}:{told}", *rest]
+
+    def _title(self, text: str) -> str:
+        return self._paint(text, "place")
+
+    def _causes(self, everything: bool) -> Iterator[str]:
+        causes = self._found.root_causes
+        if not causes:
+            if self._found.outcome.status == "success" and not self._found.failures:
+                yield self._title("Nothing failed.")
+            return
+        yield self._title("Root cause" if len(causes) == 1 else f"Root causes ({len(causes)})")
+        shown = causes if everything else causes[:MAX_CAUSES]
+        for number, cause in enumerate(shown, 1):
+            mark = self._paint(f"{number}", "error" if cause.ended_run else "warning")
+            stop = "" if cause.title.endswith((".", "!", "?")) else "."
+            first, *rest = wrapped(cause.title + stop, "     ")
+            yield f"  {mark}  {first.strip()}"
+            yield from rest
+            yield from wrapped(self._cost(cause), "     ")
+            for facts, title in (
+                (cause.reasons, ""),
+                (cause.against, "against it: "),
+                (cause.planted, "a fault was planted: "),
+            ):
+                for fact in facts:
+                    yield from wrapped(f"- {title}{fact}", "     ", "       ")
+        if len(shown) < len(causes):
+            yield f"  … {counted(len(causes) - len(shown), 'more root cause')} that cost less (--all)"
+
+    def _cost(self, cause: RootCause) -> str:
+        """Return the consequences of a root cause: goal, failures, lost time."""
+        failures = [self._found.failures[n] for n in cause.failures]
+        status = self._found.outcome.status
+        if cause.ended_run:
+            weight = "This cost the goal" if status == "incomplete" else "This ended the run"
+        else:
+            weight = (
+                "The run got over it" if status in ("success", "incomplete") else "It did not end the run"
+            )
+        cost = f" ({listed(list(cause.items), 4)})" if cause.items and cause.ended_run else ""
+        told = f"[{cause.cause}] {cause.confidence[0].upper()}{cause.confidence[1:]}. {weight}{cost}"
+        if not failures:
+            return f"{told}." if self._found.failures else f"{told}, and nothing failed."
+        lost = cause.seconds_lost
+        times = listed([seconds(f.time) for f in failures], 4)
+        took = f", {lost:.1f} s lost" if lost >= 0.05 else ""
+        return f"{told}: {counted(len(failures), 'failure')} at {times}{took}."
+
+    def _failures(self, everything: bool) -> Iterator[str]:
+        """Yield the failures, grouped when they are many, unless `everything` is asked for."""
+        failures = self._found.failures
         if not failures:
             return
         counts = [(fate, sum(f.fate == fate for f in failures)) for fate in _FATES]
         summary = ", ".join(f"{n} {_FATES[fate]}" for fate, n in counts if n)
-        yield self._paint(f"Failures ({len(failures)}: {summary})", "place")
+        yield self._title(f"Failures ({len(failures)}: {summary})")
         groups = [[f] for f in failures]
-        if not everything and len(failures) > EACH:
+        if not everything and len(failures) > MAX_SINGLE:
             groups = _alike(failures)
-        shown = groups if everything else groups[:GROUPS]
+        shown = groups if everything else groups[:MAX_GROUPS]
         for number, group in enumerate(shown):
             if number:
                 yield ""
@@ -150,7 +263,7 @@ class FailureText:
         for sentence in story.observed:
             yield from wrapped(sentence, _BODY, _HANGING)
         if story.because_of is not None:
-            earlier = self._failures[story.because_of]
+            earlier = self._found.failures[story.because_of]
             yield from wrapped(
                 f"It follows from the failure at {seconds(earlier.time)} ({earlier.cause}).", _BODY
             )
@@ -189,7 +302,7 @@ class FailureText:
         """` by LookAgain after 2 tries`; nothing where that is not known."""
         if story.episode is None:
             return ""
-        episode = self._episodes[story.episode]
+        episode = self._found.recovery.episodes[story.episode]
         if episode.end != "cured" or not episode.cure:
             return ""
         return f" by {episode.cure} after {counted(episode.tries, 'try', 'tries')}"
@@ -205,143 +318,12 @@ class FailureText:
         against = f" for {handling.handler}" if handling.handler != ran else ""
         return f"{node} tried {ran}{against} ({took})."
 
-
-def _alike(failures: Sequence[FailureStory]) -> list[list[FailureStory]]:
-    """Failures of the same node, item and cause that came from the same, and to the same end."""
-    groups: dict[object, list[FailureStory]] = {}
-    for f in failures:
-        key = (f.node, f.item, f.cause, f.root_cause, f.fate, f.because_of is None)
-        groups.setdefault(key, []).append(f)
-    return list(groups.values())
-
-
-def _tells(choice: CandidateChoice, story: FailureStory) -> bool:
-    """Whether a choice says more than the failure's own words."""
-    if any(r.stage for r in choice.rejections) and all(r.reason in story.message for r in choice.rejections):
-        return False
-    return any(r.count > 1 or story.message not in r.reason for r in choice.rejections)
-
-
-def _choice(choice: CandidateChoice) -> str:
-    if any(r.stage for r in choice.rejections):
-        asked = counted(dict(choice.stages).get(pick_candidates.RANKED_STAGE, 0), "candidate")
-        return f"Grasps at {seconds(choice.time)}: {asked}: {'; '.join(_few(_counts(choice)))}."
-    stages = ", ".join(f"{count} {name}" for name, count in choice.stages)
-    what = "Plans" if choice.purpose == "plan" else f"Grasps at {seconds(choice.time)}"
-    told = f"{what}: {stages}."
-    refused = [f"{r.reason} ({r.count})" if r.count > 1 else r.reason for r in choice.rejections]
-    return f"{told} Refused: {'; '.join(_few(refused))}." if refused else told
-
-
-def _few(words: Sequence[str], most: int = 4) -> list[str]:
-    return [*words[:most], f"{len(words) - most} other reasons"] if len(words) > most else [*words]
-
-
-def _counts(choice: CandidateChoice) -> list[str]:
-    """`11 the hand would touch wall (1.2 mm from it at best)`."""
-    return [f"{r.count} {r.reason}" for r in choice.rejections]
-
-
-CAUSES = 8
-"""Root causes that are told, unless all are asked for."""
-ITEMS = 30
-"""Items up to which those that are done are told, too."""
-EVENTS = 9
-"""Events of an item that are told, unless all are asked for."""
-
-
-class ExplanationText:
-    """Turns an explanation into lines.
-
-    `log` is what the reader typed for the log, `program` how picktree is called here, `names` gives short
-    names of nodes by their paths.
-    """
-
-    def __init__(
-        self, found: Explanation, log: str, program: str, names: Mapping[str, str], paint: Paint = plain
-    ) -> None:
-        self._found = found
-        self._log, self._program, self._names, self._paint = log, program, names, paint
-
-    def text(self, head: str, notes: Sequence[str] = (), *, everything: bool = False) -> str:
-        """`head`: what was run. `notes`: what the reader should know of the log. Without a line's end."""
-        found = self._found
-        role = "hint" if found.outcome.status == "success" else "error"
-        lines = [
-            *self._outcome(role),
-            head,
-            *(line for note in notes for line in wrapped(f"Note: {note}", "")),
-        ]
-        for part in (
-            self._causes(everything),
-            FailureText(found.failures, self._names, self._paint, found.recovery.episodes).lines(everything),
-            recovery_lines(found.recovery, self._paint),
-            self._items(everything),
-            self._look(),
-        ):
-            shown = list(part)
-            if shown:
-                lines += ["", *shown]
-        return "\n".join(lines)
-
-    def _outcome(self, role: str) -> list[str]:
-        outcome = self._found.outcome
-        first, *rest = wrapped(f"{outcome.status}: {outcome.sentence}", "")
-        word, _, told = first.partition(":")
-        return [f"{self._paint(word, 'hint' if role == 'hint' else 'error')}:{told}", *rest]
-
-    def _title(self, text: str) -> str:
-        return self._paint(text, "place")
-
-    def _causes(self, everything: bool) -> Iterator[str]:
-        causes = self._found.root_causes
-        if not causes:
-            if self._found.outcome.status == "success" and not self._found.failures:
-                yield self._title("Nothing failed.")
-            return
-        yield self._title("Root cause" if len(causes) == 1 else f"Root causes ({len(causes)})")
-        shown = causes if everything else causes[:CAUSES]
-        for number, cause in enumerate(shown, 1):
-            mark = self._paint(f"{number}", "error" if cause.ended_run else "warning")
-            first, *rest = wrapped(_sentence(cause.title), "     ")
-            yield f"  {mark}  {first.strip()}"
-            yield from rest
-            yield from wrapped(self._cost(cause), "     ")
-            for reason in cause.reasons:
-                yield from wrapped(f"- {reason}", "     ", "       ")
-            for fact in cause.against:
-                yield from wrapped(f"- against it: {fact}", "     ", "       ")
-            for planted in cause.planted:
-                yield from wrapped(f"- a fault was planted: {planted}", "     ", "       ")
-
-        if len(shown) < len(causes):
-            yield f"  … {counted(len(causes) - len(shown), 'more root cause')} that cost less (--all)"
-
-    def _cost(self, cause: RootCause) -> str:
-        """Return the consequences of a root cause: goal, failures, lost time."""
-        failures = [self._found.failures[n] for n in cause.failures]
-        status = self._found.outcome.status
-        if cause.ended_run:
-            weight = "This cost the goal" if status == "incomplete" else "This ended the run"
-        else:
-            weight = (
-                "The run got over it" if status in ("success", "incomplete") else "It did not end the run"
-            )
-        cost = f" ({listed(list(cause.items), 4)})" if cause.items and cause.ended_run else ""
-        told = f"[{cause.cause}] {cause.confidence[0].upper()}{cause.confidence[1:]}. {weight}{cost}"
-        if not failures:
-            return f"{told}." if self._found.failures else f"{told}, and nothing failed."
-        lost = cause.seconds_lost
-        times = listed([seconds(f.time) for f in failures], 4)
-        took = f", {lost:.1f} s lost" if lost >= 0.05 else ""
-        return f"{told}: {counted(len(failures), 'failure')} at {times}{took}."
-
     def _items(self, everything: bool) -> Iterator[str]:
         items = self._found.items
         if not items:
             return
         quiet = [i for i in items if i.state == "done" and "it belongs into" not in i.truth]
-        few = everything or len(items) <= ITEMS
+        few = everything or len(items) <= MAX_ITEMS
         shown = [i for i in items if few or i not in quiet]
         yield self._title(f"Items ({len(items)}, as the robot believed)")
         width = max((len(i.id) for i in shown), default=0)
@@ -368,20 +350,16 @@ class ExplanationText:
 
 def _timeline(item: ItemStory, width: int, everything: bool) -> str:
     done = item.state == "done" and all(e.failure is None for e in item.events)
-    told = [f"{e.time:.2f} s {_BRIEF.sub('', e.what) if done else e.what}" for e in item.events]
-    if len(told) > EVENTS and not everything:
-        told = [*told[: EVENTS - 3], f"… {len(told) - EVENTS + 1} more", *told[-2:]]
+    told = [f"{e.time:.2f} s {_DETAILS.sub('', e.what) if done else e.what}" for e in item.events]
+    if len(told) > MAX_EVENTS and not everything:
+        told = [*told[: MAX_EVENTS - 3], f"… {len(told) - MAX_EVENTS + 1} more", *told[-2:]]
     events = "; ".join(told)
     truth = f" ({item.truth})" if item.truth else ""
     return f"{item.id:<{width}}  {item.state:<5} {events}{truth}"
 
 
-_BRIEF = re.compile(r",? (?:for the first time|at x|\().*")
+_DETAILS = re.compile(r",? (?:for the first time|at x|\().*")
 """Parts left out of the timeline of an item that nothing happened to."""
-
-
-def _sentence(text: str) -> str:
-    return text if text.endswith((".", "!", "?")) else text + "."
 
 
 def to_text(

@@ -26,15 +26,15 @@ from .explanation import (
     seconds,
 )
 
-SQUEEZING = 0.5
+GRIP_SHARE = 0.5
 """Share of the greatest finger force above which the fingers are taken to press on something."""
-STEADY = 3
+LOAD_WINDOW = 3
 """Readings over which the load is averaged, so that a jolt does not count as weight."""
-CLOSING = 0.002
+MIN_CLOSING = 0.002
 """Decrease of the opening beyond which the fingers count as closing, m."""
-RESTING = 3
+REST_WINDOW = 3
 """Readings in a row without motion that count as standing."""
-STILL = 0.001
+FINGER_NOISE = 0.001
 """Motion of the fingers that is noise, m."""
 
 
@@ -69,7 +69,7 @@ def grip_within(case: Investigation, start: float, end: float) -> GripPeriod | N
     times = joints.times[here][closed:]
     effort = efforts[closed:]
     force = float(effort.max())
-    pressing = effort > SQUEEZING * force
+    pressing = effort > GRIP_SHARE * force
     load = 0.0
     if force > 0.0 and bool(pressing.any()):
         steady = _steady(-wrenches.forces[:, 2])
@@ -80,43 +80,45 @@ def grip_within(case: Investigation, start: float, end: float) -> GripPeriod | N
 
 def _closing(width: Array, effort: Array) -> int | None:
     """Index at which the fingers last stood open, at rest and pressing on nothing, before they closed."""
-    free = effort < SQUEEZING * max(float(effort.max()), 1.0)
-    for k in range(len(width) - 1, RESTING - 1, -1):
-        still = float(np.ptp(width[k - RESTING : k + 1])) < STILL
-        if still and free[k] and width[k] > float(width[k:].min()) + CLOSING:
+    free = effort < GRIP_SHARE * max(float(effort.max()), 1.0)
+    for k in range(len(width) - 1, REST_WINDOW - 1, -1):
+        still = float(np.ptp(width[k - REST_WINDOW : k + 1])) < FINGER_NOISE
+        if still and free[k] and width[k] > float(width[k:].min()) + MIN_CLOSING:
             return k
     return None
 
 
 def _steady(values: Array) -> Array:
     """The least of neighbouring readings: what did not last is left out."""
-    if len(values) < STEADY:
+    if len(values) < LOAD_WINDOW:
         return values
-    windows = np.lib.stride_tricks.sliding_window_view(np.pad(values, STEADY // 2, mode="edge"), STEADY)
+    windows = np.lib.stride_tricks.sliding_window_view(
+        np.pad(values, LOAD_WINDOW // 2, mode="edge"), LOAD_WINDOW
+    )
     return windows.min(axis=1)
 
 
-SLIPPERY = 0.5
+SLIP_SHARE = 0.5
 """Share of what the fingers should hold below which an item that slips must be slippery."""
-HEAVY = 3.0
+WEIGHT_RATIO = 3.0
 """A pull of this many times the catalogue's weight is that of another weight."""
-OTHER_MASS = 1.5
+MASS_RATIO = 1.5
 """A true mass of this many times the catalogue's is another one."""
-OTHER_FRICTION = 0.7
+FRICTION_RATIO = 0.7
 """A true friction below this share of the catalogue's is another one."""
-JOLT = 3.0
+JOLT_FORCE = 3.0
 """Force that lifting and braking may add to a weight, N."""
-OWN_WEIGHT = 0.6
+WEIGHT_SHARE = 0.6
 """Share of a pull that stopped the arm from which on the item's known weight explains it."""
-DOWNWARDS = -0.8
+MAX_DOWNWARD = -0.8
 """Component along z of a contact's direction below which it pulls straight down."""
-MARGIN = 1.3
+GRIP_FACTOR = 1.3
 """The fingers should hold this many times the weight."""
-AWAY = 0.015
+MIN_SEPARATION = 0.015
 """An item whose centre is this much further from the fingers than when they closed has left them, m."""
-FLUNG = 0.5
+IMPACT_SPEED = 0.5
 """Speed against the hand, gravity aside, that no item gets by sliding out, m/s."""
-HOLDING = (
+HOLD_FAILURES = (
     "grasp.slipped", "grasp.missed", "place.missed", "world.unknown_object", "perception.not_found",
     "safety.payload", "control.gripper", "insert.missed", "insert.not_found", "world.disturbed",
 )  # fmt: skip
@@ -168,7 +170,7 @@ def _period(case: Investigation, item: str, true: str, start: float, end: float)
         if base is None and away > reach_of(body) and time < start + 1.0:
             return HeldPeriod(item, true, start, end, (start, start), unclear=True)
         base = away if base is None else min(base, away)
-        if away > base + AWAY:
+        if away > base + MIN_SEPARATION:
             flung = _flung(case, true, before, time)
             return HeldPeriod(item, true, start, end, (before, time), flung is True, flung is None)
         before, moving = time, hand
@@ -196,26 +198,26 @@ def _flung(case: Investigation, true: str, before: float, time: float) -> bool |
     hand = np.subtract(there, here) / max(time - before, 1e-3)
     sideways = float(np.linalg.norm(np.subtract(velocity[:2], hand[:2])))
     fall = -velocity[2] - GRAVITY * (time - before)
-    return sideways > FLUNG + 0.5 * float(np.linalg.norm(hand)) or fall > FLUNG
+    return sideways > IMPACT_SPEED + 0.5 * float(np.linalg.norm(hand)) or fall > IMPACT_SPEED
 
 
-def left_the_hand(case: Investigation, failure: FailureStory) -> Finding | None:
+def explain_drop(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return why an item that was believed in the hand is not there; None when it is, or was never."""
-    if failure.cause not in HOLDING:
+    if failure.cause not in HOLD_FAILURES:
         return None
     true = case.pairs.get(failure.item)
     periods = [p for p in case.once(held_periods) if p.true == true and p.start <= failure.time + 1e-6]
     period = periods[-1] if periods else None
-    if true is None or period is None or (period.left is None and period.end < failure.time - RECENT):
+    if true is None or period is None or (period.left is None and period.end < failure.time - LOSS_TIME):
         return None
     if period.left is None or period.left[0] > failure.time + case.sampled:
         return _let_go(case, failure, period)
-    if failure.time - period.end > RECENT or _seen_since(case, true, period.end, failure.time):
+    if failure.time - period.end > LOSS_TIME or _seen_since(case, true, period.end, failure.time):
         return None
     return why_it_left(case, period)
 
 
-RECENT = 10.0
+LOSS_TIME = 10.0
 """A failure this long after the item left the hand may come from it, s."""
 
 
@@ -228,14 +230,14 @@ def _seen_since(case: Investigation, true: str, since: float, until: float) -> b
 def _rests(case: Investigation, true: str, time: float) -> bool:
     track = case.truth.tracks[true]
     before, after = track.before(time), track.after(time + 0.2) or track.last
-    return before is not None and math.dist(before.pose.position, after.pose.position) < AWAY
+    return before is not None and math.dist(before.pose.position, after.pose.position) < MIN_SEPARATION
 
 
 def _let_go(case: Investigation, failure: FailureStory, period: HeldPeriod) -> Finding | None:
     """The robot took an item for lost that was between its fingers."""
     time = min(failure.time, period.end)
     hand, body = case.hand(time), case.truth.at(period.true, time)
-    soon = failure.time - period.end < (HANDLED if failure.cause == "grasp.slipped" else RECENT)
+    soon = failure.time - period.end < (REPORT_TIME if failure.cause == "grasp.slipped" else LOSS_TIME)
     unfelt = failure.cause == "grasp.slipped" or _given_up_unfelt(case, period, failure)
     if not soon or not unfelt or hand is None or body is None or pressed_from_below(failure):
         return None
@@ -261,19 +263,19 @@ def _given_up_unfelt(case: Investigation, period: HeldPeriod, failure: FailureSt
     )
 
 
-HANDLED = 2.0
+REPORT_TIME = 2.0
 """A failure says within this time that the item counts as lost, s."""
 
-EMPTY = 0.002
+EMPTY_WIDTH = 0.002
 """Fingers that are closer than this hold nothing, m."""
-BORNE = 2.0
+MIN_PUSH = 2.0
 """A load this far below nothing is a push from below, N."""
 
 
 def pressed_from_below(failure: FailureStory) -> bool:
     """Whether what is said to have slipped is still between the fingers, and something bears its weight."""
     width, load = number(failure, "width"), number(failure, "load")
-    return failure.cause == "grasp.slipped" and (width or 0.0) > EMPTY and (load or 0.0) < -BORNE
+    return failure.cause == "grasp.slipped" and (width or 0.0) > EMPTY_WIDTH and (load or 0.0) < -MIN_PUSH
 
 
 def why_it_left(case: Investigation, period: HeldPeriod) -> Finding | None:
@@ -316,11 +318,11 @@ def _by_its_nature(case: Investigation, item: str, true: str, time: float) -> Fi
     if entry is None or state is None:
         return None
     mass, friction = state.masses.get(true, entry.mass), state.frictions.get(true, entry.friction)
-    if mass > OTHER_MASS * entry.mass:
+    if mass > MASS_RATIO * entry.mass:
         title = f"{item} is heavier than its kind: it weighs {mass:.2f} kg"
         reasons = (f"by the catalogue a {entry.kind} weighs {entry.mass:.2f} kg",)
         return Finding("item.heavy", true, title, reasons, item, time)
-    if friction < OTHER_FRICTION * entry.friction:
+    if friction < FRICTION_RATIO * entry.friction:
         title = f"{item} is slipperier than its kind: its friction is {friction:.2f}"
         reasons = (f"by the catalogue a {entry.kind} has {entry.friction:.2f}",)
         return Finding("item.slippery", true, title, reasons, item, time)
@@ -338,7 +340,7 @@ def _by_the_grip(case: Investigation, period: HeldPeriod) -> Finding | None:
     item, weight, holds = period.item, entry.mass * GRAVITY, 2.0 * entry.friction * grip.force
     pressed = f"the fingers pressed with {force(grip.force)} and it slid out under at most {force(grip.load)}"
     should = f"with the catalogue's friction of {entry.friction:g} they would hold {force(holds)}"
-    if holds < MARGIN * weight:
+    if holds < GRIP_FACTOR * weight:
         node = next(
             (v.path for v in reversed(case.family.visits) if v.id == "Grasp" and v.start <= period.start), ""
         )
@@ -351,11 +353,11 @@ def _by_the_grip(case: Investigation, period: HeldPeriod) -> Finding | None:
         return Finding("grasp.weak", node, title, reasons, item, grip.closed)
     if case.devices:
         return None  # mass and friction are known: they are those of its kind
-    if grip.load > HEAVY * weight + JOLT:
+    if grip.load > WEIGHT_RATIO * weight + JOLT_FORCE:
         title = f"{item} is heavier than its kind: it slipped under {force(grip.load)}"
         reasons = (f"by the catalogue a {entry.kind} weighs {force(weight)}", pressed, should)
         return Finding("item.heavy", period.true, title, reasons, item, grip.closed, "possible")
-    if grip.load < SLIPPERY * holds and not any(
+    if grip.load < SLIP_SHARE * holds and not any(
         p.true == period.true and p.left is None for p in case.once(held_periods) if p is not period
     ):
         most = (grip.load + 0.05) / (2.0 * grip.force)
@@ -364,7 +366,7 @@ def _by_the_grip(case: Investigation, period: HeldPeriod) -> Finding | None:
     return None
 
 
-def too_heavy(case: Investigation, failure: FailureStory) -> Finding | None:
+def explain_overweight(case: Investigation, failure: FailureStory) -> Finding | None:
     """Whether what the hand held, or was about to lift, pulled it down much harder than it should weigh."""
     if failure.cause not in ("world.disturbed", "safety.force_limit", "control.tracking", "safety.payload"):
         return None
@@ -382,12 +384,12 @@ def too_heavy(case: Investigation, failure: FailureStory) -> Finding | None:
         title = f"{held.id} weighs more than the hand may carry: {failure.message}"
         reasons = (f"by the catalogue a {entry.kind} weighs {entry.mass:.2f} kg",)
         return Finding("item.heavy", true, title, reasons, held.id, failure.time)
-    if down and weight > OWN_WEIGHT * pull:
+    if down and weight > WEIGHT_SHARE * pull:
         title = (
             f"{held.id} weighs {force(weight)} by the catalogue, and pulled the hand down with {force(pull)}"
         )
         return Finding("item.heavy", true, title, (failure.message,), held.id, failure.time)
-    if not down or pull < HEAVY * weight + JOLT or (case.devices and nature is None):
+    if not down or pull < WEIGHT_RATIO * weight + JOLT_FORCE or (case.devices and nature is None):
         return None
     title = f"{held.id} is heavier than its kind: it pulled the hand down with {force(pull)}"
     reasons = (
@@ -403,6 +405,6 @@ def _pull(failure: FailureStory) -> tuple[float, bool]:
     vector = numbers(failure, "force")  # of a safety stop
     if len(vector) == 3:
         size = math.hypot(*vector)
-        return size, size > 0.0 and vector[2] / size < DOWNWARDS
+        return size, size > 0.0 and vector[2] / size < MAX_DOWNWARD
     size, direction = number(failure, "force"), numbers(failure, "direction")
-    return (size, direction[2] < DOWNWARDS) if size is not None and len(direction) == 3 else (0.0, False)
+    return (size, direction[2] < MAX_DOWNWARD) if size is not None and len(direction) == 3 else (0.0, False)

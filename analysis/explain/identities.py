@@ -17,20 +17,20 @@ from picktree.world import extents
 
 from .body_tracks import BodyTracks, horizontal_distance, offset
 
-NEAR = 0.08
+MATCH_RANGE = 0.08
 """Greatest distance between a detection and the true item that it can be, m."""
-OTHER_COLOUR_NEAR = 0.03
+OTHER_COLOUR_RANGE = 0.03
 """The same for an item of another colour, m."""
-OTHER_COLOUR, OTHER_KIND = 0.05, 0.02
+COLOUR_COST, KIND_COST = 0.05, 0.02
 """Distances that a difference in colour, or in kind, is worth, m: both may be misjudged."""
-FRESH = 0.16
+MAX_AGE = 0.16
 """A belief this young shows the item as the camera saw it, s: thinking about it takes up to three ticks."""
-ALIKE = 0.35
+MAX_SCATTER = 0.35
 """Share of the mean by which offsets that have one origin may scatter."""
 MIN_COMMON = 0.006
 """Least offset that counts as common, m."""
-UNLIKELY = 10.0
-SUPPOSED_NEAR = 0.15
+NO_MATCH = 10.0
+UNSEEN_RANGE = 0.15
 """The same for an item that no camera saw where it is believed, m: in the hand (in the mean), or placed."""
 
 
@@ -71,7 +71,7 @@ class Identities:
                 if body.role != "item" or body.attached or body.last_seen <= last + 1e-6:
                     continue
                 last = body.last_seen
-                if time - body.last_seen < FRESH:
+                if time - body.last_seen < MAX_AGE:
                     looks.setdefault(round(body.last_seen, 3), []).append((track.id, body))
         return [each for time in sorted(looks) for each in self._assigned(time, looks[time])]
 
@@ -126,7 +126,7 @@ class Identities:
         ]
         taken = set(found.values())
         true = [(name, body) for name, body in self._truth.about(start) if name not in taken]
-        pairs = _matched(seen, true, (0.0, 0.0), SUPPOSED_NEAR)
+        pairs = _matched(seen, true, (0.0, 0.0), UNSEEN_RANGE)
         return {seen[number][0]: true[other][0] for number, other in pairs.items()}
 
     def _carried(self, item: str) -> str:
@@ -142,10 +142,10 @@ class Identities:
         for time, body in held:
             for true, other in self._truth.there(time):
                 cost = math.dist(body.pose.position, other.pose.position)
-                away.setdefault(true, []).append(cost + OTHER_COLOUR * (body.colour != other.colour))
+                away.setdefault(true, []).append(cost + COLOUR_COST * (body.colour != other.colour))
         means = ((sum(costs) / len(costs), true) for true, costs in away.items())
         mean, nearest = min(means, default=(math.inf, ""))
-        return nearest if mean < SUPPOSED_NEAR else ""
+        return nearest if mean < UNSEEN_RANGE else ""
 
     @cached_property
     def phantoms(self) -> Mapping[str, str]:
@@ -166,28 +166,28 @@ def common_offset(
     for _, body in seen:
         alike = [o for _, o in true if o.kind == body.kind and o.colour == body.colour]
         nearest = min(alike, key=lambda other, body=body: horizontal_distance(body, other), default=None)
-        if nearest is not None and horizontal_distance(body, nearest) < 1.5 * NEAR:
+        if nearest is not None and horizontal_distance(body, nearest) < 1.5 * MATCH_RANGE:
             ways.append(offset(body, nearest)[:2])
     if len(ways) < 2:
         return (0.0, 0.0)
     x, y = np.median(np.array(ways), axis=0)
     size = math.hypot(x, y)
     scatter = float(np.median(np.linalg.norm(np.array(ways) - (x, y), axis=1)))
-    return (float(x), float(y)) if size > MIN_COMMON and scatter < ALIKE * size else (0.0, 0.0)
+    return (float(x), float(y)) if size > MIN_COMMON and scatter < MAX_SCATTER * size else (0.0, 0.0)
 
 
 def _matched(
     seen: Sequence[tuple[str, log_records.BodyRecord]],
     true: Sequence[tuple[str, log_records.BodyRecord]],
     common: tuple[float, float],
-    near: float = NEAR,
+    near: float = MATCH_RANGE,
 ) -> dict[int, int]:
     """Return the number of the true item by that of the believed one, assigned one to one."""
     cost = np.array([[_unlike(body, other, common, near) for _, other in true] for _, body in seen])
     if not cost.size:
         return {}
     rows, columns = linear_sum_assignment(cost)
-    return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < UNLIKELY}
+    return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < NO_MATCH}
 
 
 def _unlike(
@@ -195,9 +195,9 @@ def _unlike(
 ) -> float:
     x, y, z = offset(seen, true)
     distance = math.hypot(x - common[0], y - common[1], z)
-    if distance > (near if seen.colour == true.colour else OTHER_COLOUR_NEAR):
-        return UNLIKELY
-    return distance + OTHER_COLOUR * (seen.colour != true.colour) + OTHER_KIND * (seen.kind != true.kind)
+    if distance > (near if seen.colour == true.colour else OTHER_COLOUR_RANGE):
+        return NO_MATCH
+    return distance + COLOUR_COST * (seen.colour != true.colour) + KIND_COST * (seen.kind != true.kind)
 
 
 def _touching(

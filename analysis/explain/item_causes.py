@@ -15,22 +15,22 @@ from .body_tracks import horizontal_distance
 from .case import Investigation
 from .device_causes import seen_displaced
 from .explanation import FailureStory, Finding, between, counted, distance, force, number, place, seconds
-from .held_items import EMPTY, grip_within, held_periods
+from .held_items import EMPTY_WIDTH, grip_within, held_periods
 
-MOVED = 0.015
+MIN_MOVE = 0.015
 """A true item that is this far from where it was when last seen has moved, m."""
-BEGUN = 0.008
+MOVE_START = 0.008
 """Distance beyond which an item counts as moving already, m."""
-MISPLACED = 0.012
+MIN_ERROR = 0.012
 """A belief this far from the truth while the item was seen is wrong, m."""
-BESIDE = 0.12
+PUSH_RANGE = 0.12
 """The hand this near to an item may have pushed it, m."""
-TOUCHED = 6.0
+TOUCH_FORCE = 6.0
 """Force at the wrist that tells of a touch, N: more than the hand's own weight gives when it is swung."""
 NOWHERE = "it is nowhere in the robot's world any more"
-STEP = 0.1
+SAMPLE_TIME = 0.1
 """Between two looks at where the hand was, s."""
-SEEKING = frozenset(
+SEEK_FAILURES = frozenset(
     {
         "grasp.missed", "grasp.slipped", "grasp.no_candidate", "world.unknown_object", "world.disturbed",
         "perception.not_found", "perception.stale", "place.missed",
@@ -51,7 +51,7 @@ class ItemDisplacement:
 
 def wrong_location_cause(case: Investigation, failure: FailureStory) -> Finding | None:
     """Whether the item was truly elsewhere, or nowhere, when the hand reached for it or should hold it."""
-    if failure.cause not in SEEKING or not failure.item:
+    if failure.cause not in SEEK_FAILURES or not failure.item:
         return None
     item, true = failure.item, case.pairs.get(failure.item)
     if true is None:
@@ -90,7 +90,7 @@ def _moved(
         return None
     moving = way_since(case, true, _settled(case, item, reached), reached)
     now = None if moving is None else case.truth.tracks[true].before(max(moving.end, reached))
-    if moving is None or now is None or horizontal_distance(now, believed) < MISPLACED:
+    if moving is None or now is None or horizontal_distance(now, believed) < MIN_ERROR:
         return None
     pushed, told = by_the_arm(case, true, moving)
     verb = "the arm pushed it" if pushed else "it had moved"
@@ -135,10 +135,10 @@ def way_since(case: Investigation, true: str, seen: float, until: float) -> Item
     samples = [(t, horizontal_distance(start, b)) for t, b in bodies if carried is None or t > carried]
     if not samples:
         return None
-    far = next((d for _, d in samples if d > MOVED), None)
+    far = next((d for _, d in samples if d > MIN_MOVE), None)
     if far is None:
         return None
-    begun = next(t for t, way in samples if way > BEGUN)
+    begun = next(t for t, way in samples if way > MOVE_START)
     rested = max((t for t, _ in samples if t < begun), default=seen)
     way = next((d for t, d in reversed(samples) if t <= until), far)
     return ItemDisplacement(rested, max(begun, rested), max(way, far))
@@ -148,23 +148,23 @@ def by_the_arm(case: Investigation, true: str, moving: ItemDisplacement) -> tupl
     """Whether the arm moved the item, and what tells so."""
     track = case.truth.tracks[true]
     body, after = track.before(moving.start) or track.first, track.after(moving.end) or track.bodies[-1]
-    times = np.arange(moving.start, moving.end + 1e-6, STEP)
+    times = np.arange(moving.start, moving.end + 1e-6, SAMPLE_TIME)
     where = [(float(time), hand) for time in times if (hand := case.hand(float(time))) is not None]
     hands = [hand for _, hand in where]
     if not hands:
         return False, "where the hand was then is not in the log"
     nearest = min(math.dist(hand, body.pose.position) for hand in hands)
-    if nearest > BESIDE:
+    if nearest > PUSH_RANGE:
         return False, f"something else than the arm moved it: the hand was {distance(nearest)} away, or more"
     wrenches = case.run.wrenches
     # Elsewhere on its way the hand is swung, and feels its own weight.
-    beside = np.array([time for time, hand in where if math.dist(hand, body.pose.position) <= BESIDE])
-    here = (np.abs(wrenches.times[:, None] - beside) <= STEP / 2).any(axis=1)
+    beside = np.array([time for time, hand in where if math.dist(hand, body.pose.position) <= PUSH_RANGE])
+    here = (np.abs(wrenches.times[:, None] - beside) <= SAMPLE_TIME / 2).any(axis=1)
     felt = float(np.linalg.norm(wrenches.forces[here], axis=1).max()) if bool(here.any()) else 0.0
-    if felt < TOUCHED:
+    if felt < TOUCH_FORCE:
         return False, f"something else than the arm moved it: the hand felt no more than {force(felt)} then"
     left = min(math.dist(hand, after.pose.position) for hand in hands)
-    if left > 2 * BESIDE and body.form not in ("sphere", "cylinder"):
+    if left > 2 * PUSH_RANGE and body.form not in ("sphere", "cylinder"):
         return (
             False,
             f"something else than the arm moved it: the hand did not follow it ({distance(left)} away)",
@@ -175,7 +175,7 @@ def by_the_arm(case: Investigation, true: str, moving: ItemDisplacement) -> tupl
 def misjudged(case: Investigation, failure: FailureStory) -> Finding | None:
     """Whether the item lay still, and was believed somewhere else all the time."""
     true = case.pairs.get(failure.item)
-    if true is None or failure.cause not in SEEKING or failure.cause == "grasp.slipped":
+    if true is None or failure.cause not in SEEK_FAILURES or failure.cause == "grasp.slipped":
         return None
     reached = _reached(case, failure)
     believed, body = case.belief.tracks[failure.item].before(reached), case.truth.at(true, reached)
@@ -183,7 +183,7 @@ def misjudged(case: Investigation, failure: FailureStory) -> Finding | None:
         believed is None
         or body is None
         or believed.attached
-        or horizontal_distance(body, believed) < MISPLACED
+        or horizontal_distance(body, believed) < MIN_ERROR
     ):
         return None
     if (camera := seen_displaced(case, failure.item, reached)) is not None:
@@ -201,16 +201,13 @@ def misjudged(case: Investigation, failure: FailureStory) -> Finding | None:
 
 def _carried(case: Investigation, true: str, time: float) -> bool:
     """Whether the robot believed at that time that it held the item."""
-    for item in case.believed.get(true, ()):
-        body = case.belief.at(item, time)
-        if body is not None and body.attached:
-            return True
-    return False
+    bodies = (case.belief.at(item, time) for item in case.believed.get(true, ()))
+    return any(body is not None and body.attached for body in bodies)
 
 
 def _felt_nothing(failure: FailureStory) -> list[str]:
     width = number(failure, "width")
-    if width is None or width > EMPTY:
+    if width is None or width > EMPTY_WIDTH:
         return []
     return [f"the fingers met ({max(width, 0.0) * 1000:.1f} mm) and hold nothing"]
 
@@ -244,9 +241,16 @@ def in_picture(camera: CameraDescription, body: log_records.BodyRecord) -> bool:
     return bool(abs(y / z) <= across and abs(x / z) <= across * width / height)
 
 
-LARGER = 1.08
+SIZE_RATIO = 1.08
 """A true size of this many times the catalogue's is another one."""
-CARRIED = ("control.", "tree.", "internal.", "planning.budget", "perception.no_image", "safety.stale_sensor")
+SIZE_FREE = (
+    "control.",
+    "tree.",
+    "internal.",
+    "planning.budget",
+    "perception.no_image",
+    "safety.stale_sensor",
+)
 """Failures that an item's own size has nothing to do with."""
 
 
@@ -284,7 +288,7 @@ def _least_width(shape: Shape, pose: Pose) -> float:
 
 def larger(case: Investigation, failure: FailureStory) -> Finding | None:
     """Whether the item, or one in the way of its grasp, truly has another size than its kind."""
-    if failure.cause.startswith(CARRIED):
+    if failure.cause.startswith(SIZE_FREE):
         return None
     touched = [by.split("/")[0] for choice in failure.choices for r in choice.rejections if (by := r.by)]
     for item in (failure.item, *dict.fromkeys(touched)):
@@ -292,7 +296,7 @@ def larger(case: Investigation, failure: FailureStory) -> Finding | None:
         if true is None:
             continue
         factor = size_of(case, true, failure.time)
-        if factor > LARGER or factor < 1 / LARGER:
+        if factor > SIZE_RATIO or factor < 1 / SIZE_RATIO:
             return _another_size(case, true, item, factor)
     return None
 
@@ -303,7 +307,7 @@ def another_size(case: Investigation, true: str) -> Finding | None:
     if not any(in_picture(camera, case.truth.tracks[true].first) for camera in cameras):
         return None
     factor = size_of(case, true, case.truth.tracks[true].times[-1])
-    if 1 / LARGER <= factor <= LARGER:
+    if 1 / SIZE_RATIO <= factor <= SIZE_RATIO:
         return None
     return _another_size(case, true, case.name_of(true), factor)
 
@@ -324,7 +328,7 @@ def _another_size(case: Investigation, true: str, item: str, factor: float) -> F
 def nothing_there(case: Investigation, failure: FailureStory) -> Finding | None:
     """Whether the item that failed never was a true one of its own, or one that it touched was not."""
     phantoms = case.identities.phantoms
-    if failure.cause.startswith(CARRIED):
+    if failure.cause.startswith(SIZE_FREE):
         return None
     touched = [by.split("/")[0] for choice in failure.choices for r in choice.rejections if (by := r.by)]
     held = [body.id for body in case.believed_at(failure.time) if body.attached]

@@ -34,21 +34,21 @@ from .explanation import (
 from .held_items import pressed_from_below
 from .item_causes import way_since
 
-STOPPED = frozenset(
+STOP_FAILURES = frozenset(
     {"world.disturbed", "safety.force_limit", "safety.stop", "control.tracking", "control.timeout",
      "safety.torque_limit", "safety.watchdog", "planning.blocked"}
 )  # fmt: skip
-AROUND = 0.15
+HAND_RANGE = 0.15
 """Distance from the fingers' joints within which they, or the held object, may touch something, m."""
-TOUCHING = 0.005
+TOUCH_MARGIN = 0.005
 """Margin around a body within which another one may touch it, m."""
-CLOSE = 0.08
+ITEM_RANGE = 0.08
 """An item nearer to the hand than that was touched rather than an unknown thing beside it, m."""
 
 
 def touched(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the body truly near the hand when it was stopped; None when the cause is no touch."""
-    stopped = failure.cause in STOPPED or pressed_from_below(failure)
+    stopped = failure.cause in STOP_FAILURES or pressed_from_below(failure)
     if not stopped and not (failure.cause.startswith("safety.") and case.obstacles_near(failure.time)):
         return None
     stops = case.events(event_types.SafetyStopEvent, start=case.visit(failure).start, end=failure.time)
@@ -62,14 +62,14 @@ def touched(case: Investigation, failure: FailureStory) -> Finding | None:
         body = case.truth.at(true, time)
         if body is not None and hand is not None and failure.item not in case.believed.get(true, ()):
             away = math.dist(hand, body.pose.position)
-            if away < AROUND and (
+            if away < HAND_RANGE and (
                 held is None or _reach(held) + _reach(body) > horizontal_distance(held, body)
             ):
                 near.append((away, true))
     verb = f"the arm met something with {felt}" if felt else "the arm was stopped"
     where = f" on its way with {failure.item}" if failure.item else ""
     unknown = next(iter(case.obstacles_near(time)), None)
-    if unknown is not None and (not near or min(near)[0] > CLOSE):
+    if unknown is not None and (not near or min(near)[0] > ITEM_RANGE):
         title = f"{verb}{where}: {unknown}, which nobody had told the robot of, stood next to it"
         reasons.append(_when_seen(case, time))
         return Finding("contact.obstacle", unknown, title, tuple(reasons), failure.item, time)
@@ -99,7 +99,7 @@ def touched(case: Investigation, failure: FailureStory) -> Finding | None:
 def _reach(body: log_records.BodyRecord) -> float:
     """Return the radius of the horizontal circle around a body, with a margin, m."""
     low, high = extents(body.shape, body.pose.rotation())
-    return math.hypot(high[0] - low[0], high[1] - low[1]) / 2 + TOUCHING
+    return math.hypot(high[0] - low[0], high[1] - low[1]) / 2 + TOUCH_MARGIN
 
 
 def _when_seen(case: Investigation, time: float) -> str:
@@ -116,21 +116,24 @@ def _felt(failure: FailureStory) -> str:
     return force(size) if size is not None else ""
 
 
-OVER = 0.35
+CLEARANCE = 0.35
 """Height over a bin's rim, and width around an item, that hand and arm need, m."""
 
 
 def fixture_above(case: Investigation, target: Bin) -> str:
     """The fixture that covers a bin, or reaches into the room over it; empty when none does."""
     (x, y, z), (sx, sy, sz) = target.pose.position, target.size
-    low, high = (x - sx / 2, y - sy / 2, z + sz), (x + sx / 2, y + sy / 2, z + sz + OVER)
+    low, high = (x - sx / 2, y - sy / 2, z + sz), (x + sx / 2, y + sy / 2, z + sz + CLEARANCE)
     return next((name for name, fixture in case.fixtures.items() if _overlap(fixture, low, high)), "")
 
 
 def fixtures_around(case: Investigation, lies: log_records.BodyRecord) -> list[str]:
     """Fixtures in the column over an item, the hand's width around it."""
     x, y, z = lies.pose.position
-    low, high = (x - OVER / 2, y - OVER / 2, z), (x + OVER / 2, y + OVER / 2, z + 2 * OVER)
+    low, high = (
+        (x - CLEARANCE / 2, y - CLEARANCE / 2, z),
+        (x + CLEARANCE / 2, y + CLEARANCE / 2, z + 2 * CLEARANCE),
+    )
     return [name for name, fixture in case.fixtures.items() if _overlap(fixture, low, high)]
 
 
@@ -140,7 +143,7 @@ def _overlap(fixture: Fixture, low: Sequence[float], high: Sequence[float]) -> b
     return bool(np.all(at + least < np.array(high)) and np.all(at + most > np.array(low)))
 
 
-BESIDE = 0.1
+OVERHANG = 0.1
 """Distance beside a bin at which the middle of a link still reaches over it, m."""
 NOWHERE = "cannot be put where it belongs"
 APPROACH = 0.08
@@ -149,9 +152,7 @@ APPROACH = 0.08
 
 def no_way_to_bin(case: Investigation, failure: FailureStory, refused: int, total: int) -> Finding | None:
     """No grasp leads to the item's bin: because that is full, covered, or too far away."""
-    lies = (
-        case.belief.tracks[failure.item].before(failure.time) if failure.item in case.belief.tracks else None
-    )
+    lies = case.last_believed(failure)
     target = case.bins.get(case.destination(lies)) if lies else None
     reasons = (f"from {refused} of {total} grasps {failure.item} {NOWHERE}",)
     if lies is None or target is None:
@@ -247,7 +248,7 @@ def _under_arm(case: Investigation, failure: FailureStory) -> Finding | None:
     if bin_ is None or not len(links):
         return None
     x, y, _ = bin_.pose.inverse().apply(links).T
-    over = links[(abs(x) < bin_.size[0] / 2 + BESIDE) & (abs(y) < bin_.size[1] / 2 + BESIDE)]
+    over = links[(abs(x) < bin_.size[0] / 2 + OVERHANG) & (abs(y) < bin_.size[1] / 2 + OVERHANG)]
     if not len(over):
         return None
     height = over[:, 2].min() - (bin_.pose.position[2] + bin_.size[2])
@@ -311,11 +312,12 @@ def _touching(
         if name in fixtures:
             title = f"{name} stands in the way of {_doing(failure)}"
             return Finding("scene.blocked", name, title, reasons, failure.item, failure.time)
-    obstacles = [name for name in most if _role(case, name) == "obstacle"]
+    tracks = case.belief.tracks
+    obstacles = [name for name in most if name in tracks and tracks[name].first.role == "obstacle"]
     if obstacles:
         title = f"something unknown ({obstacles[0]}) is seen in the way of {_doing(failure)}"
         return Finding("scene.unknown_obstacle", obstacles[0], title, reasons, failure.item, failure.time)
-    neighbours = [name for name in most if name in case.belief.tracks and name != failure.item]
+    neighbours = [name for name in most if name in tracks and name != failure.item]
     if neighbours and failure.cause == "planning.start_in_collision":
         # The hand may just have let go of something there: where that lies is a guess.
         begun = failure.name_and_item
@@ -350,16 +352,15 @@ def _far(
     hindered: Counter[str],
 ) -> Finding | None:
     """`hindered`: how often the arm itself would touch what."""
-    lies = (
-        case.belief.tracks[failure.item].before(failure.time) if failure.item in case.belief.tracks else None
-    )
+    lies = case.last_believed(failure)
     where = f" at {place(lies.pose.position)}" if lies else ""
+    refused = f"{far} of {total} grasps were out of reach or in collision"
     poses = _grasp_poses(case, choice)
     arm = case.arm
     if arm is not None and poses and not reachable(arm, poses):
         title = f"{failure.item} lies{where}, where the arm does not reach it from above"
         reasons = (
-            f"{far} of {total} grasps were out of reach or in collision",
+            refused,
             f"for {counted(min(len(poses), 12), 'of them that was tried', 'of them that were tried')} no "
             "configuration of the arm exists, collisions aside",
         )
@@ -373,13 +374,12 @@ def _far(
     if near:
         title = f"{near[0]} stands in the way of the arm at {failure.item}"
         reasons = (
-            f"{far} of {total} grasps were out of reach or in collision",
+            refused,
             f"the arm could reach {failure.item}{where}, were it not for what stands around it",
         )
         return Finding("scene.blocked", near[0], title, reasons, failure.item, failure.time)
     title = f"the arm cannot get to {failure.item}{where} without touching something"
-    reasons = (f"{far} of {total} grasps were out of reach or in collision", *reasons)
-    return Finding("item.hemmed_in", failure.item, title, reasons, failure.item, failure.time)
+    return Finding("item.hemmed_in", failure.item, title, (refused, *reasons), failure.item, failure.time)
 
 
 def _grasp_poses(case: Investigation, choice: CandidateChoice) -> list[Pose]:
@@ -430,8 +430,3 @@ def _pairs(pairs: Sequence[str]) -> Counter[str]:
     """`panda_hand 3.2 mm deep in shelf`: what is touched, and how often."""
     found = (PAIR.match(pair) for pair in pairs)
     return Counter(match.group(2).split("/")[0] for match in found if match)
-
-
-def _role(case: Investigation, name: str) -> str:
-    track = case.belief.tracks.get(name)
-    return track.first.role if track else ""

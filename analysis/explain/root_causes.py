@@ -19,7 +19,7 @@ from picktree.world import event_types
 from .case import Investigation
 from .device_causes import device_findings
 from .explanation import ExplainedOutcome, FailureStory, Finding, RootCause, seconds
-from .held_items import held_periods, left_the_hand, pressed_from_below, too_heavy
+from .held_items import explain_drop, explain_overweight, held_periods, pressed_from_below
 from .item_causes import larger, misjudged, nothing_there, too_wide, wrong_location_cause
 from .obstruction_causes import obstruction_cause, touched
 from .run_endings import by_the_mission, goal_missed, out_of_order, run_ended, unacknowledged
@@ -29,13 +29,13 @@ DISPLACING = frozenset(
     {"item.moved", "item.left_bin", "item.pushed_by_arm", "item.struck",
      "item.slipped", "item.slippery", "item.heavy", "grasp.weak", "gripper.weak", "grasp.not_felt"}
 )  # fmt: skip
-PLACES = frozenset({"item.out_of_reach", "item.beside_bin", "item.crowded", "item.hemmed_in"})
+PLACE_CAUSES = frozenset({"item.out_of_reach", "item.beside_bin", "item.crowded", "item.hemmed_in"})
 """Causes that an item has where it lies: what brought it there is the root of them."""
-RUN = frozenset(
+RUN_CAUSES = frozenset(
     {"run.interrupted", "run.killed", "run.crashed", "run.going_on", "run.paused", "tree.condition"}
 )
 """Causes that end a run by themselves."""
-LONG = 0.2
+MIN_SHARE = 0.2
 """Share of a run that ended at its limit which causes of failures must have cost to be the reason."""
 
 Question: TypeAlias = Callable[[Investigation, FailureStory], Finding | None]
@@ -65,10 +65,10 @@ QUESTIONS: Final[tuple[Question, ...]] = (
     out_of_order,          # was it the item's turn?
     larger,                # what was the item truly,
     too_wide,
-    too_heavy,
+    explain_overweight,
     nothing_there,         # and what was it believed to be?
     pressed,               # what was felt?
-    left_the_hand,         # did it leave the hand?
+    explain_drop,         # did it leave the hand?
     wrong_location_cause,  # where was it truly, and where did truth and belief part?
     after_wrong_bin,
     obstruction_cause,     # what was in the way?
@@ -117,7 +117,7 @@ def root_causes_of(
     costs = _costs(case, by_failure)
     roots = [_root(case, each, outcome, planted, costs) for each in groups.values()]
     spent = sum(root.seconds_lost for root in roots)
-    to_blame = outcome.status == "timeout" and spent > LONG * outcome.end
+    to_blame = outcome.status == "timeout" and spent > MIN_SHARE * outcome.end
     roots.sort(key=lambda root: _order(root, ended_late=to_blame))
     return (replace(roots[0], ended_run=True), *roots[1:]) if to_blame else tuple(roots)
 
@@ -140,8 +140,10 @@ def _of_failures(case: Investigation) -> Mapping[int, Finding]:
             finding = before
         elif finding.cause in DISPLACING:
             displaced[true] = finding
-        elif finding.cause in PLACES and true in displaced and not _held_since(case, true, displaced[true]):
-            finding = displaced[true]
+        elif finding.cause in PLACE_CAUSES and before is not None:
+            held = (p for p in case.once(held_periods) if p.true == true)
+            if not any(period.start > (before.time or 0.0) for period in held):
+                finding = before
         found[failure.number] = finding
     return found
 
@@ -161,16 +163,11 @@ def _kept_moving(case: Investigation, true: str, before: Finding, after: Finding
     """Whether an item has never come to rest from what displaced it to its next motion."""
     bodies = [body for _, body in case.truth.tracks[true].since(before.time or 0.0, after.time or 0.0)]
     steps = itertools.pairwise(bodies)
-    return all(math.dist(a.pose.position, b.pose.position) > STEP for a, b in steps)
+    return all(math.dist(a.pose.position, b.pose.position) > MIN_STEP for a, b in steps)
 
 
-STEP = 1e-3
+MIN_STEP = 1e-3
 """Way between two samples of the truth below which an item rests, m."""
-
-
-def _held_since(case: Investigation, true: str, displaced: Finding) -> bool:
-    """Whether the robot had the item in its hand after it had been moved there."""
-    return any(p.true == true and p.start > (displaced.time or 0.0) for p in case.once(held_periods))
 
 
 def _as_it_says(failure: FailureStory) -> Finding:
@@ -196,10 +193,10 @@ def _settled(case: Investigation, true: str) -> bool:
     """Whether the truth in the log is younger than the placing of an item, of a run that was cut off."""
     done = placed_at(case, true)
     tried = any(f.item in case.believed.get(true, ()) and f.fate != "open" for f in case.failures)
-    return tried if done is None else case.truth.tracks[true].times[-1] > done + COME_DOWN
+    return tried if done is None else case.truth.tracks[true].times[-1] > done + SETTLING_TIME
 
 
-COME_DOWN = 0.4
+SETTLING_TIME = 0.4
 """Time after which an item that was let go has come to rest, s."""
 
 
@@ -221,12 +218,13 @@ def _why_unsorted(case: Investigation, true: str, by_failure: Mapping[int, Findi
     sure = [finding for finding, _ in to_blame if finding.confidence != "the log does not tell"]
     unsure = [finding for finding, answered in to_blame if not answered]
     answer = next(reversed(sure or unsure), None) or why_not_sorted(case, true)
-    if answer is None or answer.cause not in ("mission.not_tried", "item.never_seen"):
-        return answer
-    return _no_time(case, true, by_failure) if answer.cause == "mission.not_tried" else _unseen(case, answer)
+    if answer is not None and answer.cause == "mission.not_tried":  # a stop may have taken its time
+        stopped = [f for f in case.failures if f.cause == "tree.timeout" and f.fate != "cured"]
+        return by_failure[stopped[-1].number] if stopped else why_not_sorted(case, true)
+    return _unseen(case, answer) if answer is not None and answer.cause == "item.never_seen" else answer
 
 
-ORIGINS = (
+CRUSH_CAUSES = (
     "camera.",
     "wrist.",
     "joint.",
@@ -246,13 +244,7 @@ def _why_crushed(
     time = broken.time or 0.0
     during = (f for f in case.failures if case.visit(f).start <= time <= f.time + 1e-6)
     origins = (by_failure[failure.number] for failure in during)
-    return next((finding for finding in origins if finding.cause.startswith(ORIGINS)), broken)
-
-
-def _no_time(case: Investigation, true: str, by_failure: Mapping[int, Finding]) -> Finding | None:
-    """The stop that took the time in which an item would have been tried."""
-    stopped = [f for f in case.failures if f.cause == "tree.timeout" and f.fate != "cured"]
-    return by_failure[stopped[-1].number] if stopped else why_not_sorted(case, true)
+    return next((finding for finding in origins if finding.cause.startswith(CRUSH_CAUSES)), broken)
 
 
 def _unseen(case: Investigation, answer: Finding) -> Finding:
@@ -281,7 +273,11 @@ def _root(
     costs: Mapping[tuple[str, str], float],
 ) -> RootCause:
     first = group.findings[0]
-    ended = first.cause in RUN or first.cause == "run.limit" or any(f.fate == "ended" for f in group.failures)
+    ended = (
+        first.cause in RUN_CAUSES
+        or first.cause == "run.limit"
+        or any(f.fate == "ended" for f in group.failures)
+    )
     missed = outcome.status == "incomplete" and (bool(group.items) or first.cause.startswith("goal."))
     alike = [f for f in group.findings if f.item and f.item != first.item and f.item not in first.title]
     others = list(dict.fromkeys(f.item for f in alike))
@@ -347,7 +343,7 @@ def _order(root: RootCause, *, ended_late: bool) -> tuple[bool, bool, bool, int,
     """`ended_late`: a run that ended at its limit of time did so because of failures."""
     limit = root.cause == "run.limit"
     return (
-        root.cause not in RUN and not (limit and not ended_late),
+        root.cause not in RUN_CAUSES and not (limit and not ended_late),
         limit,
         not root.ended_run,
         -len(root.items),

@@ -163,21 +163,21 @@ def _condition(case: Investigation) -> Finding | None:
     return Finding("tree.condition", visit.path, title, reasons, visit.item, visit.end)
 
 
-WAITING = frozenset({"AwaitItems", "ExchangeBin", "Delay", "AskOperator", "Jog", "Survey"})
+WAIT_SKILLS = frozenset({"AwaitItems", "ExchangeBin", "Delay", "AskOperator", "Jog", "Survey"})
 """Skills that stand still for long without hanging."""
-HUNG = 5.0
+HANG_TIME = 5.0
 """Time without any sign of life after which a skill hangs, s."""
-FOLLOWED = 1e-3
+MIN_MOTION = 1e-3
 """Motion of a joint within a tick that is a sign of life, rad or m."""
 
 
 def hang(case: Investigation, visit: node_visits.Visit) -> Finding | None:
     """Whether a skill had stopped doing anything long before it was stopped."""
-    if visit.id in WAITING or case.family.children(visit) or visit.duration < HUNG:
+    if visit.id in WAIT_SKILLS or case.family.children(visit) or visit.duration < HANG_TIME:
         return None
     joints = case.run.joints
     here = (joints.times > visit.start) & (joints.times <= visit.end)
-    moving = np.abs(np.diff(joints.positions[here], axis=0)).max(axis=1, initial=0.0) > FOLLOWED
+    moving = np.abs(np.diff(joints.positions[here], axis=0)).max(axis=1, initial=0.0) > MIN_MOTION
     signs = [visit.start, *(float(t) for t in joints.times[here][1:][moving][-1:])]
     logged = (
         *case.run.plans,
@@ -186,7 +186,7 @@ def hang(case: Investigation, visit: node_visits.Visit) -> Finding | None:
     )
     signs += [at.time for at in logged if visit.start <= at.time < visit.end - 0.06]
     alive = max(signs)
-    if visit.end - alive < HUNG:
+    if visit.end - alive < HANG_TIME:
         return None
     usual = [
         v.duration
@@ -199,11 +199,8 @@ def hang(case: Investigation, visit: node_visits.Visit) -> Finding | None:
             f"where {visit.id} succeeded it took {median(usual):.1f} s ({counted(len(usual), 'time')}), "
             f"and here {visit.duration:.1f} s"
         )
-    title = f"{visit.name_and_item} hung: it did nothing for {visit.end - alive:.0f} s, until it was stopped"
-    if visit.outcome == "RUNNING":
-        title = (
-            f"{visit.name_and_item} hung: it did nothing for {visit.end - alive:.0f} s, until the log ends"
-        )
+    until = "the log ends" if visit.outcome == "RUNNING" else "it was stopped"
+    title = f"{visit.name_and_item} hung: it did nothing for {visit.end - alive:.0f} s, until {until}"
     return Finding("skill.hangs", visit.path, title, tuple(reasons), visit.item, alive)
 
 

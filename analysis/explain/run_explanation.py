@@ -35,14 +35,11 @@ from .explanation import (
     seconds,
 )
 from .held_items import held_periods
-from .item_causes import MISPLACED
+from .item_causes import MIN_ERROR
 from .root_causes import root_causes_of
 
 if TYPE_CHECKING:
     from picktree.logs import RunRecord
-
-PLANS = 3
-"""Failing plans in a row that are told."""
 
 
 def choices_before(run: RunRecord, source: node_visits.Visit) -> tuple[CandidateChoice, ...]:
@@ -101,7 +98,7 @@ def _of_plans(refused: list[Stamped[log_records.Plan]], plans: int, item: str) -
 
 
 _IN_MOTION = ("world.disturbed", "safety.", "control.")
-LATELY = 5.0
+FAULT_TIME = 5.0
 """Time before a failure whose events are told with it, s."""
 
 
@@ -133,7 +130,7 @@ def _belief(case: Investigation, failure: FailureStory) -> list[str]:
     told = [f"belief: {failure.item} {where}, last seen at {seconds(believed.last_seen)}"]
     if true is not None and _gone(case, failure, true):
         told.append(f"truth: {failure.item} is nowhere any more")
-    elif really is not None and horizontal_distance(really, believed) > MISPLACED:
+    elif really is not None and horizontal_distance(really, believed) > MIN_ERROR:
         off = distance(horizontal_distance(really, believed))
         told.append(f"truth: {failure.item} at {place(really.pose.position)}, {off} from the belief")
     return told
@@ -187,7 +184,9 @@ def _faults(
     return [
         f"planted: {at.record.message} ({failure.time - at.time:.1f} s before)"
         for at in planted
-        if true is not None and at.record.item == true and failure.time - LATELY <= at.time <= failure.time
+        if true is not None
+        and at.record.item == true
+        and failure.time - FAULT_TIME <= at.time <= failure.time
     ]
 
 
@@ -257,14 +256,14 @@ def _within_the_answer(
     for above in family.above(earlier):
         if above.number in lineage:
             branch = lineage[above.number]
-            answers = above.id in _ANSWERING and branch.path != ours.path and branch.number > ours.number
+            answers = above.id in _RECOVERIES and branch.path != ours.path and branch.number > ours.number
             between = (v for v in family.children(above) if ours.number < v.number < branch.number)
             return answers and all(v.path != ours.path for v in between)
         ours = above
     return False
 
 
-_ANSWERING = frozenset({"Recover", "RecoveryNode"})
+_RECOVERIES = frozenset({"Recover", "RecoveryNode"})
 
 
 def _consequence(
@@ -279,7 +278,7 @@ def _consequence(
     if "held" in source.evidence and source.id != "Grasp":  # nothing was in the hand
         return earlier.id == "Grasp" and earlier.item == source.item
     if source.cause == "control.tracking" and earlier.cause == "tree.timeout":
-        return source.end - earlier.end < BRAKING  # the arm had not come to rest when it was to go on
+        return source.end - earlier.end < BRAKING_TIME  # the arm had not come to rest when it was to go on
     if not source.item or source.item != earlier.item or source.cause == earlier.cause:
         return False
     if source.cause not in _LOST or earlier.cause not in _LOSING:
@@ -288,15 +287,15 @@ def _consequence(
     return any(family.visits[n].item == source.item for n in shared)
 
 
-BRAKING = 1.0
+BRAKING_TIME = 1.0
 """The arm is at rest so long after it was halted, s."""
 _LOSING = frozenset(
     {"grasp.missed", "grasp.slipped", "world.disturbed", "place.missed", "world.unknown_object"}
 )
 _LOST = frozenset({"world.unknown_object", "grasp.slipped", "perception.not_found", "grasp.no_candidate"})
-AGAIN = 0.02
+MIN_MOVE = 0.02
 """An item that is seen this far from where it was believed has moved, m."""
-TOLD = 1.0
+REPORT_TIME = 1.0
 """A failure this soon after the item left the hand tells of it, s."""
 _NO_LONGER_HELD = "no longer in the hand"
 
@@ -325,14 +324,14 @@ def _item_story(case: Investigation, names: Sequence[str]) -> ItemStory:
         for at in case.once(_events_by_item).get(name, ())
         for event in _happened(at, "" if name == item else f" as {name}")
         if not event.what.startswith(_NO_LONGER_HELD)
-        or not any(0.0 <= f.time - at.time < TOLD for f in failed)
+        or not any(0.0 <= f.time - at.time < REPORT_TIME for f in failed)
     ]
     events += [ItemEvent(f.time, f"{f.name} failed: {f.cause}", f.node, f.number) for f in failed]
     dropped = [p for p in case.once(held_periods) if p.item in names and p.left is not None]
     events += [
         ItemEvent(p.left[1], "truly not in the hand any more")
         for p in dropped
-        if p.left and p.end - p.left[1] > TOLD
+        if p.left and p.end - p.left[1] > REPORT_TIME
     ]
     true = "" if item in case.identities.phantoms else case.pairs.get(item, "")
     return ItemStory(
@@ -406,7 +405,6 @@ def _truth(case: Investigation, true: str) -> str:
 
 
 def _events_by_item(case: Investigation) -> dict[str, list[Stamped[JournalEvent]]]:
-    """Return the events of each item, by its name."""
     found: dict[str, list[Stamped[JournalEvent]]] = {}
     for at in case.run.events:
         event = at.record
@@ -454,7 +452,7 @@ def _change(event: BeliefEvent) -> str:
         return f"seen for the first time, at {place(after.pose.position)}"
     if reason == "seen":
         moved = math.dist(before.pose.position[:2], after.pose.position[:2])
-        return f"seen again, {distance(moved)} from where it was believed" if moved > AGAIN else ""
+        return f"seen again, {distance(moved)} from where it was believed" if moved > MIN_MOVE else ""
     if before.attached and not after.attached and reason != "placed":
         return f"{_NO_LONGER_HELD}: {reason}"
     return ""
@@ -533,10 +531,10 @@ def _doing(visits: Sequence[node_visits.Visit]) -> str:
     return f" while {last.name_and_item} was running"
 
 
-MOST = 8
-CLOSE = 0.6
+MAX_MOMENTS = 8
+MIN_SPACING = 0.6
 """Moments nearer than this are one, s."""
-WATCH = {
+HINTS = {
     "run.going_on": "the last that the log holds",
     "item.gone": "the item vanishes from the truth, and the belief keeps it",
     "item.moved": "truth and belief of the item part",
@@ -574,12 +572,12 @@ def key_moments(
     found: list[KeyMoment] = []
 
     def add(look: KeyMoment) -> None:
-        if len(found) < MOST and all(abs(look.time - other.time) > CLOSE for other in found):
+        if len(found) < MAX_MOMENTS and all(abs(look.time - other.time) > MIN_SPACING for other in found):
             found.append(look)
 
     for cause in causes:
         first = failures[cause.failures[0]] if cause.failures else None
-        watch = WATCH.get(cause.cause, "")
+        watch = HINTS.get(cause.cause, "")
         told = f"{cause.item}: {watch}" if watch and cause.item else watch
         if cause.time is not None and cause.time > 0.0:
             add(KeyMoment(cause.time, told or cause.title, first.number if first else None))

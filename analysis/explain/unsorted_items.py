@@ -19,11 +19,11 @@ from .explanation import FailureStory, Finding, between, counted, distance, plac
 from .held_items import held_periods
 from .item_causes import NOWHERE, another_size, appeared, never_seen, way_since
 
-NEAR_THING = 0.035
+THING_RADIUS = 0.035
 """Distance from a thing's middle up to which grasps and failed closings are its own, m."""
-LOW = 0.0125
+MIN_GRIP_HEIGHT = 0.0125
 """Height above the tote's floor below which the pads get no hold, m."""
-COVERED = 0.012
+COVER_DEPTH = 0.012
 """Depth below the seen surface from which on a thing is hidden, m: columns have steps of 6 mm."""
 FINGER_ROOM = 0.021
 """Distance from a wall below which no finger fits between, m."""
@@ -99,16 +99,12 @@ def _left(case: Investigation, tote: str, number: int, time: float) -> Finding:
 
 def remains(case: Investigation, tote: str, time: float) -> list[Remainder]:
     """Return the things that truly lie in a tote at that time."""
-    bins = {str(bin_.id): bin_ for bin_ in case.scene.bins} if case.scene else {}
-    bin_ = bins.get(tote)
+    bin_ = case.bins.get(tote)
     if bin_ is None or not bin_.is_tote:
         return []
     scene = case.run.at(time).belief
-    heap = (
-        next((body for body in scene.bodies if body.id == heap_geometry.heap_id(tote)), None)
-        if scene
-        else None
-    )
+    believed = scene.bodies if scene else ()
+    heap = next((body for body in believed if body.id == heap_geometry.heap_id(tote)), None)
     refused, vain = _refused(case, tote, time), _vain(case, time)
     bodies = ((true, case.truth.at(true, time)) for true in case.truth.tracks)
     return [
@@ -132,9 +128,9 @@ def lying(tote: Bin, heap: log_records.BodyRecord | None, body: log_records.Body
     inner_low, inner_high = tote.inside()
     top = z + float(high[2])
     over = -math.inf if heap is None else _column(heap, body.pose.position) - body.pose.position[2]
-    if over - float(high[2]) > COVERED:
+    if over - float(high[2]) > COVER_DEPTH:
         return "hidden below other things"
-    if top - inner_low[2] < LOW:
+    if top - inner_low[2] < MIN_GRIP_HEIGHT:
         return f"flat, {1000 * max(0.0, top - inner_low[2]):.0f} mm high"
     sides = ((x, low[0], high[0], 0), (y, low[1], high[1], 1))
     gap = min(min(inner_high[k] - at - far, at + near - inner_low[k]) for at, near, far, k in sides)
@@ -181,7 +177,7 @@ def _tried(
     body: log_records.BodyRecord,
 ) -> str:
     def near(position: Sequence[float]) -> bool:
-        return math.dist(position[:2], body.pose.position[:2]) < NEAR_THING
+        return math.dist(position[:2], body.pose.position[:2]) < THING_RADIUS
 
     reasons = Counter(reason for position, reason in refused if near(position))
     failed = sum(near(position) for position in vain)
@@ -192,9 +188,9 @@ def _tried(
     return ", ".join(words) or "no grasp was found on it"
 
 
-BESIDE_IT = 1.0
+PLACING_TIME = 1.0
 """Time around the placing of an item within which it pushes others, or bounces itself, s."""
-PUSHED = 0.35
+PUSH_RANGE = 0.35
 """Greatest distance of an item pushed out of a bin one second later, m."""
 
 
@@ -411,12 +407,14 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
         moved = distance(math.dist(lies.pose.position, track.bodies[-2].pose.position))
         reasons.append(f"it moved {moved} {between(track.times[-2], track.times[-1])}")
         return Finding("place.not_at_rest", true, title, tuple(reasons), item, track.times[-1])
-    others = [case.name_of(id_) for id_ in case.truth.tracks if id_ != true and _lies_in(case, id_, into)]
-    if (
-        not inside
-        and others
-        and any(_lay_in(case, id_, into, time) for id_ in case.truth.tracks if id_ != true)
-    ):
+    neighbours = [id_ for id_ in case.truth.tracks if id_ != true]
+    others = [
+        case.name_of(id_)
+        for id_ in neighbours
+        if case.gone(id_) is None and case.bin_at(case.truth.tracks[id_].bodies[-1]) == into
+    ]
+    then = (case.truth.at(id_, time) for id_ in neighbours)
+    if not inside and others and any(body is not None and case.bin_at(body) == into for body in then):
         title = f"{into} has no room for {item}: it did not stay in it when it was placed"
         reasons.append(f"in it lie {listed(others, 5)}")
         return Finding("bin.crowded", into, title, tuple(reasons), item, time)
@@ -426,14 +424,15 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
     if ends == into:
         reasons.append(f"beside it lie {listed(others, 5)}" if others else "nothing else lies there")
         title = f"{item} lies above the rim of {into}, or does not come to rest there"
-        return Finding(*_crowded(into, true, others), title, tuple(reasons), item, time)
+        cause, about = ("bin.crowded", into) if others else ("place.not_at_rest", true)
+        return Finding(cause, about, title, tuple(reasons), item, time)
     out, outside = next((t, b) for t, b in later if t > inside[-1] and case.bin_at(b) != into)
     lay = next(b for t, b in later if t == inside[-1])
     reasons.append(
         f"it lay there, and {distance(math.dist(lies.pose.position, lay.pose.position))} away later"
     )
-    placing = case.events(event_types.ItemDoneEvent, start=inside[-1] - BESIDE_IT, end=out + BESIDE_IT)
-    if math.dist(outside.pose.position, lay.pose.position) > PUSHED:
+    placing = case.events(event_types.ItemDoneEvent, start=inside[-1] - PLACING_TIME, end=out + PLACING_TIME)
+    if math.dist(outside.pose.position, lay.pose.position) > PUSH_RANGE:
         placing = []
     came = [at.record.object for at in placing if at.record.into == into]
     came = [name for name in came if name != item]
@@ -442,30 +441,16 @@ def _left_bin(case: Investigation, true: str, item: str, into: str, time: float)
         title = f"{into} is too small for all that belongs into it: {item} left it again {when}"
         reasons.append(f"{listed(came, 5)} came down into {into} about then and pushed it out")
         return Finding("bin.crowded", into, title, tuple(reasons), item, inside[-1])
-    if out - time < BESIDE_IT and others:
+    if out - time < PLACING_TIME and others:
         title = f"{into} is too full for {item}: it did not stay in it when it was placed, {when}"
         reasons.append(f"in it lie {listed(others, 5)}")
         return Finding("bin.crowded", into, title, tuple(reasons), item, inside[-1])
-    if out - time < BESIDE_IT:
+    if out - time < PLACING_TIME:
         title = f"{item} bounced out of {into} when it was placed, {when}"
         return Finding("place.beside", true, title, tuple(reasons), item, time)
     title = f"{item} left {into} again after it had been placed, {when}"
     reasons.append("nothing was placed there about then: something else than the arm flung it out")
     return Finding("item.left_bin", true, title, tuple(reasons), item, inside[-1])
-
-
-def _lies_in(case: Investigation, true: str, bin_id: str) -> bool:
-    return case.gone(true) is None and case.bin_at(case.truth.tracks[true].bodies[-1]) == bin_id
-
-
-def _lay_in(case: Investigation, true: str, bin_id: str, time: float) -> bool:
-    body = case.truth.at(true, time)
-    return body is not None and case.bin_at(body) == bin_id
-
-
-def _crowded(bin_id: str, true: str, others: list[str]) -> tuple[str, str]:
-    """Cause and subject of an item that found no place in a bin."""
-    return ("bin.crowded", bin_id) if others else ("place.not_at_rest", true)
 
 
 def _not_tried(case: Investigation, true: str) -> Finding | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -12,11 +13,11 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from picktree.analysis import Run
-from picktree.logs import binary_gltf, log_records, topics, triangle_meshes
+from picktree.logs import Stamped, binary_gltf, log_records, topics, triangle_meshes
 from picktree.logs.recording import UNKNOWN_COLOUR, foxglove_messages
 from picktree.world import COLOURS, TRUTH_COLOUR, Box, ConvexMesh, Cylinder, Pose, Rgb, Shape, Sphere
 
-from .row_types import run_rows
+from .run_export import run_rows
 from .viewer_layout import lanes
 
 TIMELINE = "sim_time"
@@ -89,18 +90,8 @@ def write_stage(sheet: RerunWriter, run: Run) -> None:
     fixed: log_records.Scene | None = next((at.record for at in run.log.beliefs()), None)
     if fixed is not None:
         _fixtures(sheet, fixed.fixed)
-    _bodies(
-        sheet,
-        "belief",
-        [(at.time, at.record.bodies) for at in run.log.beliefs()],
-        rr.components.FillMode.Solid,
-    )
-    _bodies(
-        sheet,
-        "truth",
-        [(at.time, at.record.bodies) for at in run.log.truths()],
-        rr.components.FillMode.MajorWireframe,
-    )
+    _bodies(sheet, "belief", run.log.beliefs(), rr.components.FillMode.Solid)
+    _bodies(sheet, "truth", run.log.truths(), rr.components.FillMode.MajorWireframe)
     _frames(sheet, run)
     _plans(sheet, run)
     for camera in run.log.cameras:
@@ -131,12 +122,13 @@ def _fixtures(sheet: RerunWriter, parts: Sequence[log_records.PartRecord]) -> No
 def _bodies(
     sheet: RerunWriter,
     source: str,
-    scenes: Sequence[tuple[float, tuple[log_records.BodyRecord, ...]]],
+    scenes: Iterable[Stamped[log_records.Scene]],
     fill: rr.components.FillMode,
 ) -> None:
     """Write shapes when they appear or change, poses at each message, and the removal of bodies."""
     there: Mapping[str, tuple[Shape, str, tuple[log_records.BlockRecord, ...]]] = {}
-    for time, bodies in scenes:
+    for at in scenes:
+        time, bodies = at.time, at.record.bodies
         present = {body.id: (body.shape, body.colour, body.blocks) for body in bodies}
         for gone in there.keys() - present.keys():
             sheet.at(time, _entity(source, gone), rr.Clear(recursive=True))
@@ -152,7 +144,7 @@ def _bodies(
 def _frames(sheet: RerunWriter, run: Run) -> None:
     """Write poses at each tick: links, cameras, and the believed objects between two beliefs."""
     links = {mesh.link for mesh in run.log.robot_model()}
-    believed = _believed(run)
+    believed = frozenset(body.id for at in run.log.beliefs() for body in at.record.bodies)
     tracks: dict[str, list[tuple[float, Pose]]] = {}
     for at in run.log.transforms():
         for t in at.record:
@@ -173,10 +165,6 @@ def _move(sheet: RerunWriter, entity: str, track: Sequence[tuple[float, Pose]]) 
         quaternion=np.array([pose.orientation for _, pose in track]),
     )
     sheet.column(entity, [time for time, _ in track], columns)
-
-
-def _believed(run: Run) -> frozenset[str]:
-    return frozenset(body.id for at in run.log.beliefs() for body in at.record.bodies)
 
 
 def _frame_entity(t: log_records.Transform, links: set[str], believed: frozenset[str]) -> str | None:
@@ -263,19 +251,16 @@ def _form(
     fill: rr.components.FillMode = rr.components.FillMode.Solid,
     label: str = "",
 ) -> rr.AsComponents:
-    labels = [label] if label else None
+    style: Any = {
+        "colors": [colour], "fill_mode": fill, "labels": [label] if label else None, "show_labels": False
+    }  # fmt: skip
     match shape:
         case Box(size):
-            return rr.Boxes3D(sizes=[size], colors=[colour], fill_mode=fill, labels=labels, show_labels=False)
+            return rr.Boxes3D(sizes=[size], **style)
         case Cylinder(radius, height):
-            return rr.Cylinders3D(
-                lengths=[height], radii=[radius], colors=[colour], fill_mode=fill, labels=labels,
-                show_labels=False,
-            )  # fmt: skip
+            return rr.Cylinders3D(lengths=[height], radii=[radius], **style)
         case Sphere(radius):
-            return rr.Ellipsoids3D(
-                radii=[radius], colors=[colour], fill_mode=fill, labels=labels, show_labels=False
-            )
+            return rr.Ellipsoids3D(radii=[radius], **style)
         case ConvexMesh():
             mesh = triangle_meshes.shape_mesh(shape)
             if fill is not rr.components.FillMode.Solid:
@@ -425,7 +410,7 @@ def write_rerun(run: Run, path: Path) -> None:
 
 def blueprint(run: Run) -> rrb.Blueprint:
     """Return a blueprint: scene beside images and log lines, above the nodes' lanes and the signals."""
-    contents = [f"+ {lane_entity(lane.path)}" for lane in lanes(run)]
+    contents = [f"+ {lane_entity(path)}" for path in lanes(run)]
     images = [
         rrb.Spatial2DView(origin=f"{camera_entity(camera)}/{kind}", name=f"{camera}, {kind}")
         for camera in run.log.cameras

@@ -165,38 +165,10 @@ def write_csv(path: Path, table: Table, rows: Iterable[tuple[Cell, ...]]) -> int
     return count
 
 
-def read_csv(path: Path, row: type[R]) -> tuple[R, ...]:
-    """Read a file of `write_csv`. Raises ValueError for another file."""
-    with path.open(encoding="utf-8", newline="") as file:
-        reader = csv.reader(file, strict=True)
-        names = next(reader, list[str]())
-        if names != [column.name for column in columns(row)]:
-            raise ValueError(f"{path}: the columns are {', '.join(names)}")
-        kinds = [(column.kind, column.optional) for column in columns(row)]
-        return tuple(
-            row(*(_read(text, kind, optional) for text, (kind, optional) in zip(line, kinds, strict=True)))
-            for line in reader
-        )
-
-
 def _cell_text(cell: Cell) -> str | None:
     if isinstance(cell, str):
         return f"'{cell}" if _FORMULA_START.match(cell) else cell
     return None if cell is None else "true" if cell else "false"
-
-
-def _read(text: str, kind: str, optional: bool) -> Cell:
-    if text == "" and optional:
-        return None
-    match kind:
-        case "int":
-            return int(text)
-        case "float":
-            return float(text)
-        case "bool":
-            return {"true": True, "false": False}[text]
-        case _:
-            return text[1:] if text.startswith("'") and _FORMULA_START.match(text) else text
 
 
 def write_parquet(path: Path, table: Table, rows: Iterable[tuple[Cell, ...]]) -> int:

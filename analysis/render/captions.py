@@ -21,8 +21,6 @@ _REGULAR, _SEMIBOLD = 400, 600
 
 @dataclass(frozen=True, slots=True)
 class CaptionFailure:
-    """Failure as displayed."""
-
     cause: str
     message: str
 

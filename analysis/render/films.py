@@ -8,7 +8,7 @@ import signal
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from fractions import Fraction
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -37,12 +37,6 @@ _LIMITED_RANGE = 1
 235."""
 _KEYFRAME_INTERVAL = 2.0
 """Interval between points at which playback of a film can start, s."""
-
-
-def require_encoder() -> None:
-    """Raise PicktreeError when the encoder's library is not installed."""
-    with optional_import("video", "av", "A video"):
-        import av  # noqa: F401 # pyright: ignore[reportUnusedImport]
 
 
 def write_mp4(path: Path, pictures: Iterable[Picture], size: tuple[int, int], fps: int) -> int:
@@ -134,7 +128,6 @@ def _palette(sample: Sequence[Picture]) -> VideoFrame:
 
 
 def _ready_frames(graph: Graph) -> list[VideoFrame]:
-    """Return the frames that the graph has ready."""
     from av.error import BlockingIOError, EOFError
 
     ready: list[VideoFrame] = []
@@ -280,8 +273,6 @@ class FilmRequest:
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """Written film."""
-
     path: Path
     frames: int
     fps: int
@@ -302,15 +293,7 @@ class Film:
         )
 
     def to_json(self) -> dict[str, object]:
-        return {
-            "path": str(self.path),
-            "seconds": self.seconds,
-            "frames": self.frames,
-            "fps": self.fps,
-            "size": list(self.size),
-            "bytes": self.bytes,
-            "wall": self.wall,
-        }
+        return {**asdict(self), "path": str(self.path), "seconds": self.seconds, "size": list(self.size)}
 
 
 def film(
@@ -329,7 +312,8 @@ def film(
     ending = output.suffix.lower()
     if ending not in FILM_SUFFIXES:
         raise PicktreeError(f"{output}: a film is a file that ends in {' or '.join(FILM_SUFFIXES)}")
-    require_encoder()
+    with optional_import("video", "av", "A video"):
+        import av  # noqa: F401 # pyright: ignore[reportUnusedImport]
     moving = ending == ".gif"
     fps = request.fps or (10 if moving else 20)
     size = request.size or ((640, 400) if moving else (960, 600))
@@ -345,33 +329,20 @@ def film(
         return painters.pictures(frames)
 
     setup = FrameSetup(log.robot_model(), request.view, size, bin_tints(log))
-    partial = output.with_name(file_system.fitted(f".{output.name}.partial"))
-    try:
+    with file_system.whole([output], output) as (beside,):
         output.parent.mkdir(parents=True, exist_ok=True)
-        partial.touch()
-    except OSError as error:
-        raise _refused(output, error) from None
-    try:
+        beside.touch()
         with FrameWorkers(setup, request.processes if count > _MAX_SINGLE_PROCESS_FRAMES else 1) as painters:
             drawn = _with_progress(pictures(times, painters), count, progress)
             if moving:
                 sample = list(
                     pictures(times[:: max(1, math.ceil(count / _PALETTE_IMAGES))], FrameWorkers(setup, 1))
                 )
-                frames = write_gif(partial, drawn, size, fps, sample)
+                frames = write_gif(beside, drawn, size, fps, sample)
             else:
-                frames = write_mp4(partial, drawn, size, fps)
-        written = partial.stat().st_size
-        partial.replace(output)
-    except OSError as error:
-        raise _refused(output, error) from None
-    finally:
-        partial.unlink(missing_ok=True)
+                frames = write_mp4(beside, drawn, size, fps)
+        written = beside.stat().st_size
     return Film(output, frames, fps, size, written, time.monotonic() - began)
-
-
-def _refused(output: Path, error: OSError) -> PicktreeError:
-    return PicktreeError(f"{output} cannot be written: {(error.strerror or str(error)).lower()}")
 
 
 def _span(log: RunLog, request: FilmRequest) -> tuple[float, float]:

@@ -174,12 +174,14 @@ def moments(
         if solid is None:
             wanted = "truth" if show == "truth" else "belief"
             raise PicktreeError(f"{log.path}: the log holds no {wanted} at {time:g} s or before")
-        transforms = frames.at(time)
+        transforms, scene = frames.at(time), solid.record
+        if belief is not None and not scene.fixed:
+            scene = log_records.Scene(scene.bodies, belief.record.fixed)
         node, message = story.doing(time)
         yield FrameContent(
             SceneContent(
                 {t.child: t.pose for t in transforms.record} if transforms else {},
-                _with_fixtures(solid.record, belief),
+                scene,
                 truth.record if show == "both" and truth else None,
                 plan.tool_path if (plan := followed.at(time)) else (),
             ),
@@ -245,11 +247,6 @@ def _notes(show: Show, speed: float) -> Iterator[str]:
         yield "truth"
     if speed != 1:
         yield f"{speed:g}×"
-
-
-def _with_fixtures(scene: log_records.Scene, belief: Stamped[log_records.Scene] | None) -> log_records.Scene:
-    """Return the scene with the belief's fixtures, should it have none of its own."""
-    return scene if scene.fixed or belief is None else log_records.Scene(scene.bodies, belief.record.fixed)
 
 
 def _tip(tick: log_records.Tick) -> tuple[str, str, str]:

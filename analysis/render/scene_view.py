@@ -196,18 +196,13 @@ def _inside(block: log_records.BlockRecord, shape: Shape) -> log_records.BlockRe
     return log_records.BlockRecord((float(a), float(b), float(c)), (float(x), float(y), float(z)))
 
 
-def extent_z(shape: Shape) -> float:
-    """Return the height of a column, m."""
-    return shape.size[2] if isinstance(shape, Box) else 0.0
-
-
 def unseen_height(heap: log_records.BodyRecord, fixed: Sequence[log_records.PartRecord]) -> float:
     """Return the height of columns that were never seen, m: that of the tote's rim above its floor. inf: the
     heap lies in no tote.
 
     A seen column that ends less than `COLUMN_STEP` below the rim has the same height.
     """
-    floor = heap.pose.position[2] - extent_z(heap.shape) / 2
+    floor = heap.pose.position[2] - (heap.shape.size[2] / 2 if isinstance(heap.shape, Box) else 0.0)
     rim = max((top(p.shape, p.pose) for p in fixed if p.id.split("/")[0] == heap.place), default=-math.inf)
     steps = math.ceil((rim - floor) / COLUMN_STEP - 1e-6) if rim - floor > COLUMN_STEP else math.inf
     return steps * COLUMN_STEP

@@ -12,7 +12,7 @@ import numpy as np
 from picktree.files import PicktreeError, file_system
 from picktree.logs import RunLog, triangle_meshes
 from picktree.logs.recording import require_picture_name, write_picture
-from picktree.world import Array, Pose
+from picktree.world import Array, Pose, vector3
 from picktree.world.robot_model import RobotDescription, RobotModel, link_shapes
 
 from .captions import write
@@ -25,7 +25,6 @@ from .viewpoint import PictureView
 ROBOT_PICTURE_SIZE = (1000, 900)
 PICTURE_SHARE = 0.88
 """Share of a picture's sides that the robot fills."""
-"""Maximum number of faces of one mesh."""
 FRAME_AXIS_LENGTH = 0.08
 """Length of the axes of a frame, m."""
 _AXIS_COLOURS = ((214, 60, 60), (52, 168, 83), (66, 110, 235))
@@ -43,7 +42,7 @@ def draw_robot(robot: RobotDescription, path: Path) -> None:
     mesh = home_mesh(robot)
     middle = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
     view = PictureView(
-        target=(float(middle[0]), float(middle[1]), float(middle[2])),
+        target=vector3(middle),
         azimuth=math.radians(35.0),
         elevation=math.radians(18.0),
     )
@@ -64,7 +63,11 @@ def home_mesh(robot: RobotDescription) -> triangle_meshes.Mesh:
     model = RobotModel(robot)
     poses = model.link_poses(model.named("home"), robot.gripper.max_width)
     return triangle_meshes.join_meshes(
-        [part.placed(pose) for link, part in _parts(robot) if (pose := poses.get(link)) is not None]
+        [
+            triangle_meshes.shape_mesh(part.shape).placed(part.pose_in_link).placed(pose)
+            for part in link_shapes(robot.urdf)
+            if (pose := poses.get(part.link)) is not None
+        ]
     )
 
 
@@ -76,13 +79,6 @@ def _filling_distance(view: PictureView, offsets: Array) -> float:
         PICTURE_SHARE * side / 2 / view.focal(ROBOT_PICTURE_SIZE[1]) for side in ROBOT_PICTURE_SIZE
     )
     return float((np.maximum(np.abs(right) / width, np.abs(down) / height) - forward).max())
-
-
-def _parts(robot: RobotDescription) -> list[tuple[str, triangle_meshes.Mesh]]:
-    return [
-        (part.link, triangle_meshes.shape_mesh(part.shape).placed(part.pose_in_link))
-        for part in link_shapes(robot.urdf)
-    ]
 
 
 def _frame(picture: np.ndarray, view: PictureView, name: str, pose: Pose) -> None:

@@ -61,17 +61,11 @@ def sightings(run: Run) -> tuple[BeliefSighting, ...]:
 
 def _differs(before: log_records.BodyRecord, after: log_records.BodyRecord) -> bool:
     moved = math.dist(before.pose.position, after.pose.position) > _MIN_POSITION_CHANGE
-    turned = before.pose.orientation != after.pose.orientation and _angle(before.pose, after.pose) > 0.005
+    turned = before.pose.orientation != after.pose.orientation and before.pose.angle(after.pose) > 0.005
     return moved or turned or any(
         getattr(before, name) != getattr(after, name)
         for name in ("kind", "colour", "role", "place", "attached", "confidence", "last_seen")
     )  # fmt: skip
-
-
-def _angle(a: Pose, b: Pose) -> float:
-    """Return the angle between two orientations, rad."""
-    dot = abs(sum(p * q for p, q in zip(a.orientation, b.orientation, strict=True)))
-    return 2.0 * math.acos(min(dot, 1.0))
 
 
 def yaw_and_tilt(pose: Pose) -> tuple[float, float]:
@@ -87,14 +81,10 @@ def _writes(table: TickTable) -> Packable:
     return {
         "tick": np.array([written.tick for written in table.writes], dtype=np.uint32),
         "key": words.numbers([written.write.key for written in table.writes]),
-        "value": words.numbers([_json(written.write.value) for written in table.writes]),
+        "value": words.numbers([orjson.dumps(written.write.value).decode() for written in table.writes]),
         "node": words.numbers([written.write.node for written in table.writes]),
         "words": list(words.texts),
     }
-
-
-def _json(value: object) -> str:
-    return orjson.dumps(value).decode()
 
 
 def _belief(seen: Sequence[BeliefSighting]) -> Packable:

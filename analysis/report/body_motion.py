@@ -164,7 +164,7 @@ def believed_of(run: Run, frames: Frames) -> list[BelievedBody]:
             flags[tick:] = False
         for body in at.record.bodies:
             seen = looks.setdefault(body.id, [])
-            if not seen or _differs(seen[-1].body, body):
+            if not seen or _appearance_key(seen[-1].body) != _appearance_key(body):
                 seen.append(BodyAppearance(tick, body))
             held.setdefault(body.id, np.zeros(ticks, dtype=np.bool_))[tick:] = body.attached
     return [BelievedBody(name, frames.track(name), held[name], tuple(found)) for name, found in looks.items()]
@@ -210,10 +210,6 @@ def spans(flags: Flags) -> list[Span]:
     """Return the spans in which the flags are true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return [(int(first), int(after) - 1) for first, after in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def _differs(a: log_records.BodyRecord, b: log_records.BodyRecord) -> bool:
-    return _appearance_key(a) != _appearance_key(b)
 
 
 def _appearance_key(body: log_records.BodyRecord) -> tuple[object, ...]:

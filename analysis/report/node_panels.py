@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import compress
 from operator import is_not
 from pathlib import Path
@@ -166,27 +166,12 @@ def pack_lanes(run: Run) -> Section:
     return Section(
         "lanes",
         {
-            "nodes": _nodes(table),
+            "nodes": [asdict(node) for node in table.nodes],
             "outcomes": list(OUTCOMES),
             "visits": _visits(visits, table),
-            "items": [
-                {
-                    "item": span.item,
-                    "first": span.first,
-                    "last": span.last,
-                    "outcome": span.outcome,
-                    "colour": colours.get(span.item, ""),
-                    "visit": span.visit,
-                }
-                for span in item_spans(visits)
-            ],
+            "items": [{**asdict(span), "colour": colours.get(span.item, "")} for span in item_spans(visits)],
             "marks": [
-                {
-                    "time": at.time,
-                    "kind": at.record.kind,
-                    "message": at.record.message,
-                    "node": at.record.node,
-                }
+                {"time": at.time, **{name: getattr(at.record, name) for name in ("kind", "message", "node")}}
                 for at in run.events
                 if at.record.kind in _MARKED_KINDS
             ],
@@ -222,13 +207,6 @@ def item_spans(visits: Sequence[node_visits.Visit]) -> tuple[ItemSpan, ...]:
     return tuple(spans)
 
 
-def _nodes(table: TickTable) -> list[Packable]:
-    return [
-        {"path": node.path, "id": node.id, "name": node.name, "parent": node.parent, "leaf": node.leaf}
-        for node in table.nodes
-    ]
-
-
 def _visits(visits: Sequence[node_visits.Visit], table: TickTable) -> Packable:
     """Pack the visits by column, in order of their starts.
 
@@ -247,12 +225,14 @@ def _visits(visits: Sequence[node_visits.Visit], table: TickTable) -> Packable:
         "parent": np.array(
             [-1 if visit.parent is None else places.get(visit.parent, -1) for visit in known], dtype=np.int32
         ),
-        "item": words.numbers([visit.item for visit in known]),
-        "cause": words.numbers([visit.cause for visit in known]),
-        "origin": words.numbers([visit.origin for visit in known]),
-        "message": words.numbers([visit.message for visit in known]),
-        "inputs": words.numbers([_json(visit.inputs) for visit in known]),
-        "evidence": words.numbers([_json(visit.evidence) for visit in known]),
+        **{
+            name: words.numbers([getattr(visit, name) for visit in known])
+            for name in ("item", "cause", "origin", "message")
+        },
+        **{
+            name: words.numbers([_json(getattr(visit, name)) for visit in known])
+            for name in ("inputs", "evidence")
+        },
     }
     return {**columns, "words": list(words.texts)}
 
@@ -272,11 +252,6 @@ def _colours(run: Run) -> dict[str, str]:
 
 _MISSING_MISSION_PATH: Final = Path("/nonexistent/picktree/mission.yaml")
 """Path that replaces the mission's own, so that a report runs no code from beside it."""
-
-
-def charts_of(run: Run) -> tuple[mission_chart.Chart, ...]:
-    """Return one chart for each of `run.trees`, in their order."""
-    return tuple(_chart(run, place, at.record) for place, at in enumerate(run.trees))
 
 
 def _chart(run: Run, place: int, tree: log_records.Tree) -> mission_chart.Chart:
@@ -323,15 +298,12 @@ def _of_tree(run: Run, tree: log_records.Tree) -> mission_chart.Chart:
 
     def drawn(node: log_records.TreeNode) -> mission_chart.ChartNode:
         known = registry.find(node.id)
+        kind = "control" if node.children else "action"
         return mission_chart.ChartNode(
             id=node.id,
             name=node.name,
-            kind=known.declaration.kind if known else "control" if node.children else "action",
-            symbol=mission_chart.symbol_of(known.declaration)
-            if known
-            else "control"
-            if node.children
-            else "action",
+            kind=known.declaration.kind if known else kind,
+            symbol=mission_chart.symbol_of(known.declaration) if known else kind,
             doc=known.declaration.doc if known else "",
             ports=tuple(
                 mission_chart.ChartPort(key, text, "reference" if text.startswith("{") else "literal")
@@ -351,7 +323,7 @@ def pack_tree(run: Run) -> Section:
     table = tick_table(run)
     if not table.nodes:
         return Section("tree", {"empty": "The log holds no tree."})
-    charts = charts_of(run)
+    charts = [_chart(run, place, at.record) for place, at in enumerate(run.trees)]
     return Section(
         "tree",
         {

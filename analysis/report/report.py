@@ -20,7 +20,7 @@ from picktree.analysis import Run
 from picktree.analysis.explain import ExplainedOutcome
 from picktree.authoring import svg_drawing
 from picktree.files import PicktreeError, file_system
-from picktree.logs import episode_counts, log_records
+from picktree.logs import log_records
 
 from .board_panel import pack_board
 from .node_panels import pack_lanes, pack_tree
@@ -33,21 +33,12 @@ def pack_failures(run: Run) -> Section:
     """Pack all of `run.explanation`, field by field, with the causes of its episodes in `causes`."""
     explanation = run.explanation
     named = {field.name: plain_value(getattr(explanation, field.name)) for field in fields(explanation)}
-    causes = explanation.recovery.causes
-    return Section("failures", {**named, "causes": [_packed_cause(each) for each in causes]})
-
-
-def _packed_cause(found: episode_counts.CauseCount) -> dict[str, Packable]:
-    """Return counts, time lost and cures of a cause."""
-    total = found.total
-    return {
-        "cause": found.cause,
-        "to_cure": total.to_cure,
-        "cured": total.cured,
-        "done_instead": total.done_instead,
-        "seconds": total.seconds,
-        "told": found.to_text(),
-    }
+    counts = ("to_cure", "cured", "done_instead", "seconds")
+    causes: list[Packable] = [
+        {"cause": c.cause, **{name: getattr(c.total, name) for name in counts}, "told": c.to_text()}
+        for c in explanation.recovery.causes
+    ]
+    return Section("failures", {**named, "causes": causes})
 
 
 def plain_value(value: object) -> Packable:
@@ -80,9 +71,10 @@ def pack_events(run: Run) -> Section:
         "events",
         {
             "time": np.array([one.time for one in found], dtype=np.float64),
-            "kind": words.numbers([one.kind for one in found]),
-            "text": words.numbers([one.text for one in found]),
-            "node": words.numbers([one.node for one in found]),
+            **{
+                name: words.numbers([getattr(one, name) for one in found])
+                for name in ("kind", "text", "node")
+            },
             "words": list(words.texts),
         },
     )
@@ -108,7 +100,6 @@ def _plans(run: Run) -> Iterator[ReportEvent]:
 
 
 def plan_line(plan: log_records.Plan) -> str:
-    """Return a plan in one line."""
     cost = f"{plan.checks} checks by {plan.planner}" if plan.planner else f"{plan.checks} checks"
     if plan.outcome == "found":
         return f"{plan.request}: {plan.duration:.2f} s of motion, {cost}"
@@ -176,34 +167,18 @@ def _content_security_policy(scripts: Iterable[str]) -> str:
 
 
 _OUTCOME_COLOURS = {
-    "success": "success",
-    "paused": "open",
-    "interrupted": "open",
-    "killed": "open",
-    "unknown": "open",
-}
+    "success": "success", **dict.fromkeys(("paused", "interrupted", "killed", "unknown"), "open")
+}  # fmt: skip
 """Colour class of the outcome; any other outcome is a failure."""
 
 
 def pack_run(run: Run) -> Section:
     explanation = run.explanation
-    failures: list[Packable] = [
-        {
-            "time": story.time,
-            "tick": story.tick,
-            "node": story.node,
-            "cause": story.cause,
-            "item": story.item,
-            "fate": story.fate,
-        }
-        for story in explanation.failures
-    ]
-    done: list[Packable] = [
-        {"time": at.time, "label": at.record.message} for at in run.events if at.record.kind == "item_done"
-    ]
-    faults: list[Packable] = [
-        {"time": at.time, "label": at.record.message} for at in run.events if at.record.kind == "fault"
-    ]
+    columns = ("time", "tick", "node", "cause", "item", "fate")
+    marks: dict[str, Packable] = {
+        name: [{"time": at.time, "label": at.record.message} for at in run.events if at.record.kind == kind]
+        for name, kind in (("done", "item_done"), ("faults", "fault"))
+    }
     return Section(
         "run",
         {
@@ -213,15 +188,13 @@ def pack_run(run: Run) -> Section:
             "facts": [[name, value] for name, value in _facts(run)],
             "notes": list(_notes(run)),
             "times": np.array(run.ticks.times, dtype=np.float64),
-            "failures": failures,
-            "done": done,
-            "faults": faults,
+            "failures": [{name: getattr(f, name) for name in columns} for f in explanation.failures],
+            **marks,
         },
     )
 
 
 def summary(run: Run) -> str:
-    """Return the run in one line."""
     outcome = run.explanation.outcome
     items = _items(outcome)
     return f"{run.info.mission}, {run.info.seed_text}: {outcome.status}" + (f", {items}" if items else "")

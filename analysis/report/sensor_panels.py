@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import cv2
@@ -64,14 +64,13 @@ def images_within_budget(shots: Sequence[Stamped[CameraImage]], budget: int) -> 
     decoded.
     """
     some = [shots[k] for k in range(0, len(shots), max(len(shots) // 8, 1))]
+    width = quality = count = 0
     for width, quality in _widths_and_qualities(some[0].record.colour.shape[1]):
-        mean = sum(map(_size, _pictures(some, width, quality))) / len(some)
-        if 1.1 * mean * len(shots) <= budget:
+        sizes = [len(picture.colour) + len(picture.depth) for picture in _pictures(some, width, quality)]
+        count = int(budget * len(sizes) / (1.1 * sum(sizes)))
+        if count >= len(shots):
             return _pictures(shots, width, quality)
-    width, quality = _widths_and_qualities(some[0].record.colour.shape[1])[-1]
-    mean = sum(map(_size, _pictures(some, width, quality))) / len(some)
-    count = max(int(budget / (1.1 * mean)), 1)
-    chosen = sorted({round(float(k)) for k in np.linspace(0, len(shots) - 1, count)})
+    chosen = sorted({round(float(k)) for k in np.linspace(0, len(shots) - 1, max(count, 1))})
     return _pictures((shots[k] for k in chosen), width, quality)
 
 
@@ -80,10 +79,6 @@ def _widths_and_qualities(width: int) -> list[tuple[int, int]]:
     whole = min(width, 640)
     small = [(max(whole // 2, _MIN_IMAGE_WIDTH), 60)] if whole > _MIN_IMAGE_WIDTH else []
     return [*((whole, quality) for quality in _WEBP_QUALITIES), *small]
-
-
-def _size(picture: ReportImage) -> int:
-    return len(picture.colour) + len(picture.depth)
 
 
 def _pictures(shots: Iterable[Stamped[CameraImage]], width: int, quality: int) -> list[ReportImage]:
@@ -126,12 +121,8 @@ def _webp(image: NDArray[np.uint8], width: int, quality: int) -> bytes:
 
 def _packed_image(picture: ReportImage, findings: Sequence[str]) -> Packable:
     return {
-        "camera": picture.camera,
-        "time": picture.time,
-        "colour": np.frombuffer(picture.colour, dtype=np.uint8),
-        "depth": np.frombuffer(picture.depth, dtype=np.uint8),
-        "nearest": picture.nearest,
-        "farthest": picture.farthest,
+        **{name: getattr(picture, name) for name in ("camera", "time", "nearest", "farthest")},
+        **{name: np.frombuffer(getattr(picture, name), dtype=np.uint8) for name in ("colour", "depth")},
         "findings": list(findings),
     }
 
@@ -195,15 +186,7 @@ def thin_plot(plot: CurvePlot, most: int = MAX_CURVE_POINTS) -> CurvePlot:
     times = np.stack([plot.times[starts], plot.times[middles]], axis=1).ravel()
     curves = tuple(PlotCurve(curve.label, _extremes(curve.values, size)) for curve in plot.curves)
     note = f"{plot.note} " if plot.note else ""
-    return CurvePlot(
-        plot.name,
-        plot.title,
-        plot.unit,
-        plot.step,
-        times,
-        curves,
-        f"{note}Least and greatest of {size} ticks each.",
-    )
+    return replace(plot, times=times, curves=curves, note=f"{note}Least and greatest of {size} ticks each.")
 
 
 def _extremes(values: Floats, size: int) -> Floats:
@@ -273,10 +256,7 @@ def _gripper_plots(joints: series.JointSeries, fingers: Sequence[str]) -> tuple[
 
 def _packed_plot(plot: CurvePlot) -> Packable:
     return {
-        "name": plot.name,
-        "title": plot.title,
-        "unit": plot.unit,
-        "note": plot.note,
+        **{name: getattr(plot, name) for name in ("name", "title", "unit", "note")},
         "times": quantise(plot.times, 1e-3),
         "labels": [curve.label for curve in plot.curves],
         "values": [quantise(curve.values, plot.step) for curve in plot.curves],

@@ -10,8 +10,8 @@ import numpy as np
 from picktree.analysis import Run
 from picktree.analysis.render import bin_tints, body_mesh, heap_remark, part_colour
 from picktree.files import PicktreeError
-from picktree.logs import RunLog, binary_gltf, log_records, triangle_meshes
-from picktree.logs.recording import UNKNOWN_COLOUR
+from picktree.logs import RunLog, binary_gltf, log_records, topics, triangle_meshes
+from picktree.logs.recording import UNKNOWN_COLOUR, foxglove_messages
 from picktree.robot.manipulation import pick_candidates
 from picktree.world import COLOURS, Array, Box, ConvexMesh, Cylinder, Pose, Shape, Sphere
 from picktree.world.robot_model import robot_file
@@ -28,7 +28,7 @@ from .body_motion import (
     row,
     spans,
 )
-from .packing import Packable, Quantised, Section, quantise
+from .packing import Packable, Section, quantise
 
 MAX_LINK_FACES = 3000
 """Maximum number of faces of one link."""
@@ -142,13 +142,9 @@ def _chain(frames: Frames, links: Sequence[str]) -> list[Array]:
 def _pose_track(track: Array) -> Packable:
     smooth = continuous(track)
     return {
-        "p": _quantised_values(smooth[:, :3], POSITION_RESOLUTION),
-        "q": _quantised_values(smooth[:, 3:], QUATERNION_RESOLUTION),
+        "p": quantise(smooth[:, :3], POSITION_RESOLUTION),
+        "q": quantise(smooth[:, 3:], QUATERNION_RESOLUTION),
     }
-
-
-def _quantised_values(values: Array, grain: float) -> Quantised:
-    return quantise(values, grain)
 
 
 def packed_tool(log: RunLog, links: Sequence[str]) -> Packable:
@@ -174,9 +170,7 @@ def _object(one: BelievedBody, fixed: Sequence[log_records.PartRecord]) -> Packa
                 "tick": look.tick,
                 "shape": packed_body(look.body, fixed),
                 "colour": rgb(look.body.colour),
-                "kind": look.body.kind,
-                "role": look.body.role,
-                "place": look.body.place,
+                **{name: getattr(look.body, name) for name in ("kind", "role", "place")},
                 "remark": heap_remark(look.body, fixed),
             }
             for look in one.looks
@@ -265,9 +259,6 @@ def search_summary(search: log_records.Candidates) -> str:
 
 def _cameras(run: Run, frames: Frames) -> Packable:
     """Pack the optical frames: z points out of the camera, y down the image."""
-    from picktree.logs import topics
-    from picktree.logs.recording import foxglove_messages
-
     found: list[Packable] = []
     for camera in run.log.cameras:
         raw = run.log.last(topics.calibration_topic(camera).name, run.end)

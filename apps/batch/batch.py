@@ -15,8 +15,8 @@ from typing import Literal, Protocol, TypeAlias
 from picktree.analysis import Run
 from picktree.files import PicktreeError
 
-from . import job_output
 from .executor import Event, Executor, JobFailed, JobFinished, JobOrder, JobStopped
+from .job_process import OUTPUT_FILE
 from .plan import BatchPlan, Job, jobs_of, read_plan, write_plan
 from .store import RESULTS_FILE, Store
 from .tables import CrashRow, JobRow, JobRows
@@ -49,7 +49,7 @@ def lost_attempt(order: JobOrder, reason: str, batch: Path, *, kept: bool) -> Cr
     folder = ""
     if kept:
         folder = run_folder(order, batch)
-        if not folder and (order.folder / job_output.OUTPUT_FILE).exists():
+        if not folder and (order.folder / OUTPUT_FILE).exists():
             folder = str(order.folder.relative_to(batch))
     return CrashRow(order.attempt, reason, _last_tick(order), folder)
 
@@ -88,8 +88,6 @@ Stop: TypeAlias = Literal["no", "finish", "now"]
 
 @dataclass(frozen=True, slots=True)
 class RecordedJob:
-    """Job that was recorded."""
-
     job: Job
     row: JobRow
     causes: tuple[str, ...]
@@ -105,7 +103,6 @@ class BatchWatcher(Protocol):
     def stopping(self, under_way: int) -> None: ...
     def waiting(self) -> None:
         """Called several times a second while the batch waits."""
-        ...
 
 
 class Batch:

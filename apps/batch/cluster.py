@@ -42,8 +42,6 @@ class ResultFile:
 
 @dataclass(frozen=True, slots=True)
 class TaskReport:
-    """Result of a task."""
-
     event: Event
     files: tuple[ResultFile, ...]
     """Files to copy; empty when they are in place already."""
@@ -62,7 +60,6 @@ class NodeWorker:
         self._stopped: set[Path] = set()
 
     async def installed(self) -> Installation:
-        """Return the installation of this machine."""
         return installed()
 
     async def is_there(self) -> None:
@@ -161,8 +158,6 @@ _OBJECT_STORE_BYTES = 100 << 20
 
 @dataclass(frozen=True, slots=True)
 class ClusterNode:
-    """Machine of the cluster."""
-
     id: str
     address: str
     cpus: int
@@ -183,7 +178,8 @@ def connect(address: str | None, workers: int | None, folder: Path) -> None:
     except (ConnectionError, RuntimeError, ValueError) as error:
         if address == "auto":
             raise PicktreeError("no Ray cluster runs here that --address auto could find") from None
-        raise PicktreeError(f"the Ray cluster at {address} cannot be used: {_first_line(error)}") from None
+        why = str(error).strip().partition("\n")[0].strip() or type(error).__name__
+        raise PicktreeError(f"the Ray cluster at {address} cannot be used: {why}") from None
 
 
 def nodes() -> tuple[ClusterNode, ...]:
@@ -220,19 +216,15 @@ def _require_answer(address: str) -> None:
         raise PicktreeError(f"no Ray cluster answers at {address}: {why.lower()}") from None
 
 
-def _first_line(error: Exception) -> str:
-    return next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
-
-
 __all__ = ["RayError", "WorkerHandle", "reason"]
 
 
 class WorkerHandle:
-    """Worker that takes one CPU of a node. All methods raise RayError when the worker is gone."""
+    """Worker that takes one CPU of a node. Calls of its actor raise RayError when the worker is gone."""
 
     def __init__(self, node: ClusterNode) -> None:
         self.node = node
-        self._actor = (
+        self.actor = (
             ray.remote(NodeWorker)
             .options(
                 num_cpus=1,
@@ -243,31 +235,9 @@ class WorkerHandle:
             .remote()
         )
 
-    async def installed(self) -> Installation:
-        return await self._actor.installed.remote()
-
-    async def is_there(self) -> None:
-        """Return when the worker replies; raise RayError when it is gone."""
-        await self._actor.is_there.remote()
-
-    async def carry_out(self, task: Task, recipe: ray.ObjectRef[bytes]) -> TaskReport:
-        return await self._actor.carry_out.remote(task, recipe)
-
-    def stop(self, task: Task) -> None:
-        self._actor.stop.remote(task.order.folder)
-
-    async def piece(self, folder: str, name: str, offset: int, size: int) -> bytes:
-        return await self._actor.piece.remote(folder, name, offset, size)
-
-    async def forget(self, folder: str) -> None:
-        await self._actor.forget.remote(folder)
-
-    async def close(self) -> None:
-        await self._actor.close.remote()
-
     def kill(self) -> None:
         """Kill the worker with its process, whatever that does."""
-        ray.kill(self._actor)
+        ray.kill(self.actor)
 
 
 def shared(content: bytes) -> ray.ObjectRef[bytes]:

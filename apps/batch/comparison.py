@@ -180,10 +180,9 @@ def paired_difference(pairs: Sequence[tuple[float, float]]) -> MeanDifference:
     changed = apart[apart != 0.0]
     p_value = 1.0
     if len(changed) > 1:
-        p_value = _p_value((changed,), _mean, "samples")
+        p_value = _p_value((changed,), np.mean, "samples")
     mean_a, mean_b = (float(mean) for mean in values.mean(axis=0))
-    interval = _interval((apart,), _mean)
-    return MeanDifference(mean_a, mean_b, interval, p_value, len(pairs))
+    return MeanDifference(mean_a, mean_b, _interval((apart,), np.mean), p_value, len(pairs))
 
 
 def unpaired_difference(a: Sequence[float], b: Sequence[float]) -> MeanDifference:
@@ -198,10 +197,6 @@ def unpaired_difference(a: Sequence[float], b: Sequence[float]) -> MeanDifferenc
     if len({*one.tolist(), *other.tolist()}) > 1:
         p_value = _p_value((one, other), _apart, "independent")
     return MeanDifference(mean_a, mean_b, _interval((one, other), _apart), p_value, count)
-
-
-def _mean(values: _Numbers, axis: int = -1) -> Any:
-    return np.mean(values, axis=axis)
 
 
 def _apart(a: _Numbers, b: _Numbers, axis: int = -1) -> Any:
@@ -322,20 +317,12 @@ class RecipeComparison:
         cases."""
         return any(criterion.better for criterion in self.criteria)
 
-    def criterion(self, name: str) -> Criterion:
-        return next(criterion for criterion in self.criteria if criterion.name == name)
-
-
-def compare(a: str, b: str, *, unpaired: bool = False) -> RecipeComparison:
-    """Compare two recipes, given as batches' folders, or FOLDER@LABEL for one recipe of several.
-
-    They are paired by seed, unless they share less than half of their seeds, or `unpaired` is set. Raises
-    PicktreeError when there is no such recipe, or none of its jobs was run.
-    """
-    return compare_recipes(read_recipe(a), read_recipe(b), unpaired=unpaired)
-
 
 def compare_recipes(a: RecipeOutcomes, b: RecipeOutcomes, *, unpaired: bool = False) -> RecipeComparison:
+    """Compare two recipes by seed, or as independent jobs.
+
+    They are independent when they share less than half of their seeds, or `unpaired` is set.
+    """
     shared = sorted(set(a.outcomes) & set(b.outcomes))
     by_seed = not unpaired and len(shared) >= _MIN_SHARED_SEED_SHARE * min(len(a.outcomes), len(b.outcomes))
     pairs = [(a.outcomes[seed], b.outcomes[seed]) for seed in shared]
@@ -592,7 +579,10 @@ def _lines(found: RecipeComparison, program: str) -> Iterator[str]:
         yield ""
         yield f"{len(found.changed)} seeds changed sides"
         for changed in found.changed:
-            yield from _changed_lines(changed, program)
+            said = f"  seed {changed.seed}: {changed.winner} alone reached its goal"
+            yield f"{said}; {changed.parting}" if changed.parting else said
+            if changed.logs is not None:
+                yield f"    {program} diff {shlex.join(changed.logs)}"
         lacking = [changed for changed in found.changed if changed.missing]
         if lacking and not any(changed.parting for changed in lacking):
             yield f"of {len(lacking)} a log was not kept: --remake runs them again and says where they part"
@@ -640,13 +630,6 @@ def _difference_row(title: str, found: MeanDifference, adjusted: float, scale: f
 
 def _p(value: float) -> str:
     return f"{value:.3f}" if value >= 0.001 else "< 0.001"
-
-
-def _changed_lines(changed: ChangedSeed, program: str) -> Iterator[str]:
-    said = f"  seed {changed.seed}: {changed.winner} alone reached its goal"
-    yield f"{said}; {changed.parting}" if changed.parting else said
-    if changed.logs is not None:
-        yield f"    {program} diff {shlex.join(changed.logs)}"
 
 
 def _json(found: RecipeComparison) -> dict[str, Any]:

@@ -52,13 +52,13 @@ async def fetch_files(hired: WorkerHandle, files: tuple[ResultFile, ...], folder
             with path.open("wb") as written:
                 for offset in range(0, file.size, _COPY_PIECE_BYTES):
                     size = min(_COPY_PIECE_BYTES, file.size - offset)
-                    written.write(await hired.piece(folder.name, file.name, offset, size))
+                    written.write(await hired.actor.piece.remote(folder.name, file.name, offset, size))
         shutil.rmtree(folder, ignore_errors=True)
         if files:
             arriving.rename(folder)
     finally:
         shutil.rmtree(arriving, ignore_errors=True)
-    await hired.forget(folder.name)
+    await hired.actor.forget.remote(folder.name)
 
 
 _NODE_CHECK_PERIOD = 2.0
@@ -150,11 +150,10 @@ class WorkerPool:
             self._tell(JobStopped(self._tasks.get_nowait().order))
         for folder, (task, hired) in self._under_way.items():
             self._stopping.add(folder)
-            hired.stop(task)
+            hired.actor.stop.remote(task.order.folder)
         asyncio.get_running_loop().call_later(_STOP_TIME_LIMIT, self._lose, tuple(self._under_way))
 
     async def close(self) -> None:
-        """End all workers."""
         for slot in self._slots:
             slot.cancel()
         await asyncio.gather(*self._slots, return_exceptions=True)
@@ -190,7 +189,7 @@ class WorkerPool:
         while not post.refused:
             hired, idle = WorkerHandle(post.node), False
             try:
-                self._meet(post, difference(self._here, await hired.installed()))
+                self._meet(post, difference(self._here, await hired.actor.installed.remote()))
                 lost = 0
                 while not post.refused:
                     idle = True
@@ -221,9 +220,9 @@ class WorkerPool:
         self._under_way[order.folder] = (task, hired)
         event: Event | None = None
         try:
-            await hired.is_there()
+            await hired.actor.is_there.remote()
             event = await self._outcome(task, hired)
-            await hired.is_there()
+            await hired.actor.is_there.remote()
         finally:
             del self._under_way[order.folder]
             if order.folder in self._stopping:
@@ -237,7 +236,7 @@ class WorkerPool:
         order = task.order
         try:
             async with asyncio.timeout(order.wall + _SILENCE_TIME_LIMIT):
-                report = await hired.carry_out(task, self._recipe(order))
+                report = await hired.actor.carry_out.remote(task, self._recipe(order))
                 if report.files:
                     await fetch_files(hired, report.files, order.folder)
         except TimeoutError:
@@ -277,7 +276,7 @@ async def _dismiss(hired: WorkerHandle, *, idle: bool) -> None:
     if idle:
         with suppress(RayError, TimeoutError):
             async with asyncio.timeout(_CLEANUP_TIME_LIMIT):
-                await hired.close()
+                await hired.actor.close.remote()
     with suppress(RayError):
         hired.kill()
 

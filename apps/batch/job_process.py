@@ -1,4 +1,4 @@
-"""Process of one attempt at a job, isolated from the next job.
+"""Process of one attempt at a job, isolated from the next job, with its output and the place of its end.
 
 The process is forked from a worker that has loaded everything, which costs milliseconds where a fresh one
 would cost seconds. Whatever a job changes in its process ends with it: working directory, environment,
@@ -9,6 +9,7 @@ behind are ended."""
 from __future__ import annotations
 
 import ctypes
+import faulthandler
 import os
 import re
 import resource
@@ -16,10 +17,12 @@ import select
 import shutil
 import signal
 import sys
+import sysconfig
 import tempfile
 import time
 import traceback
-from contextlib import suppress
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
@@ -29,8 +32,94 @@ from typing import NoReturn
 
 from picktree.files import PicktreeError, file_system
 
-from . import job_output
 from .executor import Event, JobFailed, JobFinished, JobOrder, JobStopped
+
+OUTPUT_FILE = "output.txt"
+"""File in the folder of an attempt; missing when nothing was printed."""
+TRACEBACK_SIGNAL = signal.SIGABRT
+"""Signal on which a process prints its traceback and ends."""
+_TRACEBACK_BYTES = 65536
+"""Size of the output's end in which a traceback is searched, bytes."""
+_FRAME = re.compile(r'^  File "(?P<file>.*)", line (?P<line>\d+) in (?P<name>.*)$', re.MULTILINE)
+_LIBRARIES = (sysconfig.get_path("stdlib"), sysconfig.get_path("purelib"), "<")
+
+
+def print_into(folder: Path) -> None:
+    """Redirect all output of this process and its children there, also that of C and C++.
+
+    The traceback at a crash or at SIGABRT is written there, too.
+    """
+    file = os.open(folder / OUTPUT_FILE, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.dup2(file, 1)
+    os.dup2(file, 2)
+    os.close(nothing)
+    faulthandler.enable(file=file, all_threads=False)  # of its own: a job may close the others
+
+
+@contextmanager
+def silence() -> Generator[None]:
+    """Suppress all output in the block, also that of C and C++."""
+    flush_output()
+    kept = os.dup(1), os.dup(2)
+    nothing = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, 1)
+    os.dup2(nothing, 2)
+    try:
+        yield
+    finally:
+        flush_output()
+        for number, before in enumerate(kept, 1):
+            os.dup2(before, number)
+            os.close(before)
+        os.close(nothing)
+
+
+def flush_output() -> None:
+    """Write out the buffers of Python and C."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    ctypes.CDLL(None).fflush(None)
+
+
+def append_output(folder: Path, line: str) -> None:
+    """Append a line of the worker to the output."""
+    with suppress(OSError), (folder / OUTPUT_FILE).open("a", encoding="utf-8") as file:
+        file.write(f"{line}\n")
+
+
+def last_place(folder: Path) -> str:
+    """Return the place at which a process was ended, as `trouble.py:7 in run`; empty when unknown.
+
+    Lines of libraries are skipped in favour of their callers.
+    """
+    try:
+        with (folder / OUTPUT_FILE).open("rb") as file:
+            file.seek(0, os.SEEK_END)
+            file.seek(max(0, file.tell() - _TRACEBACK_BYTES))
+            text = file.read().decode(errors="replace")
+    except OSError:
+        return ""
+    _, fault, said = text.rpartition("Fatal Python error: ")
+    frames = list(_FRAME.finditer(said)) if fault else []
+    if not frames:
+        return ""
+    return _named([(frame["file"], frame["line"], frame["name"]) for frame in frames])
+
+
+def place_of(error: BaseException) -> str:
+    """Return the place at which an exception was raised, in the same form."""
+    frames = traceback.extract_tb(error.__traceback__)
+    return _named([(frame.filename, frame.lineno, frame.name) for frame in reversed(frames)])
+
+
+def _named(frames: list[tuple[str, object, str]]) -> str:
+    """Return the place of the innermost frame outside of libraries; the innermost is the first."""
+    file, line, name = next((f for f in frames if not f[0].startswith(_LIBRARIES)), frames[0])
+    return f"{Path(file).name}:{line} in {name}"
+
 
 _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
@@ -116,7 +205,7 @@ def run_attempt(order: JobOrder) -> Event:
     except BaseException as error:  # noqa: BLE001 - one job's fault must not cost another
         traceback.print_exc(file=sys.stderr)
         said = _one_line(str(error))
-        place = job_output.place_of(error)
+        place = place_of(error)
         return JobFailed(order, f"{type(error).__name__}{f': {said}' if said else ''}, at {place}")
     return JobFinished(order)
 
@@ -174,7 +263,7 @@ class JobProcess:
         self._order = order
         self._began = time.monotonic()
         self._heard, tell = Pipe(duplex=False)
-        job_output.flush()
+        flush_output()
         parent = os.getpid()
         self._pid = os.fork()
         if self._pid == 0:
@@ -188,7 +277,7 @@ class JobProcess:
         while not reason and not self._over(_RESOURCE_CHECK_PERIOD):
             reason = self._over_its_limits()
         if reason:
-            self._kill(job_output.TRACEBACK_SIGNAL)
+            self._kill(TRACEBACK_SIGNAL)
             if not self._over(_TRACEBACK_TIME_LIMIT):
                 self._kill(signal.SIGKILL)
         how = self._how()
@@ -196,7 +285,7 @@ class JobProcess:
         said = self._said()
         if said is not None:
             return said
-        place = job_output.last_place(self._order.folder)
+        place = last_place(self._order.folder)
         return JobFailed(self._order, f"{reason or how}, at {place}" if place else reason or how)
 
     def end(self) -> None:
@@ -206,8 +295,8 @@ class JobProcess:
         folder = self._order.folder
         shutil.rmtree(folder / _TEMPORARY, ignore_errors=True)
         with suppress(OSError):
-            if not (folder / job_output.OUTPUT_FILE).stat().st_size:
-                (folder / job_output.OUTPUT_FILE).unlink()
+            if not (folder / OUTPUT_FILE).stat().st_size:
+                (folder / OUTPUT_FILE).unlink()
         os.close(self._descriptor)
         self._heard.close()
 
@@ -233,7 +322,7 @@ class JobProcess:
     def _clear(self) -> None:
         left = end_children(self._pid)
         if left:
-            job_output.add(self._order.folder, f"{left} processes that the job left behind were ended")
+            append_output(self._order.folder, f"{left} processes that the job left behind were ended")
 
     def _over(self, seconds: float) -> bool:
         waiting = select.poll()
@@ -260,7 +349,7 @@ def _live(order: JobOrder, tell: Connection, parent: int) -> NoReturn:
             event = run_attempt(order)
         except OSError as error:
             event = JobFailed(order, f"{order.folder}: nothing can be written there: {error.strerror}")
-        job_output.flush()
+        flush_output()
         tell.send(event)
         code = 0
     finally:
@@ -281,7 +370,7 @@ def _settle_in(order: JobOrder, parent: int) -> None:
     temporary = order.folder / _TEMPORARY
     temporary.mkdir(parents=True, exist_ok=True)
     os.environ["TMPDIR"], tempfile.tempdir = str(temporary), None
-    job_output.print_into(order.folder)
+    print_into(order.folder)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     largest = 2 * order.disk  # of a file elsewhere, which nobody watches
     resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))

@@ -18,8 +18,7 @@ from types import FrameType, ModuleType
 from typing import NoReturn
 
 from .executor import Event, JobFailed, JobOrder, JobStopped
-from .job_output import silence
-from .job_process import adopt_orphans, die_with_parent, exit_code_words
+from .job_process import JobProcess, adopt_orphans, die_with_parent, exit_code_words, silence
 
 READY = "ready"
 """Message of a worker that has loaded everything."""
@@ -60,8 +59,6 @@ def serve(orders: Connection) -> None:
 
 
 def _seen_to(order: JobOrder) -> Event:
-    from .job_process import JobProcess
-
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
     before = signal.signal(signal.SIGTERM, _raise_stop)
     try:

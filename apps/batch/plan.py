@@ -9,6 +9,7 @@ import json
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, cast
@@ -34,8 +35,6 @@ Keep: TypeAlias = Literal["all", "failures", "none"]
 
 @dataclass(frozen=True, slots=True)
 class JobLimits:
-    """Limits of one job."""
-
     simulated: float = 3600.0
     """Simulated time limit, s; the run then ends as `timeout`."""
     wall: float = 3600.0
@@ -137,13 +136,10 @@ def jobs_of(plan: BatchPlan, folder: Path) -> tuple[Job, ...]:
         recipe = run_recipe.read_recipe(_request(plan, variant))
         content = _content(variant, recipe)
         for seed in plan.seeds:
-            jobs.append(Job(_id(content, seed), len(jobs), variant, seed, content[:16]))
+            id_ = hashlib.sha256(f"{content} seed {seed}".encode()).hexdigest()[:16]
+            jobs.append(Job(id_, len(jobs), variant, seed, content[:16]))
         run_recipe.write_recipe(recipe, jobs[-1].recipe_in(folder))
     return tuple(jobs)
-
-
-def _id(content: str, seed: int) -> str:
-    return hashlib.sha256(f"{content} seed {seed}".encode()).hexdigest()[:16]
 
 
 def _content(variant: Variant, recipe: run_recipe.Recipe) -> str:
@@ -244,14 +240,6 @@ def _seeds(value: object) -> tuple[int, ...]:
         raise file_models.InvalidValue(str(error), code="P801") from None
 
 
-def _memory(value: object) -> int:
-    return _bytes(value, "memory")
-
-
-def _disk(value: object) -> int:
-    return _bytes(value, "disk")
-
-
 def _bytes(value: object, of: str) -> int:
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]+)\s*", value) if isinstance(value, str) else None
     if match is None or match[2] not in _BYTES:
@@ -282,8 +270,14 @@ Seeds = Annotated[
         }
     ),
 ]
-Memory = Annotated[int, BeforeValidator(_memory), WithJsonSchema({"type": "string", "examples": ["2 GB"]})]
-Disk = Annotated[int, BeforeValidator(_disk), WithJsonSchema({"type": "string", "examples": ["2 GB"]})]
+Memory = Annotated[
+    int,
+    BeforeValidator(partial(_bytes, of="memory")),
+    WithJsonSchema({"type": "string", "examples": ["2 GB"]}),
+]
+Disk = Annotated[
+    int, BeforeValidator(partial(_bytes, of="disk")), WithJsonSchema({"type": "string", "examples": ["2 GB"]})
+]
 Seconds = Annotated[float, file_models.quantity("s", above=0)]
 
 
@@ -352,7 +346,9 @@ def plan_of(words: Mapping[str, object]) -> BatchPlan:
     faults = list(check_files_of(plan))
     if faults:
         raise FileError(faults)
-    check_settings(plan)
+    for name in plan.settings:
+        for message in _misfits(plan, name):
+            raise PicktreeError(message)
     return plan
 
 
@@ -386,19 +382,11 @@ def check_files_of(plan: BatchPlan) -> Iterator[Diagnostic]:
     yield from (fault for fault in seen if fault.severity == "error")
 
 
-def check_settings(plan: BatchPlan) -> None:
-    """Check the settings. Raises PicktreeError for the first that is invalid for one of the missions."""
-    for name in plan.settings:
-        for message in _misfits(plan, name):
-            raise PicktreeError(message)
-
-
 def _faults_of_mission(mission: Path, scene: str | None, robot: str | None) -> Iterable[Diagnostic]:
     try:
-        check = _checked(mission, scene, robot)
+        return _checked(mission, scene, robot).faults
     except FileError as error:
         return error.faults
-    return check.faults
 
 
 def _checked(mission: Path, scene: str | None, robot: str | None) -> MissionCheck:

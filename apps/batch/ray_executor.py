@@ -47,7 +47,6 @@ class Installation:
 
 
 def installed() -> Installation:
-    """Return the installation of this machine."""
     plugins = {entry.dist.name: entry.dist.version for entry in entry_points(group=GROUP) if entry.dist}
     of_workers = (
         file

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shlex
-from dataclasses import dataclass
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -24,14 +23,6 @@ from .tables import CELL_SIZE, JobRow
 _PAGE = Path(__file__).parent / "page"
 MOST_JOBS = 5_000
 """Maximum number of jobs shown one by one, the first ones of the plan."""
-
-
-@dataclass(frozen=True, slots=True)
-class Linked:
-    """Job that missed its goal, with the page of its run."""
-
-    job: WorstJob
-    report: Path | None
 
 
 def write_report(folder: Path, output: Path, runs: int = 5) -> None:
@@ -55,7 +46,7 @@ def write_report(folder: Path, output: Path, runs: int = 5) -> None:
 def _data(folder: Path, store: Store, output: Path, runs: int) -> dict[str, Any]:
     summary = summarise(store)
     rates: Any = store.query("SELECT variant, rate FROM picks_an_hour").rows
-    linked = _linked(folder, summary.worst, runs)
+    reports = _reports(folder, summary.worst, runs)
     done = summary.total - summary.waiting
     reached = rate(sum(r.success.successes for r in summary.recipes), done)
     versions: Any = store.query(
@@ -68,40 +59,32 @@ def _data(folder: Path, store: Store, output: Path, runs: int) -> dict[str, Any]
         "rates": [{"label": label, "rate": value} for label, value in rates],
         "jobs": _jobs(folder, store, output),
         "cell": CELL_SIZE,
-        "worst": [_worst(one, folder, output) for one in linked],
+        "worst": [_worst(*each, folder, output) for each in zip(summary.worst, reports, strict=True)],
         "footer": ", ".join(f"{library} {version}" for library, version in versions if version),
     }
 
 
 def _jobs(folder: Path, store: Store, output: Path) -> list[dict[str, Any]]:
-    rows: Any = store.query(
-        "SELECT variant, seed, status, items_sorted, items_total, sim_seconds, look_at, folder FROM jobs "
-        f"ORDER BY number LIMIT {MOST_JOBS}"
-    ).rows
+    rows = store.query(
+        "SELECT variant AS label, seed, status, items_sorted AS sorted, items_total AS items, "
+        f"sim_seconds AS seconds, look_at, folder AS report FROM jobs ORDER BY number LIMIT {MOST_JOBS}"
+    )
     return [
-        {
-            "label": label,
-            "seed": seed,
-            "status": status,
-            "sorted": good,
-            "items": total,
-            "seconds": seconds,
-            "look_at": look_at,
-            "report": _link(folder / kept / "report.html", output) if kept else "",
-        }
-        for label, seed, status, good, total, seconds, look_at, kept in rows
+        {**row, "report": _link(folder / str(row["report"]) / "report.html", output) if row["report"] else ""}
+        for row in rows
     ]
 
 
-def _linked(folder: Path, worst: tuple[WorstJob, ...], runs: int) -> list[Linked]:
-    found: list[Linked] = []
+def _reports(folder: Path, worst: tuple[WorstJob, ...], runs: int) -> list[Path | None]:
+    """Return the page of each run; None where there is none. The first `runs` missing ones are written."""
+    found: list[Path | None] = []
     made = 0
     for job in worst:
         report = folder / job.folder / "report.html" if job.folder else None
         if report is not None and not report.is_file():
             report = _write_run_page(report) if made < runs else None
             made += 1
-        found.append(Linked(job, report))
+        found.append(report)
     return found
 
 
@@ -115,17 +98,12 @@ def _write_run_page(report: Path) -> Path | None:
     return report
 
 
-def _worst(one: Linked, folder: Path, output: Path) -> dict[str, Any]:
-    job = one.job
+def _worst(job: WorstJob, report: Path | None, folder: Path, output: Path) -> dict[str, Any]:
     kept = folder / job.folder if job.folder else None
+    columns = ("seed", "label", "status", "missed", "look_at", "root_cause")
     return {
-        "seed": job.seed,
-        "label": job.label,
-        "status": job.status,
-        "missed": job.missed,
-        "look_at": job.look_at,
-        "root_cause": job.root_cause,
-        "report": "" if one.report is None else _link(one.report, output),
+        **{name: getattr(job, name) for name in columns},
+        "report": "" if report is None else _link(report, output),
         "command": shlex.join(
             ["picktree", "explain", str(kept)] if kept else ["picktree", "resim", f"{folder}@{job.job}"]
         ),
@@ -161,7 +139,8 @@ def _case(job: Job, row: JobRow | None) -> JunitCase:
     if row.sim_seconds is not None:
         items = f"{row.items_sorted} of {row.items_total} items sorted"
         told.append(f"{items} in {row.sim_seconds:g} simulated s")
-    told += [f"{what}: {value}" for what, value in _pointers(row) if value]
+    pointers = (("root cause", row.root_cause), ("look at", row.look_at), ("run", row.folder))
+    told += [f"{what}: {value}" for what, value in pointers if value]
     outcome = _OUTCOMES.get(row.status, "failure")
     text, passed = "\n".join(told), outcome == "passed"
     return JunitCase(
@@ -174,7 +153,3 @@ def _case(job: Job, row: JobRow | None) -> JunitCase:
         "" if passed else text,
         text if passed else "",
     )
-
-
-def _pointers(row: JobRow) -> tuple[tuple[str, str], ...]:
-    return ("root cause", row.root_cause), ("look at", row.look_at), ("run", row.folder)

@@ -92,7 +92,8 @@ def rerun_job(where: str, out: Path | None = None, executor: Executor | None = N
     cannot be run.
     """
     folder, named = split(where)
-    with Store(folder / RESULTS_FILE) as store, _executor(executor) as given:
+    own: AbstractContextManager[Executor] = LocalExecutor(1) if executor is None else nullcontext(executor)
+    with Store(folder / RESULTS_FILE) as store, own as given:
         return _rerun(store, find_job(store, where, named), where, out, given)
 
 
@@ -163,11 +164,6 @@ def _carried_out(order: JobOrder, executor: Executor) -> Event:
             if not isinstance(event, JobFinished | JobFailed):
                 raise KeyboardInterrupt
             return event
-
-
-def _executor(executor: Executor | None) -> AbstractContextManager[Executor]:
-    """Return the executor; by default a new one with a single worker."""
-    return LocalExecutor(1) if executor is None else nullcontext(executor)
 
 
 def _move_run(run: Path, target: Path) -> Path:

@@ -10,7 +10,7 @@ import re
 import shlex
 import sqlite3
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, closing, contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import TypeAlias
@@ -306,10 +306,6 @@ class Store:
         """Run a SELECT; it cannot change the results. Raises PicktreeError for invalid SQL."""
         return run_query(self.path, sql)
 
-    def reading(self) -> AbstractContextManager[Read]:
-        """Return a reader of all tables at one moment; see `read_tables`."""
-        return read_tables(self.path)
-
     def _insert(self, table: str, kind: type, job: str, rows: Sequence[object]) -> None:
         names = [field.name for field in fields(kind)]
         places = ", ".join("?" * (len(names) + 1))
@@ -361,7 +357,7 @@ def export(store: Store, form: table_files.TableForm, output: Path) -> ExportedT
 
     Raises PicktreeError when it cannot be written or a library is missing.
     """
-    with store.reading() as rows:
+    with read_tables(store.path) as rows:
         return ExportedTables(form, output, table_files.write_tables(form, output, TABLES, rows))
 
 

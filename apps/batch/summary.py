@@ -8,7 +8,7 @@ import json
 import shlex
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -294,9 +294,7 @@ def _worst_places(places: tuple[TableCellShare, ...]) -> str:
 def _recipe_json(recipe: RecipeSummary) -> dict[str, Any]:
     return {
         "label": recipe.label,
-        "success": _rate_json(recipe.success),
-        "items": _rate_json(recipe.items),
-        "first_try": _rate_json(recipe.first_try),
+        **{name: _rate_json(getattr(recipe, name)) for name in ("success", "items", "first_try")},
         "crashed": recipe.crashed,
         "picks_an_hour": None if recipe.picks_an_hour is None else asdict(recipe.picks_an_hour),
         "seconds_a_pick": dict(recipe.phases),
@@ -471,15 +469,9 @@ def _added_causes(causes: Iterable[CauseTotal]) -> tuple[CauseTotal, ...]:
     """Add up causes, the most frequent first. Each job has one recipe, so that jobs add up, too."""
     sums: dict[str, CauseTotal] = {}
     for c in causes:
-        b = sums.get(c.cause, CauseTotal(c.cause, 0, 0, 0, 0, 0.0))
-        sums[c.cause] = CauseTotal(
-            c.cause,
-            b.failures + c.failures,
-            b.cured + c.cured,
-            b.done_instead + c.done_instead,
-            b.jobs + c.jobs,
-            b.seconds_lost + c.seconds_lost,
-        )
+        before = sums.get(c.cause, CauseTotal(c.cause, 0, 0, 0, 0, 0.0))
+        counts = (one + other for one, other in zip(astuple(before)[1:], astuple(c)[1:], strict=True))
+        sums[c.cause] = CauseTotal(c.cause, *counts)
     return tuple(sorted(sums.values(), key=lambda c: (-c.failures, c.cause)))
 
 

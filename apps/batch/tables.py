@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,8 +17,6 @@ from picktree.world import event_types
 
 CELL_SIZE = 0.05
 """Side of a cell of the table, m."""
-_NORMAL_QUANTILE = 1.959963984540054
-"""Quantile of the standard normal variable: 95 % are within plus and minus this value."""
 _CELL_OFFSET = 1000
 """Offset larger than any cell number: SQLite's cast rounds towards zero, so numbers must be positive."""
 
@@ -31,165 +30,17 @@ def cell_of(coordinate: str) -> str:
 class SqlView:
     name: str
     question: str
-    select: str
-
-    def to_sql(self) -> str:
-        return f"CREATE VIEW {self.name} AS  -- {self.question}\n{self.select.strip()};"
+    sql: str
+    """Statement that creates the view."""
 
 
-VIEWS = (
-    SqlView(
-        "success",
-        "how often did each recipe reach its goal?",
-        """
-    SELECT variant, count(*) AS jobs, sum(status = 'success') AS successes,
-           sum(status = 'crashed') AS crashed, avg(sim_seconds) AS mean_sim_seconds
-    FROM jobs WHERE status <> 'waiting' GROUP BY variant ORDER BY min(number)""",
-    ),
-    SqlView(
-        "picks_an_hour",
-        "how many objects does each job hold in a simulated hour?",
-        """
-    SELECT job, variant, seed, picks_held * 3600.0 / sim_seconds AS rate
-    FROM jobs WHERE sim_seconds > 0 AND picks_held IS NOT NULL""",
-    ),
-    SqlView(
-        "cycle_time",
-        "where does each recipe spend its time?",
-        """
-    WITH held AS (SELECT variant, sum(picks_held) AS picks FROM jobs GROUP BY variant)
-    SELECT variant, phase, sum(seconds) AS seconds, sum(seconds) / nullif(picks, 0) AS seconds_a_pick,
-           sum(seconds) / sum(sum(seconds)) OVER (PARTITION BY variant) AS share
-    FROM timings JOIN jobs USING (job) JOIN held USING (variant)
-    GROUP BY variant, phase ORDER BY min(number), sum(seconds) DESC""",
-    ),
-    SqlView(
-        "first_try",
-        "how often does the first grasp at an object hold?",
-        """
-    WITH tries AS (
-        SELECT job, held, row_number() OVER (PARTITION BY job, object ORDER BY time) AS try FROM picks
-    )
-    SELECT variant, sum(try = 1) AS objects, sum(try = 1 AND held) AS held_at_first,
-           avg(CASE try WHEN 1 THEN held END) AS share, count(*) AS tries
-    FROM tries JOIN jobs USING (job) GROUP BY variant ORDER BY min(number)""",
-    ),
-    SqlView(
-        "causes",
-        "why do things fail, the most frequent first?",
-        """
-    SELECT cause, count(*) AS failures, sum(fate = 'cured') AS cured,
-           sum(fate = 'done_instead') AS done_instead, count(DISTINCT job) AS jobs,
-           (SELECT sum(seconds) FROM episodes WHERE episodes.cause = failures.cause) AS seconds_lost
-    FROM failures GROUP BY cause ORDER BY count(*) DESC, cause""",
-    ),
-    SqlView(
-        "causes_by_recipe",
-        "why does each recipe fail?",
-        """
-    SELECT variant, cause, count(*) AS failures, sum(fate = 'cured') AS cured,
-           sum(fate = 'done_instead') AS done_instead, count(DISTINCT job) AS jobs,
-           (SELECT sum(seconds) FROM episodes JOIN jobs AS j USING (job)
-            WHERE j.variant = jobs.variant AND episodes.cause = failures.cause) AS seconds_lost
-    FROM failures JOIN jobs USING (job) GROUP BY variant, cause ORDER BY min(number), count(*) DESC""",
-    ),
-    SqlView(
-        "cures",
-        "for each cause of a job, what was tried last against it, and with which success?",
-        """
-    SELECT job, cause, handler, count(*) AS seen, sum(ended = 'cured') AS cured,
-           sum(ended = 'done_instead') AS done_instead, sum(ended = 'given_up') AS given_up,
-           sum(ended = 'unhandled') AS unhandled, sum(ended = 'open') AS open, sum(tries) AS tries,
-           sum(CASE ended WHEN 'cured' THEN tries ELSE 0 END) AS tries_cured, sum(seconds) AS seconds
-    FROM episodes GROUP BY job, cause, handler""",
-    ),
-    SqlView(
-        "cures_by_recipe",
-        "against which causes does each recipe know a cure?",
-        """
-    SELECT variant, cause, handler, sum(seen) AS seen, sum(cured) AS cured,
-           sum(done_instead) AS done_instead, sum(given_up) AS given_up, sum(unhandled) AS unhandled,
-           sum(open) AS open, sum(tries) AS tries, sum(tries_cured) AS tries_cured, sum(seconds) AS seconds
-    FROM cures JOIN jobs USING (job) GROUP BY variant, cause, handler
-    ORDER BY min(number), cause, sum(cured) DESC, sum(seen) DESC, handler""",
-    ),
-    SqlView(
-        "cures_by_cause",
-        "how many troubles of each cause are cured, with Wilson's 95 % interval, and what do they cost?",
-        f"""
-    WITH counts AS (
-        SELECT cause, sum(seen) AS seen, sum(cured) AS cured, sum(done_instead) AS done_instead,
-               sum(unhandled) AS unhandled, sum(seen) - sum(done_instead) AS to_cure,
-               sum(tries_cured) * 1.0 / nullif(sum(cured), 0) AS tries_a_cure, sum(seconds) AS seconds,
-               count(DISTINCT job) AS jobs
-        FROM cures GROUP BY cause
-    ), shares AS (
-        SELECT *, cured * 1.0 / to_cure AS share,
-               {_NORMAL_QUANTILE} * {_NORMAL_QUANTILE} / to_cure AS zz FROM counts
-    )
-    SELECT cause, seen, cured, done_instead, unhandled, share,
-           max((share + zz / 2 - {_NORMAL_QUANTILE} * sqrt((share * (1 - share) + zz / 4) / to_cure)) /
-           (1 + zz), 0.0) AS low,
-           min((share + zz / 2 + {_NORMAL_QUANTILE} * sqrt((share * (1 - share) + zz / 4) / to_cure)) /
-           (1 + zz), 1.0) AS high,
-           tries_a_cure, seconds, jobs
-    FROM shares ORDER BY seconds DESC, seen DESC, cause""",
-    ),
-    SqlView(
-        "planted_seen",
-        "as what is each kind of planted fault seen first, and is that cured?",
-        """
-    SELECT variant, fault, cause, ended, count(*) AS faults, count(DISTINCT job) AS jobs, avg(after) AS after
-    FROM planted JOIN jobs USING (job) GROUP BY variant, fault, cause, ended
-    ORDER BY min(number), fault, count(*) DESC, cause, ended""",
-    ),
-    SqlView(
-        "failures_by_seed",
-        "which seeds are hard for every recipe?",
-        """
-    SELECT seed, count(*) AS jobs, sum(status = 'success') AS successes,
-           sum((SELECT count(*) FROM failures WHERE failures.job = jobs.job)) AS failures,
-           sum(items_total - items_sorted) AS missed
-    FROM jobs WHERE status <> 'waiting' GROUP BY seed ORDER BY missed DESC, failures DESC, seed""",
-    ),
-    SqlView(
-        "sorted_by_form",
-        "which forms are sorted?",
-        """
-    SELECT form, count(*) AS items, sum(verdict = 'sorted') AS sorted FROM items
-    WHERE verdict <> 'no destination' GROUP BY form""",
-    ),
-    SqlView(
-        "sorted_by_colour",
-        "which colours are sorted?",
-        """
-    SELECT colour, count(*) AS items, sum(verdict = 'sorted') AS sorted FROM items
-    WHERE verdict <> 'no destination' GROUP BY colour""",
-    ),
-    SqlView(
-        "sorted_by_place",
-        "where on the table are items sorted, in cells of 5 cm?",
-        f"""
-    SELECT {cell_of("x")} * {CELL_SIZE} AS x, {cell_of("y")} * {CELL_SIZE} AS y,
-           count(*) AS items, sum(verdict = 'sorted') AS sorted
-    FROM items WHERE verdict <> 'no destination' GROUP BY 1, 2 ORDER BY 1, 2""",
-    ),
-    SqlView(
-        "slowest",
-        "which jobs took the most simulated time for a pick?",
-        """
-    SELECT job, seed, variant, status, sim_seconds / picks_held AS seconds_a_pick, sim_seconds, picks_held,
-           look_at, folder
-    FROM jobs WHERE picks_held > 0 ORDER BY seconds_a_pick DESC, number""",
-    ),
-    SqlView(
-        "worst",
-        "which jobs missed their goal, the most items missed first?",
-        """
-    SELECT job, seed, variant, status, items_total - items_sorted AS missed, root_cause, look_at, folder
-    FROM jobs WHERE status NOT IN ('waiting', 'success') ORDER BY missed DESC, number""",
-    ),
-)
+def _read_views() -> tuple[SqlView, ...]:
+    text = (Path(__file__).parent / "views.sql").read_text(encoding="utf-8")
+    found = re.finditer(r"^CREATE VIEW (\w+) AS  -- (.*)\n[^;]*;", text, re.MULTILINE)
+    return tuple(SqlView(view[1], view[2], view[0]) for view in found)
+
+
+VIEWS = _read_views()
 VERSION = 3
 """Version of tables and views, in `PRAGMA user_version`."""
 Phase: TypeAlias = Literal["observe", "think", "move", "grasp", "place", "recover", "other"]
@@ -307,8 +158,6 @@ class CrashRow:
 
 @dataclass(frozen=True, slots=True)
 class JobRow:
-    """Result of a job."""
-
     status: Annotated[
         JobStatus,
         table_files.ColumnDoc("success, incomplete, failure, timeout, paused, crashed; waiting: not yet run"),
@@ -333,8 +182,6 @@ class JobRow:
 
 @dataclass(frozen=True, slots=True)
 class JobRows:
-    """All rows of one job."""
-
     job: JobRow
     items: tuple[JobItemRow, ...] = ()
     picks: tuple[JobPickRow, ...] = ()
@@ -372,6 +219,8 @@ class TableOf:
     key: tuple[str, ...] = ()
     index: tuple[str, ...] = ()
     """Columns with an index."""
+    row: type | None = None
+    """Type of its rows; None: they have none of their own."""
 
     def to_sql(self) -> str:
         """Return the CREATE statements; their comments remain in the database."""
@@ -396,22 +245,10 @@ def _text(name: str, meaning: str) -> table_files.Column:
     return table_files.Column(name, "text", False, "", meaning)
 
 
-CHILDREN: Final[Mapping[str, type]] = {
-    "items": JobItemRow,
-    "picks": JobPickRow,
-    "failures": JobFailureRow,
-    "episodes": EpisodeRow,
-    "planted": PlantedRow,
-    "plans": JobPlanRow,
-    "timings": JobTimingRow,
-}
-"""Rows of the tables with many of a job."""
-
-
 def _table(
     name: str, meaning: str, row: type, *, key: tuple[str, ...] = (), index: tuple[str, ...] = ()
 ) -> TableOf:
-    return TableOf(name, meaning, (_JOB, *columns(row)), key, index)
+    return TableOf(name, meaning, (_JOB, *columns(row)), key, index, row)
 
 
 _JOB = _text("job", "id of the job")
@@ -463,6 +300,10 @@ TABLES = (
         key=("job", "library"),
     ),
 )
+CHILDREN: Final[Mapping[str, type]] = {
+    table.name: table.row for table in TABLES if table.row is not None and table.row is not CrashRow
+}
+"""Rows of the tables with many of a job."""
 _DEFAULTS = {"status": "DEFAULT 'waiting'", "attempts": "DEFAULT 0"} | dict.fromkeys(
     ("message", "digest", "root_cause", "look_at", "folder"), "DEFAULT ''"
 )
@@ -477,4 +318,4 @@ def _declared(column: table_files.Column, *, default: bool) -> str:
 
 def schema() -> str:
     """Return the SQL that creates all tables and views."""
-    return "\n".join([*(table.to_sql() for table in TABLES), *(view.to_sql() for view in VIEWS)])
+    return "\n".join([*(table.to_sql() for table in TABLES), *(view.sql for view in VIEWS)])

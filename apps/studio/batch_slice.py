@@ -34,7 +34,8 @@ MAX_JOBS: Final = 2_000
 MAX_BATCHES: Final = 500
 Behind: TypeAlias = Literal["all", "status", "cause", "root", "place", "form", "colour"]
 _JOB: Final = (
-    "jobs.job, jobs.number, variant, seed, status, items_sorted, items_total, sim_seconds, look_at, folder"
+    "jobs.job, jobs.number, variant AS label, seed, status, items_sorted AS sorted, items_total AS items, "
+    "sim_seconds AS seconds, look_at, folder"
 )
 _CONDITIONS: Final[Mapping[Behind, str]] = {
     "all": "1",
@@ -168,26 +169,15 @@ class BatchFolder:
             f"ORDER BY status = 'success', number LIMIT {MAX_JOBS}",
             values,
         )
-        names = (
-            "job",
-            "number",
-            "label",
-            "seed",
-            "status",
-            "sorted",
-            "items",
-            "seconds",
-            "look_at",
-            "folder",
-        )
-        return [dict(zip(names, row, strict=True)) for row in rows]
+        return [{name: row[name] for name in row.keys()} for row in rows]  # noqa: SIM118
 
-    def _rows(self, sql: str, values: Mapping[str, object] | None = None) -> list[tuple[Any, ...]]:
+    def _rows(self, sql: str, values: Mapping[str, object] | None = None) -> list[sqlite3.Row]:
         path = self.place / RESULTS_FILE
         if not path.is_file():
             return []  # it is being made
         try:
             with closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as connection:
+                connection.row_factory = sqlite3.Row
                 return list(connection.execute(sql, dict(values or {})))
         except sqlite3.Error as error:
             raise PicktreeError(f"{self.place.name}/{RESULTS_FILE} cannot be read: {error}") from None

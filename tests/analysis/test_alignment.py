@@ -9,7 +9,7 @@ import pytest
 
 from picktree.analysis import Run
 from picktree.analysis.compare import Alignment, align
-from picktree.analysis.compare.matching import ItemPair
+from picktree.analysis.compare.alignment import ItemPair
 from picktree.logs.log_records import TransitionRecord, WriteRecord
 
 from ..logs.scripted_log import Seen, begins, ends, record, tree

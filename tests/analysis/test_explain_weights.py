@@ -12,7 +12,7 @@ from picktree.analysis.explain import FailureStory
 from picktree.analysis.explain.case import Investigation
 from picktree.analysis.explain.device_causes import cameras_off
 from picktree.analysis.explain.explanation import DeviceFinding, Finding
-from picktree.analysis.explain.held_items import HeldPeriod, too_heavy, why_it_left
+from picktree.analysis.explain.held_items import HeldPeriod, explain_overweight, why_it_left
 from picktree.logs.series import JointSeries, WrenchSeries
 from picktree.world import Box
 from picktree.world.scene import CatalogueEntry
@@ -119,10 +119,10 @@ def test_what_was_gripped_where_a_displaced_camera_had_seen_it_slipped_for_that(
 )
 def test_what_stops_the_arm_and_pulls_straight_down_is_heavy(pull: float, tilt: float, heavy: bool) -> None:
     force = [pull * np.sin(tilt), 0.0, -pull * np.cos(tilt)]
-    found = too_heavy(case(20.0, 1.0), failure("safety.force_limit", force=force))
+    found = explain_overweight(case(20.0, 1.0), failure("safety.force_limit", force=force))
     assert (found is not None) is heavy
     direction = [np.sin(tilt), 0.0, -np.cos(tilt)]
-    found = too_heavy(case(20.0, 1.0), failure("world.disturbed", force=pull, direction=direction))
+    found = explain_overweight(case(20.0, 1.0), failure("world.disturbed", force=pull, direction=direction))
     assert (found is not None) is heavy
     if found is not None:
         assert found.title == "red_block_1 is heavier than its kind: it pulled the hand down with 18 N"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +17,7 @@ from pyarrow import parquet
 from picktree.analysis import Run
 from picktree.analysis.export import columns, export
 from picktree.analysis.export.run_export import TABLES, TableSpec
-from picktree.analysis.export.table_files import ColumnDoc, cells, read_csv, write_csv, write_parquet
+from picktree.analysis.export.table_files import ColumnDoc, cells, write_csv, write_parquet
 from picktree.files import PicktreeError
 from picktree.logs import install_command
 
@@ -35,6 +36,24 @@ def folders(run: Run, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Pat
     for form in ("csv", "parquet"):
         export(run, form, out / form)
     return {form: out / form for form in ("csv", "parquet")}
+
+
+def read_csv(path: Path, row: type[Any]) -> tuple[Any, ...]:
+    """Read the rows of a written file; ' before a formula is taken off again."""
+    kinds = {"int": int, "float": float, "bool": {"true": True, "false": False}.__getitem__}
+    with path.open(encoding="utf-8", newline="") as file:
+        names, *lines = csv.reader(file, strict=True)
+    assert names == [column.name for column in columns(row)]
+
+    def cell(text: str, kind: str, optional: bool) -> object:
+        if not text and optional:
+            return None
+        return kinds[kind](text) if kind in kinds else re.sub(r"^'(?='*[=+\-@\t\r])", "", text)
+
+    return tuple(
+        row(*(cell(text, c.kind, c.optional) for text, c in zip(line, columns(row), strict=True)))
+        for line in lines
+    )
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.name)

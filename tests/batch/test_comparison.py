@@ -11,12 +11,20 @@ import numpy as np
 import pytest
 
 from picktree.apps.batch import JobRow, RecipeComparison, compare_recipes, json_text_of, read_recipe, text_of
-from picktree.apps.batch.comparison import JobOutcome, RecipeOutcomes, compare
+from picktree.apps.batch.comparison import Criterion, JobOutcome, RecipeOutcomes
 from picktree.apps.batch.tables import JobRows
 from picktree.files import PicktreeError
 from picktree.logs.log_records import Arithmetic
 
 from .test_store import MISSED, SUCCESS, store
+
+
+def compare(a: str, b: str, **options: Any) -> RecipeComparison:
+    return compare_recipes(read_recipe(a), read_recipe(b), **options)
+
+
+def criterion(found: RecipeComparison, name: str) -> Criterion:
+    return next(each for each in found.criteria if each.name == name)
 
 
 def by_force(folder: Path, rows: dict[int, JobRow], **options: Any) -> RecipeComparison:
@@ -45,7 +53,7 @@ def test_two_recipes_are_compared_on_the_same_seeds(tmp_path: Path) -> None:
     found = by_force(tmp_path, rows)
     assert found.paired is not None
     assert (found.paired.both, found.paired.only_a, found.paired.only_b) == (3, 7, 0)
-    goal, items = found.criterion("goal"), found.criterion("items")
+    goal, items = criterion(found, "goal"), criterion(found, "items")
     assert goal.difference.p_value == pytest.approx(2 / 2**7)
     assert goal.adjusted == pytest.approx(5 * 2 / 2**7)  # the least of five
     assert items.difference.mean == pytest.approx(-0.7)
@@ -122,7 +130,7 @@ def test_without_shared_seeds_jobs_are_taken_as_independent() -> None:
     found = compare_recipes(good, bad)
     assert found.paired is None
     assert (found.shared, found.success_a.total, found.success_b.total) == (5, 40, 40)
-    assert found.criterion("goal").better == "A"
+    assert criterion(found, "goal").better == "A"
     assert found.causes[0].cause == "grasp.slipped" and found.causes[0].adjusted < 0.05
     told = text_of(found)
     assert "not paired: 40 and 40 jobs, 5 seeds in both; they are compared as independent runs" in told
@@ -153,8 +161,8 @@ def test_a_job_that_crashed_counts_for_the_goal_alone(tmp_path: Path) -> None:
     )
     rows = dict.fromkeys(range(10), SUCCESS) | {10 + n: crashed if n < 4 else SUCCESS for n in range(10)}
     found = by_force(tmp_path, rows)
-    assert found.criterion("goal").difference.mean == pytest.approx(-0.4)
-    assert (found.criterion("items").difference.count, found.criterion("items").difference.mean) == (6, 0.0)
+    assert criterion(found, "goal").difference.mean == pytest.approx(-0.4)
+    assert (criterion(found, "items").difference.count, criterion(found, "items").difference.mean) == (6, 0.0)
 
 
 def test_a_recipe_is_to_be_named_where_there_are_several(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ def test_a_layout_is_printed_or_written(tmp_path: Path, capsys: pytest.CaptureFi
     file = tmp_path / "layout.json"
     assert answer(["layout", str(GOLDEN), "-o", str(file)]) == 0
     assert file.read_text(encoding="utf-8") == printed
-    assert capsys.readouterr().out == f"{file}: 18 panels, 4 lanes\n"
+    assert capsys.readouterr().out == f"{file}: 19 panels, 4 lanes\n"
     assert set(json.loads(printed)) == {
         "configById",
         "globalVariables",
