@@ -132,10 +132,10 @@ def test_fingers_that_move_leave_doubt(width: float) -> None:
     ("felt", "weight"), [((0.09, 0.02), 0.1 * G), ((0.09, 0.08), None), ((0.01, 0.015), None), (None, None)]
 )
 def test_what_is_surely_felt_on_arrival_need_not_be_weighed_at_rest(
-    felt: tuple[float, float] | None, weight: float | None, monkeypatch: pytest.MonkeyPatch
+    felt: tuple[float, float] | None, weight: float | None
 ) -> None:
     world = Lift(0.1).world()
     world.control.wrist.__dict__["payload"] = Payload(0.1, 0.005)
     kept = GripMonitor(world)
-    monkeypatch.setattr(GripMonitor, "felt", None if felt is None else MassEstimate(*felt))
+    kept.felt = None if felt is None else MassEstimate(*felt)
     assert kept.weight == (None if weight is None else pytest.approx(weight))
