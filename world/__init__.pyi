@@ -74,11 +74,7 @@ from .colours import (
     Rgb as Rgb,
     TRUTH_COLOUR as TRUTH_COLOUR,
 )
-from .computing_time import (
-    ComputeTimeAccount as ComputeTimeAccount,
-    PartFollower as PartFollower,
-    Stopwatch as Stopwatch,
-)
+from .computing_time import ComputeTimeAccount as ComputeTimeAccount, Stopwatch as Stopwatch
 from .journal import (
     CandidateEntry as CandidateEntry,
     CandidateSearchEntry as CandidateSearchEntry,
