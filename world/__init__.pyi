@@ -85,7 +85,7 @@ from .journal import (
     JournalEvent as JournalEvent,
     OtherEvent as OtherEvent,
     Plain as Plain,
-    PlanEntry as PlanEntry,
+    Plan as Plan,
     event_fields as event_fields,
 )
 from .pad_contacts import PadContacts as PadContacts, pad_contacts as pad_contacts, top_heights as top_heights

@@ -20,7 +20,8 @@ from picktree.analysis import Run
 from picktree.analysis.explain import ExplainedOutcome
 from picktree.authoring import svg_drawing
 from picktree.files import PicktreeError, file_system
-from picktree.logs import episode_counts, log_records
+from picktree.logs import episode_counts
+from picktree.world import Plan
 
 from .board_panel import pack_board
 from .node_panels import pack_lanes, pack_tree
@@ -107,7 +108,7 @@ def _plans(run: Run) -> Iterator[ReportEvent]:
         yield ReportEvent(at.time, kind, plan_line(at.record), "")
 
 
-def plan_line(plan: log_records.Plan) -> str:
+def plan_line(plan: Plan) -> str:
     """Return a plan in one line."""
     cost = f"{plan.checks} checks by {plan.planner}" if plan.planner else f"{plan.checks} checks"
     if plan.outcome == "found":

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from picktree.world import Array, ComputeTimeAccount, Failure, PlanEntry, Trajectory
+from picktree.world import Array, ComputeTimeAccount, Failure, Plan, Trajectory
 from picktree.world.robot_model import RobotModel
 
 from . import planning_failures
@@ -197,12 +197,12 @@ def plan_entry(
     spent: MeasuredCost,
     answer: MotionPlan | Failure,
     version: int,
-) -> PlanEntry:
+) -> Plan:
     """Return the record of a plan, or of its failure, of these motions from `start` (n,) rad.
 
     `version` is that of the belief.
     """
-    noted = PlanEntry(
+    noted = Plan(
         ", then ".join(planning_failures.describe_request(leg) for leg in legs),
         "",
         spent.checks,
