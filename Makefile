@@ -92,8 +92,7 @@ docs: $(RUN)
 	"$(BIN)/picktree" nodes --shipped --markdown --output docs/nodes.md; \
 	"$(BIN)/picktree" nodes --shipped --stub --output apps/api/nodes.pyi; \
 	"$(BIN)/picktree" explain-code --index > docs/codes.md; \
-	"$(BIN)/python" -c 'from picktree.logs import event_records as e; print(e.events_page(), end="")' \
-		> docs/events.md; \
+	"$(BIN)/python" docs/events_page.py > docs/events.md; \
 	"$(BIN)/picktree" render examples/sort_by_colour.yaml -o docs/tree.svg
 
 # The documentation with an index and search, in site/. Exit code 1 also for a link that leads nowhere.

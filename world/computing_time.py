@@ -53,14 +53,10 @@ class ComputeTimeAccount:
     """
 
     def __init__(self, tick: float) -> None:
-        self._tick = tick
+        """`tick`: length of a tick, simulated s."""
+        self.tick = tick
         self.owed = 0.0
         self.total = 0.0
-
-    @property
-    def tick(self) -> float:
-        """s"""
-        return self._tick
 
     def spend(self, seconds: float) -> None:
         """Owe `seconds` more."""
@@ -73,6 +69,6 @@ class ComputeTimeAccount:
 
     def charge(self) -> Generator[None, None, None]:
         """Let the whole ticks that are owed pass."""
-        while self.owed >= self._tick:
-            self.owed -= self._tick
+        while self.owed >= self.tick:
+            self.owed -= self.tick
             yield
