@@ -92,8 +92,7 @@ docs: $(RUN)
 	"$(BIN)/picktree" nodes --shipped --markdown --output docs/nodes.md; \
 	"$(BIN)/picktree" nodes --shipped --stub --output apps/api/nodes.pyi; \
 	"$(BIN)/picktree" explain-code --index > docs/codes.md; \
-	"$(BIN)/python" -c 'from picktree.logs import event_records as e; print(e.events_page(), end="")' \
-		> docs/events.md; \
+	"$(BIN)/python" docs/events_page.py > docs/events.md; \
 	"$(BIN)/python" docs/doors_page.py > docs/doors.md; \
 	"$(BIN)/picktree" render examples/sort_by_colour.yaml -o docs/tree.svg
 

@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias, TypeVar
 
 from picktree.files import PicktreeError, find_nodes
 from picktree.logs import BeliefEvent, Stamped, log_records, node_visits, series
-from picktree.world import JournalEvent
+from picktree.world import JournalEvent, Plan
 
 from .run import Run
 
@@ -73,7 +73,7 @@ class CursorChanges:
     """Events about changes of the belief."""
     events: tuple[Stamped[JournalEvent], ...]
     """All other events."""
-    plans: tuple[Stamped[log_records.Plan], ...]
+    plans: tuple[Stamped[Plan], ...]
 
 
 class Cursor:

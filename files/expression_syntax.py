@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Final, Literal, NoReturn, TypeAlias, cast
+from typing import Final, Literal, TypeAlias, cast
 
 from .quantities import units_like
 from .value_wording import suggest_name
@@ -99,7 +99,8 @@ def tokens(text: str) -> Iterator[Token]:
     while at < len(text):
         match = _TOKEN.match(text, at)
         if match is None:
-            _complain(text, at)
+            problem = next((said for strange, said in _STRANGE.items() if text.startswith(strange, at)), "")
+            raise syntax_error(problem or f"the character {text[at]!r} has no meaning here", at)
         kind, found = str(match.lastgroup), match[0]
         if kind == "name" and found in _STRANGE_WORDS:
             raise syntax_error(_STRANGE_WORDS[found], at)
@@ -109,13 +110,6 @@ def tokens(text: str) -> Iterator[Token]:
             yield Token(cast("Kind", kind), found, at)
         at = match.end()
     yield Token("end", "", at)
-
-
-def _complain(text: str, at: int) -> NoReturn:
-    for strange, problem in _STRANGE.items():
-        if text.startswith(strange, at):
-            raise syntax_error(problem, at)
-    raise syntax_error(f"the character {text[at]!r} has no meaning here", at)
 
 
 def number_of(token: Token) -> int | float:

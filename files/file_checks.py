@@ -298,7 +298,7 @@ def _result(fault: Diagnostic, codes: list[str], folder: Path) -> Json:
     text += f"\n{fault.detail}" if fault.detail else ""
     place: dict[str, Json] = {"artifactLocation": _location(fault.mark.file, folder)}
     if fault.mark.line:
-        place["region"] = _region(fault.mark)
+        place["region"] = {"startLine": fault.mark.line, "startColumn": max(fault.mark.column, 1)}
     location: dict[str, Json] = {"physicalLocation": place}
     if fault.where:
         location["logicalLocations"] = [{"fullyQualifiedName": fault.where}]
@@ -309,10 +309,6 @@ def _result(fault: Diagnostic, codes: list[str], folder: Path) -> Json:
         "locations": [location],
     }
     return result | ({"ruleIndex": codes.index(fault.code)} if fault.code in codes else {})
-
-
-def _region(mark: Mark) -> Json:
-    return {"startLine": mark.line, "startColumn": max(mark.column, 1)}
 
 
 def _location(name: str, folder: Path) -> Json:

@@ -69,7 +69,8 @@ def whole(paths: Sequence[Path], output: Path) -> Generator[list[Path]]:
         made += [folder for folder in (output, *output.parents) if not folder.exists()]
         for path in paths:
             hidden = path.with_name(fitted(f".unfinished-{path.name}"))
-            beside.append(path if _is_special(path) else hidden)
+            special = path.exists() and not path.is_file() and not path.is_dir()
+            beside.append(path if special else hidden)
         yield beside
         for path, written in zip(paths, beside, strict=True):
             if written != path:
@@ -85,10 +86,6 @@ def whole(paths: Sequence[Path], output: Path) -> Generator[list[Path]]:
         for folder in () if complete else made:
             with suppress(OSError):
                 folder.rmdir()
-
-
-def _is_special(path: Path) -> bool:
-    return path.exists() and not path.is_file() and not path.is_dir()
 
 
 ROOT: Final = Path(__file__).resolve().parent.parent

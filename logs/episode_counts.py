@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 from .item_episodes import Episode, Planted
 
@@ -32,18 +32,9 @@ class CureCount:
 
     def with_(self, other: CureCount) -> CureCount:
         """Return the sum of both counts."""
-        return replace(
-            self,
-            seen=self.seen + other.seen,
-            cured=self.cured + other.cured,
-            given_up=self.given_up + other.given_up,
-            unhandled=self.unhandled + other.unhandled,
-            open=self.open + other.open,
-            tries=self.tries + other.tries,
-            tries_cured=self.tries_cured + other.tries_cured,
-            seconds=round(self.seconds + other.seconds, 6),
-            done_instead=self.done_instead + other.done_instead,
-        )
+        numbers = (each.name for each in fields(self) if each.name not in ("cause", "cure"))
+        sums = {name: getattr(self, name) + getattr(other, name) for name in numbers}
+        return replace(self, **sums | {"seconds": round(sums["seconds"], 6)})
 
     @property
     def to_cure(self) -> int:

@@ -2,36 +2,14 @@
 
 from __future__ import annotations
 
-import inspect
 import types
 from collections.abc import Iterable, Mapping
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, Self, cast, get_args
+from typing import Annotated, Self, cast, get_args
 
 from picktree.world import EVENT_KINDS, EventField, JournalEvent, OtherEvent, event_fields, event_types
 
-from .log_records import BodyRecord, Event, decode, is_viewable, schema, value_schema
-
-if TYPE_CHECKING:
-    from pydantic import TypeAdapter
-
-_PAGE = """\
-# Events
-
-A message on the topic `/events` of a [log](logs.md) has `kind`, `message`, `node` and `data`. `node` is the
-path of the node that noted it, empty when none did. These are the kinds, with the values in their `data`.
-
-In Python each kind is a class and each value an attribute: `at.record.object` for `at` in `run.events`
-([analysis.md](analysis.md)). An event of another kind, or one that lacks a value, is an `OtherEvent` with
-what was recorded in `data`.
-
-The JSON Schema of the topic, which each log holds, has an alternative for each kind, for the kinds that
-plug-ins declare, and one for all others. Viewers are offered the values that have one type in every kind;
-a plug-in whose value has such a name and another type declares its kind as a class below `JournalEvent`.
-
-| kind | recorded when | values |
-|---|---|---|
-"""
+from .log_records import BodyRecord, Event, decode, is_viewable, record_adapter, schema, value_schema
 
 
 class ImageEvent(JournalEvent, kind="image"):
@@ -111,7 +89,8 @@ def _shared_values(kinds: Iterable[type[JournalEvent]]) -> dict[str, dict[str, o
     for kind in kinds:
         for each in event_fields(kind):
             found.setdefault(each.name, []).append(value_schema(_recorded_type(kind, each)))
-    return {name: said[0] for name, said in found.items() if is_viewable(said[0]) and _are_equal(said)}
+    alike = {name: said[0] for name, said in found.items() if all(each == said[0] for each in said)}
+    return {name: said for name, said in alike.items() if is_viewable(said)}
 
 
 def _recorded_type(kind: type[JournalEvent], value: EventField) -> object:
@@ -121,30 +100,5 @@ def _recorded_type(kind: type[JournalEvent], value: EventField) -> object:
     return given[0] if left_out and len(given) == 1 else value.hint
 
 
-def _are_equal(schemas: Iterable[object]) -> bool:
-    first, *others = schemas
-    return all(other == first for other in others)
-
-
-def events_page() -> str:
-    """Return the page `docs/events.md`: all kinds of event with their fields."""
-    rows = (
-        f"| `{name}` | {(inspect.getdoc(kind) or '').splitlines()[0]} | {_values(kind)} |"
-        for name, kind in sorted(EVENT_KINDS.items())
-    )
-    return _PAGE + "\n".join(rows) + "\n"
-
-
-def _values(kind: type[JournalEvent]) -> str:
-    return "<br>".join(f"`{each.name}`: {each.text}" for each in event_fields(kind))
-
-
 def _body(value: object) -> BodyRecord | None:
-    return None if value is None else _body_adapter().validate_python(value)
-
-
-@cache
-def _body_adapter() -> TypeAdapter[BodyRecord]:
-    from pydantic import TypeAdapter  # needed for reading only, and slow to import
-
-    return TypeAdapter[Any](BodyRecord)
+    return None if value is None else record_adapter(BodyRecord).validate_python(value)

@@ -63,8 +63,8 @@ _TRANSPARENT_NODES = frozenset(
 _FALLBACK_NODES = frozenset({"Fallback", "ReactiveFallback"})
 
 
-class TreeNodeLike(Protocol):
-    """Node of a recorded tree."""
+class NodeLike(Protocol):
+    """A node as a tree's record has it; the parent of the root is None or empty."""
 
     @property
     def path(self) -> str: ...
@@ -72,11 +72,6 @@ class TreeNodeLike(Protocol):
     def id(self) -> str: ...
     @property
     def children(self) -> Sequence[str]: ...
-
-
-class NodeLike(TreeNodeLike, Protocol):
-    """A node as a tree's record has it; the parent of the root is None or empty."""
-
     @property
     def parent(self) -> str | None: ...
 
@@ -99,8 +94,8 @@ class TransitionLike(Protocol):
 class CureNames:
     """Names of cures: a sub-tree or a leaf has its own, a sequence those of its parts."""
 
-    def __init__(self, nodes: Iterable[TreeNodeLike]) -> None:
-        self._nodes: Mapping[str, TreeNodeLike] = {node.path: node for node in nodes}
+    def __init__(self, nodes: Iterable[NodeLike]) -> None:
+        self._nodes: Mapping[str, NodeLike] = {node.path: node for node in nodes}
 
     def of(self, path: str) -> str:
         parts = list(dict.fromkeys(self._parts(path)))

@@ -39,22 +39,18 @@ PREFIXES: Final = ("version of ", "kernels of ", "probe of ", "departure of ")
 """Prefixes of a flat table's entries, in the order of the fields."""
 
 
-def _empty_words() -> dict[str, str]:
-    return {}
-
-
 @dataclass(frozen=True)
 class Arithmetic:
     """Properties that decide about the last bit of a floating-point number; empty where they were not
     recorded."""
 
-    versions: Mapping[str, str] = field(default_factory=_empty_words)
+    versions: Mapping[str, str] = field(default_factory=dict[str, str])
     """Version of each library that computes, of glibc and of Python."""
-    kernels: Mapping[str, str] = field(default_factory=_empty_words)
+    kernels: Mapping[str, str] = field(default_factory=dict[str, str])
     """Kernels in use by library."""
-    probe: Mapping[str, str] = field(default_factory=_empty_words)
+    probe: Mapping[str, str] = field(default_factory=dict[str, str])
     """Fingerprint of a small computation with each library."""
-    departures: Mapping[str, str] = field(default_factory=_empty_words)
+    departures: Mapping[str, str] = field(default_factory=dict[str, str])
     """Reason why a library computed with other kernels than in every other process, by library."""
 
     def __bool__(self) -> bool:
@@ -204,14 +200,6 @@ Values: TypeAlias = Mapping[str, object]
 """Plain JSON values by name."""
 
 
-def _no_values() -> Values:
-    return {}
-
-
-def _no_words() -> Mapping[str, str]:
-    return {}
-
-
 @dataclass(frozen=True)
 class ResumedFrom:
     """Origin of a run that resumes from a checkpoint of another run."""
@@ -268,11 +256,11 @@ class RunInfo:
     backend: str
     tick: float
     """Length of a tick, simulated s."""
-    parameters: Mapping[str, str] = field(default_factory=_no_words)
+    parameters: Mapping[str, str] = field(default_factory=dict[str, str])
     """Parameters of the mission, as given by `--set`."""
-    physics: Mapping[str, str] = field(default_factory=_no_words)
+    physics: Mapping[str, str] = field(default_factory=dict[str, str])
     """Settings of the simulation, with the costs of thinking."""
-    versions: Mapping[str, str] = field(default_factory=_no_words)
+    versions: Mapping[str, str] = field(default_factory=dict[str, str])
     revision: str = ""
     """Git revision of picktree; empty outside a checkout."""
     verify: bool = False
@@ -280,11 +268,11 @@ class RunInfo:
     """Simulated seconds after which the run is ended; None in older logs."""
     own_scene: bool = True
     """Whether the scene is the one that the mission names."""
-    machine: Mapping[str, str] = field(default_factory=_no_words)
+    machine: Mapping[str, str] = field(default_factory=dict[str, str])
     """Computer of the run; empty in older logs."""
     arithmetic: Arithmetic = field(default_factory=Arithmetic)
     """Libraries and kernels that computed the run; empty in older logs."""
-    files: Mapping[str, str] = field(default_factory=_no_words)
+    files: Mapping[str, str] = field(default_factory=dict[str, str])
     """SHA-256 in hex and path of the original file, by name of the attachment."""
     continues: ResumedFrom | None = None
 
@@ -305,7 +293,7 @@ class TreeNode:
     parent: str
     children: tuple[str, ...] = ()
     """Paths of the children, in order."""
-    ports: Mapping[str, str] = field(default_factory=_no_words)
+    ports: Mapping[str, str] = field(default_factory=dict[str, str])
     """Values of the ports, as written in the mission."""
 
 
@@ -328,7 +316,7 @@ class NodeStatusRecord:
     """Whether this tick reached the node."""
     message: str = ""
     cause: str = ""
-    evidence: Values = field(default_factory=_no_values)
+    evidence: Values = field(default_factory=dict[str, object])
 
 
 @dataclass(frozen=True)
@@ -346,7 +334,7 @@ class TransitionRecord:
 
     path: str
     status: str
-    inputs: Values = field(default_factory=_no_values)
+    inputs: Values = field(default_factory=dict[str, object])
     """Values that a starting node has read through references, by port; empty at an end."""
     subject: str = ""
     """Object that the first port of type `object` of a starting node names; empty when there is none."""
@@ -354,7 +342,7 @@ class TransitionRecord:
     origin: str = ""
     """Path of the node from which a failure came; empty without a failure."""
     message: str = ""
-    evidence: Values = field(default_factory=_no_values)
+    evidence: Values = field(default_factory=dict[str, object])
 
 
 @dataclass(frozen=True)
@@ -408,27 +396,6 @@ class WrenchReading:
 
 
 @dataclass(frozen=True)
-class Plan:
-    """Planning request and its answer; see `world.journal.PlanEntry`. Older logs lack the fields with a
-    default."""
-
-    request: str
-    planner: str
-    checks: int
-    thinking: float
-    outcome: str
-    message: str
-    duration: float
-    path: tuple[tuple[float, ...], ...] = ()
-    tool_path: tuple[tuple[float, float, float], ...] = ()
-    start: tuple[float, ...] = ()
-    version: int = 0
-    length: float = 0.0
-    way: float = 0.0
-    singular: float = 0.0
-
-
-@dataclass(frozen=True)
 class StageCount:
     """Number of candidates that reached a stage of a search."""
 
@@ -469,7 +436,7 @@ class Event:
     kind: str
     message: str
     node: str = ""
-    data: Values = field(default_factory=_no_values)
+    data: Values = field(default_factory=dict[str, object])
 
 
 @dataclass(frozen=True)

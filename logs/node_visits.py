@@ -321,16 +321,13 @@ def ticks_with_trees(
     format of the log needs it.
     """
     coming = deque(log.trees())
-    ticks = with_transitions(log.ticks()) if _lacks_transitions(log, derived) else log.busy_ticks()
+    derived = log.format < 2 if derived is None else derived
+    ticks = with_transitions(log.ticks()) if derived else log.busy_ticks()
     for number, at in enumerate(ticks):
         due: list[Tree] = []
         while coming and (coming[0].time <= at.time or (number == 0 and not due)):
             due.append(coming.popleft().record)
         yield Stamped(at.time, at.record), due
-
-
-def _lacks_transitions(log: RunLog, derived: bool | None) -> bool:
-    return log.format < 2 if derived is None else derived
 
 
 END_STATUSES = frozenset({"SUCCESS", "FAILURE", "SKIPPED"})

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from picktree.files import PicktreeError, listed
 from picktree.logs.mcap import RawMessage, is_written
 from picktree.logs.recording import decode_colour, decode_depth, foxglove_messages
-from picktree.world import Intrinsics, JournalEvent
+from picktree.world import Intrinsics, JournalEvent, Plan
 
 from . import topics
 from .event_records import decode_event
@@ -31,7 +31,6 @@ from .log_records import (
     Joints,
     LinkMesh,
     LogLine,
-    Plan,
     ResumedFrom,
     RunInfo,
     Scene,

@@ -7,14 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from picktree.files import PicktreeError
-from picktree.world import JournalEvent
+from picktree.world import JournalEvent, Plan
 
 from . import topics
-from .log_records import Candidates, LogLine, Plan, RunInfo, Scene, Tree, TreeNode
+from .log_records import Candidates, LogLine, RunInfo, Scene, Tree, TreeNode
 from .node_visits import Pick, Visit, picks_of
 from .run_account import RunAccount, account_of
 from .run_log import RunLog, Stamped
@@ -89,9 +88,7 @@ class RunRecord:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property

@@ -6,7 +6,7 @@ import json
 import math
 import shlex
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -26,10 +26,6 @@ _SENTENCES: Mapping[RunStatus, str] = {
     "paused": "it waits for help",
     "interrupted": "the run was interrupted",
 }
-
-
-def _none() -> Mapping[str, int]:
-    return {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,9 +163,9 @@ class RunResult:
     log: Path
     folder: Path
     """Folder of the run: the log, the result, reports."""
-    failures: Mapping[str, int] = field(default_factory=_none)
+    failures: Mapping[str, int] = field(default_factory=dict[str, int])
     """Number of failures of leaves by cause."""
-    recoveries: Mapping[str, int] = field(default_factory=_none)
+    recoveries: Mapping[str, int] = field(default_factory=dict[str, int])
     """Number of handler runs by cause, as `Recover` and `RecoveryNode` announce them.
 
     An episode may have several. The next branch of a `Fallback` and a mere retry are none.
@@ -215,26 +211,13 @@ class RunResult:
         return f"{program} run --resume {shlex.quote(str(self.folder))}{answer}"
 
     def to_json(self) -> dict[str, Plain]:
-        items, picks, wall = self.items, self.picks, self.wall_seconds
-        by_form: dict[str, Plain] = {
-            form: {"total": count.total, "sorted": count.sorted}
-            for form, count in sorted(items.by_form.items())
-        }
+        picks, by_form = self.picks, dict(sorted(self.items.by_form.items()))
         return {
             "status": self.status,
             "message": self.message,
             "seed": self.seed,
             "digest": self.digest,
-            "items": {
-                "total": items.total,
-                "sorted": items.sorted,
-                "misplaced": items.misplaced,
-                "left": items.left,
-                "by_form": by_form,
-                "without_destination": items.without_destination,
-                "elsewhere": items.elsewhere,
-                "set_aside": items.set_aside,
-            },
+            "items": asdict(replace(self.items, by_form=by_form)),
             "picks": {
                 "tried": picks.tried,
                 "held": picks.held,
@@ -253,13 +236,7 @@ class RunResult:
             "crushed": [asdict(item) for item in self.crushed],
             "asked": None if self.asked is None else self.asked.to_json(),
             "cpu_seconds": round(self.cpu_seconds, 3),
-            "wall_seconds": {
-                "total": round(wall.total, 3),
-                "physics": round(wall.physics, 3),
-                "planning": round(wall.planning, 3),
-                "perception": round(wall.perception, 3),
-                "logging": round(wall.logging, 3),
-            },
+            "wall_seconds": {part: round(wall, 3) for part, wall in asdict(self.wall_seconds).items()},
             "log": str(self.log.absolute()),
             "folder": str(self.folder.absolute()),
         }

@@ -19,6 +19,8 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 from google.protobuf.message_factory import GetMessageClass
 
+from picktree.world import Plan
+
 from . import log_records
 from .event_records import event_schema
 from .log_records import schema
@@ -98,7 +100,7 @@ _JSON: dict[str, type] = {
     "picktree.Timing": log_records.Timing,
     "picktree.Wrench": log_records.WrenchReading,
     "picktree.Control": log_records.Control,
-    "picktree.Plan": log_records.Plan,
+    "picktree.Plan": Plan,
     "picktree.Candidates": log_records.Candidates,
     "picktree.TrueState": log_records.TrueState,
 }

@@ -18,6 +18,7 @@ class CauseGuard(Node, abstract=True):
     flow = control_flow.LeafFlow(steady=True)
     kind = "condition"
     played = False
+    cause: In[str] = port("the cause that is being handled: output `cause` of the Recover")
 
     def patterns(self) -> tuple[str, ...]:
         """Return the cause patterns for which the guard succeeds."""
@@ -42,11 +43,12 @@ class WouldHelp(CauseGuard, abstract=True):
 
     helps: ClassVar[tuple[str, ...]] = ()
 
+    def __init_subclass__(cls) -> None:
+        cls.example = f'{cls.__name__}: {{cause: "{{cause}}"}}'
+        super().__init_subclass__()
+
     def patterns(self) -> tuple[str, ...]:
         return self.helps
-
-
-_WHICH = "the cause that is being handled: output `cause` of the Recover"
 
 
 class CauseIs(CauseGuard):
@@ -56,7 +58,6 @@ class CauseIs(CauseGuard):
     CauseIs: {cause: "{cause}", of: ["grasp.*", perception.not_found]}
     """
 
-    cause: In[str] = port(_WHICH)
     of: In[list[str]] = port("causes, or families as `grasp.*`")
 
     def patterns(self) -> tuple[str, ...]:
@@ -78,11 +79,6 @@ class CauseIs(CauseGuard):
 class WouldLookingHelp(WouldHelp):
     """Whether another look may help: something is not where it was believed to be, or was not seen well."""
 
-    example = """
-    WouldLookingHelp: {cause: "{cause}"}
-    """
-
-    cause: In[str] = port(_WHICH)
     helps = (
         "perception.*", "grasp.no_candidate", "grasp.missed", "grasp.slipped", "place.missed",
         "place.occupied", "insert.missed", "insert.not_found", "push.lost_contact", "push.missed",
@@ -93,11 +89,6 @@ class WouldLookingHelp(WouldHelp):
 class WouldARetreatHelp(WouldHelp):
     """Whether getting clear may help: a safety stop waits to be acknowledged, or the arm stands too near."""
 
-    example = """
-    WouldARetreatHelp: {cause: "{cause}"}
-    """
-
-    cause: In[str] = port(_WHICH)
     helps = (
         "safety.*", "control.*", "planning.start_in_collision", "planning.start_outside", "planning.blocked",
         "grasp.missed", "grasp.slipped", "world.disturbed", "feed.obstructed", "insert.jammed",
@@ -108,11 +99,6 @@ class WouldARetreatHelp(WouldHelp):
 class WouldAnotherGraspHelp(WouldHelp):
     """Whether to take hold of the object elsewhere, or anew, may help."""
 
-    example = """
-    WouldAnotherGraspHelp: {cause: "{cause}"}
-    """
-
-    cause: In[str] = port(_WHICH)
     helps = (
         "grasp.missed", "grasp.slipped", "planning.no_ik", "planning.goal_in_collision", "planning.no_path",
         "insert.jammed", "insert.missed", "safety.payload",
@@ -122,22 +108,12 @@ class WouldAnotherGraspHelp(WouldHelp):
 class WouldAGripperResetHelp(WouldHelp):
     """Whether opening and closing the empty fingers may help: they did not do what they were told to."""
 
-    example = """
-    WouldAGripperResetHelp: {cause: "{cause}"}
-    """
-
-    cause: In[str] = port(_WHICH)
     helps = ("control.gripper", "control.timeout", "grasp.missed", "grasp.slipped")
 
 
 class WouldReplanningHelp(WouldHelp):
     """Whether planning otherwise may help: with another seed, with more checks, with more room."""
 
-    example = """
-    WouldReplanningHelp: {cause: "{cause}"}
-    """
-
-    cause: In[str] = port(_WHICH)
     helps = (
         "planning.no_path", "planning.budget", "planning.blocked", "planning.no_ik", "planning.constraint",
         "planning.goal_in_collision", "control.tracking", "safety.acceleration_limit", "safety.singularity",
@@ -148,22 +124,12 @@ class WouldReplanningHelp(WouldHelp):
 class WouldPushingHelp(WouldHelp):
     """Whether pushing the object free may help: the hand does not fit around it where it lies."""
 
-    example = """
-    WouldPushingHelp: {cause: "{cause}"}
-    """
-
-    cause: In[str] = port(_WHICH)
     helps = ("grasp.no_candidate", "planning.goal_in_collision", "planning.no_ik", "push.stalled")
 
 
 class WouldWaitingHelp(WouldHelp):
     """Whether time alone may help: a sensor, a camera or the arm may come to itself, what rolls may lie."""
 
-    example = """
-    WouldWaitingHelp: {cause: "{cause}"}
-    """
-
-    cause: In[str] = port(_WHICH)
     helps = (
         "perception.no_image", "safety.stale_sensor", "safety.watchdog", "control.tracking",
         "control.timeout", "control.gripper", "world.disturbed", "feed.*", "tree.timeout",

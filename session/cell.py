@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from dataclasses import replace as with_changes
 from os import PathLike
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from picktree.authoring import check_mission
@@ -116,9 +115,7 @@ class CellSession:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:

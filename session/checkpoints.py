@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from typing import Any, Final
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from picktree.files import PicktreeError
-from picktree.logs import Digest
+from picktree.logs import Digest, log_records
 from picktree.logs.recording import RecordingState
 from picktree.robot import World
 from picktree.robot.control import ControlLoopState, FollowedPath, GripperCommand
@@ -21,7 +20,7 @@ from picktree.simulation import FaultInjector, FaultState, Simulation, checkpoin
 from picktree.trees import BehaviourTree
 from picktree.world import SceneSnapshot, heap_geometry, world_facts
 
-from .run_tally import RunCounters, RunCountersState
+from .run_tally import RunCounters
 
 NOTHING_RECORDED: Final = RecordingState(
     believed=-1.0, true=-1.0, failing=(), cameras=(), digest=Digest().hex
@@ -63,7 +62,7 @@ class RunState:
     """Path that the arm followed last, for the retreat; None: unknown."""
     grip: GripperCommand | None = None
     """Last command to the gripper; None: unknown, and the fingers do not move."""
-    tally: RunCountersState | None = None
+    tally: RunCounters | None = None
     disagreements: int = 0
     """Number of trajectories that the verifier has rejected so far."""
     recording: RecordingState | None = None
@@ -81,20 +80,9 @@ class RunState:
     def from_json(cls, data: bytes) -> RunState:
         """Parse a checkpoint. Raises PicktreeError when the data is none."""
         try:
-            return _state_adapter().validate_json(data)
+            return log_records.record_adapter(RunState).validate_json(data)
         except ValidationError as error:
             raise PicktreeError(f"this is no checkpoint: {error.errors()[0]['msg']}") from None
-
-
-# Built on first use: most runs read no checkpoint.
-@cache
-def _state_adapter() -> TypeAdapter[RunState]:
-    return TypeAdapter(RunState)
-
-
-@cache
-def _control_adapter() -> TypeAdapter[ControlLoopState]:
-    return TypeAdapter(ControlLoopState)
 
 
 def take_checkpoint(
@@ -148,7 +136,7 @@ def restore_checkpoint(world: World, state: RunState) -> None:
     the state does not fit such a world.
     """
     try:
-        control = _control_adapter().validate_python(state.control)
+        control = log_records.record_adapter(ControlLoopState).validate_python(state.control)
     except ValidationError as error:
         raise PicktreeError(f"this is no checkpoint: {error.errors()[0]['msg']}") from None
     world.control.restore(control)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final, Literal, Protocol, TypeAlias
 
@@ -106,8 +107,8 @@ class Debugger(Observer):
 
     def attach(self, tree: BehaviourTree) -> None:
         """Observe the tree from its first tick on."""
-        tree.on_start.insert(0, self._starts)
-        tree.on_end.insert(0, self._ended)
+        tree.on_start.insert(0, partial(self._pass, "before"))
+        tree.on_end.insert(0, partial(self._pass, "after"))
         self.follow(tree)
 
     def follow(self, tree: BehaviourTree) -> None:
@@ -128,12 +129,6 @@ class Debugger(Observer):
         self._ticks -= 1
         if self._ticks <= 0:
             self._stop(DebuggerStop("tick"))
-
-    def _starts(self, path: str) -> None:
-        self._pass("before", path)
-
-    def _ended(self, path: str) -> None:
-        self._pass("after", path)
 
     def _pass(self, when: When, path: str) -> None:
         self._passes += 1

@@ -230,7 +230,7 @@ class Execution:
         for happened in (*faults, *feed):
             self.world.journal.note(happened)
         entries = self.world.journal.take()
-        self.tally.take(self.world.clock.now, entries, report.nodes, self.tree.leaves, report.transitions)
+        self.tally.take(self.world.clock.now, entries, self.tree.leaves, report.transitions)
         return report, entries
 
     def pass_time(self) -> None:

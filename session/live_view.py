@@ -10,7 +10,6 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from types import TracebackType
 
 import foxglove
 from foxglove.websocket import Capability, ChannelView, Client, ServerListener
@@ -87,9 +86,7 @@ class LiveServer(Observer):
     def __enter__(self) -> LiveServer:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _channel(self, topic: Topic) -> foxglove.Channel:

@@ -12,7 +12,6 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 from typing import Final
 
 from picktree.files import PicktreeError
@@ -58,9 +57,7 @@ class RecordedRun:
     def __enter__(self) -> RecordedRun:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def recipe(self) -> Recipe:
@@ -219,7 +216,7 @@ def tally_of(run: RunRecord, time: float) -> RunCounters:
             tally.follow(coming.pop(0).record.nodes)
         now = events.get(at.time, ())
         leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
-        tally.take(at.time, now, at.record.nodes, leaves, at.record.transitions)
+        tally.take(at.time, now, leaves, at.record.transitions)
     return tally
 
 

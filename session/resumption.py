@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final
 
 from pydantic import TypeAdapter, ValidationError
@@ -26,7 +25,7 @@ from .execution import Execution
 from .observer import Observer, PresetAnswers
 from .recorded_recipe import RecordedRun, simulated_messages
 from .run_recipe import Recipe, Recording, StartCheckpoint
-from .run_tally import RunCounters, RunCountersState
+from .run_tally import RunCounters
 from .session import Session
 from .session_recording import START_ATTACHMENT
 
@@ -59,7 +58,7 @@ def recipe_from_truth(recorded: RecordedRun) -> tuple[Recipe, str, float]:
         else:
             name, known, knows, told = (
                 "",
-                _beginning(recipe),
+                Execution(recipe).checkpoint(NOTHING_RECORDED),  # nothing is seen or done yet
                 _NEVER_WRITTEN,
                 "there is no checkpoint: it knows nothing",
             )
@@ -129,12 +128,7 @@ def _control(
     return {**known, **now, **({"bias": list(bias)} if bias else {})}
 
 
-def _beginning(recipe: Recipe) -> RunState:
-    """Return the state of a robot that has not seen or done anything yet."""
-    return Execution(recipe).checkpoint(NOTHING_RECORDED)
-
-
-def _tally(run: RunRecord, known: RunState, since: float, until: float) -> RunCountersState:
+def _tally(run: RunRecord, known: RunState, since: float, until: float) -> RunCounters:
     """Return the counters of the run up to `until`, simulated s: events between the checkpoint and then
     count.
 
@@ -150,8 +144,7 @@ def _tally(run: RunRecord, known: RunState, since: float, until: float) -> RunCo
         events.setdefault(at.time, []).append(at.record)
     for at in run.log.ticks(begin, until):
         leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
-        tick = at.record
-        tally.take(at.time, events.get(at.time, ()), tick.nodes, leaves, tick.transitions)
+        tally.take(at.time, events.get(at.time, ()), leaves, at.record.transitions)
     return replace(tally.state(), done=before.done, episodes=before.episodes)
 
 
@@ -209,9 +202,7 @@ class Resumption:
     def __enter__(self) -> Resumption:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._open.close()
 
     def session(self, observers: Sequence[Observer] = ()) -> Session:
@@ -303,9 +294,5 @@ def _refuse_finished(run: RunRecord, limit: float | None) -> None:
     if status == "timeout" and limit is None:
         raise PicktreeError(
             f"{run.path}: the run was ended at its limit, {run.end:.2f} s; give a later one, as in "
-            f"--limit '{_suggested_limit(run.end)} s'"
+            f"--limit '{max(60, round(2 * run.end / 60) * 60)} s'"
         )
-
-
-def _suggested_limit(end: float) -> int:
-    return max(60, round(2 * end / 60) * 60)

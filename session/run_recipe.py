@@ -21,15 +21,14 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
-from types import TracebackType
-from typing import Any, Final, Protocol, assert_never, cast
+from typing import Any, Final, assert_never, cast
 
 import yaml
 from pydantic import TypeAdapter, ValidationError
 
 from picktree.files import FileError, Location, PicktreeError, file_system
 from picktree.files.yaml import Document, file_models, read_document
-from picktree.logs import log_files, log_records
+from picktree.logs import RunLog, log_files, log_records
 from picktree.simulation import Backend, fault_entries, load_faults, parse_faults
 from picktree.trees import Mission, Plugin, RecordedFiles, name_of
 from picktree.trees.loading import NodeRegistry, load_mission, parse_mission
@@ -365,41 +364,14 @@ def make_folder(out: Path | None, mission: str, seed: int) -> Path:
     raise PicktreeError(f"{parent} has no room for another run named {stem}")
 
 
-class RecordedFileNames(Protocol):
-    """Names of a run's files, as `RunInfo` has them."""
-
-    @property
-    def mission(self) -> str: ...
-    @property
-    def scene(self) -> str: ...
-    @property
-    def robot(self) -> str: ...
-    @property
-    def files(self) -> Mapping[str, str]: ...
-
-
-class RecordedFileStore(Protocol):
-    """Store of a run's files: its log, or a recipe of a batch."""
-
-    @property
-    def path(self) -> Path: ...
-    @property
-    def run(self) -> RecordedFileNames: ...
-    @property
-    def attachments(self) -> tuple[str, ...]: ...
-    def attachment(self, name: str) -> bytes:
-        """Return a file's content. Raises PicktreeError when it is missing."""
-        ...
-
-
 class Unpacking:
-    """Reader of one run's files.
+    """Reader of one run's files, from its log or from the recipe of a batch.
 
     All methods raise PicktreeError for a file that the log lacks, and FileError where this version of
     picktree no longer accepts a file.
     """
 
-    def __init__(self, log: RecordedFileStore, folder: Path) -> None:
+    def __init__(self, log: RunLog | RecipeFile, folder: Path) -> None:
         self._log = log
         self._folder = folder
         self._names = log.attachments
@@ -454,7 +426,7 @@ class Unpacking:
             return None
         text = self._text("faults.yaml")
         path = self._folder / f"{self._stem('faults.yaml', 'faults')}.yaml"
-        data = _data(text, path, "faults")
+        data = cast("dict[str, Any]", read_document(path, "faults", text).data)
         # The scene is named for the check alone, which the file has passed.
         named = data.pop("scene", None) is not None
         return replace(parse_faults(_dumped(data) if named else text, path), text=text)
@@ -566,10 +538,6 @@ def _inside(name: str) -> str:
     return plain_reference(name) or "unnamed"
 
 
-def _data(text: str, path: Path, kind: str) -> dict[str, Any]:
-    return cast("dict[str, Any]", read_document(path, kind, text).data)
-
-
 def _dumped(data: Mapping[str, Any]) -> str:
     return yaml.safe_dump(dict(data), default_flow_style=None, sort_keys=False, allow_unicode=True)
 
@@ -660,9 +628,7 @@ class RecipeFile:
     def __enter__(self) -> RecipeFile:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def attachment(self, name: str) -> bytes:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
-from typing import Literal, Protocol, TypeAlias
+from collections.abc import Iterable
+from copy import copy
+from dataclasses import dataclass, field, fields
+from typing import Literal, TypeAlias
 
 from picktree.logs import episode_counts, item_episodes
 from picktree.world import Entry, JournalEvent, event_types
@@ -16,82 +17,20 @@ Place: TypeAlias = Literal["bin", "elsewhere", "aside"]
 
 @dataclass(frozen=True, slots=True)
 class EpisodeCountersState:
-    """State of the episode counters in a checkpoint; older logs have none."""
+    """State of the counters of episodes in a checkpoint; older logs have none."""
 
     cures: tuple[episode_counts.CureCount, ...] = ()
     planted: tuple[episode_counts.PlantedCount, ...] = ()
     following: item_episodes.EpisodeTrackerState = field(default_factory=item_episodes.EpisodeTrackerState)
 
 
-class EpisodeCounters:
-    """Counters of decided episodes, and trackers of open ones; memory does not grow with the run's length."""
-
-    def __init__(self, state: EpisodeCountersState | None = None) -> None:
-        state = state or EpisodeCountersState()
-        self._counts = episode_counts.EpisodeCounts(state.cures, state.planted)
-        self._following = item_episodes.EpisodeTracker(
-            self._counts.add, self._counts.add_planted, state.following
-        )
-
-    def follow(self, nodes: Iterable[item_episodes.NodeLike]) -> None:
-        """Use another tree from the next tick on."""
-        self._following.follow(nodes)
-
-    def take(
-        self, time: float, changes: Iterable[item_episodes.TransitionLike], events: Sequence[JournalEvent]
-    ) -> None:
-        """Count the transitions and events of one tick."""
-        self._following.take(time, changes, events)
-
-    def state(self) -> EpisodeCountersState:
-        return EpisodeCountersState(self._counts.cures, self._counts.planted, self._following.state())
-
-    def so_far(self, time: float) -> episode_counts.EpisodeCounts:
-        """Return the counts up to `time`, simulated s, undecided episodes as open. Changes nothing."""
-        counts = episode_counts.EpisodeCounts(self._counts.cures, self._counts.planted)
-        self._following.copied(counts.add, counts.add_planted).finish(time)
-        return counts
-
-
-class CountedNode(Protocol):
-    """Node status after a tick, as far as the counters need it."""
-
-    @property
-    def path(self) -> str: ...
-    @property
-    def status(self) -> str: ...
-    @property
-    def ticked(self) -> bool: ...
-    @property
-    def cause(self) -> str | None: ...
-
-
-@dataclass(frozen=True, slots=True)
-class RunCountersState:
-    """State of `RunCounters` in a checkpoint."""
-
-    tried: int
-    held: int
-    objects: tuple[str, ...]
-    first_try: tuple[str, ...]
-    done: int
-    failures: dict[str, int]
-    recovered: dict[str, int]
-    cured: dict[str, int]
-    gone: int = 0
-    gone_first_try: int = 0
-    deliveries: int = 0
-    exchanges: int = 0
-    set_aside: int = 0
-    places: dict[str, Place] = field(default_factory=dict[str, "Place"])
-    emptied: int = 0
-    episodes: EpisodeCountersState = field(default_factory=EpisodeCountersState)
-
-
 @dataclass
 class RunCounters:
-    """Counters of one run, from the robot's belief and sensors only. The scorer decides whether an item is
-    sorted."""
+    """Counters of one run, from the robot's belief and sensors only, and their state in a checkpoint. The
+    scorer decides whether an item is sorted.
+
+    Open episodes are tracked; memory does not grow with the run's length.
+    """
 
     tried: int = 0
     """Number of times that the fingers closed on an object."""
@@ -100,6 +39,14 @@ class RunCounters:
     """Ids of the objects that were tried and are still in the cell."""
     first_try: set[str] = field(default_factory=set[str])
     """Ids of the objects that were held when the fingers first closed on them."""
+    done: int = 0
+    """Number of times that an item was placed, as the robot believes."""
+    failures: Counter[str] = field(default_factory=Counter[str])
+    """Number of failures of leaves by cause, and of branches that were stopped at their limit of time."""
+    recovered: Counter[str] = field(default_factory=Counter[str])
+    """Number of handler runs by cause."""
+    cured: Counter[str] = field(default_factory=Counter[str])
+    """Number of successful branches after a handler, by cause."""
     gone: int = 0
     """Number of objects that were tried and have left with their bins; their ids are no longer needed."""
     gone_first_try: int = 0
@@ -110,62 +57,38 @@ class RunCounters:
     """Number of bins that were exchanged for empty ones."""
     set_aside: int = 0
     """Number of items that were given up at their place."""
-    done: int = 0
-    """Number of times that an item was placed, as the robot believes."""
     places: dict[str, Place] = field(default_factory=dict[str, "Place"])
     """Place of each item that the mission is done with, as the robot believes."""
     emptied: int = 0
     """Number of items in bins that were exchanged; their ids are no longer needed."""
-    failures: Counter[str] = field(default_factory=Counter[str])
-    """Number of failures of leaves by cause, and of branches that were stopped at their limit of time."""
-    recovered: Counter[str] = field(default_factory=Counter[str])
-    """Number of handler runs by cause."""
-    cured: Counter[str] = field(default_factory=Counter[str])
-    """Number of successful branches after a handler, by cause."""
-    episodes: EpisodeCounters = field(default_factory=EpisodeCounters)
-    """Counters of episodes."""
+    episodes: EpisodeCountersState = field(default_factory=EpisodeCountersState)
+    """Episodes at the start of the count."""
 
-    def state(self) -> RunCountersState:
-        return RunCountersState(
-            self.tried,
-            self.held,
-            tuple(sorted(self.objects)),
-            tuple(sorted(self.first_try)),
-            self.done,
-            dict(self.failures),
-            dict(self.recovered),
-            dict(self.cured),
-            self.gone,
-            self.gone_first_try,
-            self.deliveries,
-            self.exchanges,
-            self.set_aside,
-            dict(self.places),
-            self.emptied,
-            self.episodes.state(),
+    def __post_init__(self) -> None:
+        counts = self._counts = episode_counts.EpisodeCounts(self.episodes.cures, self.episodes.planted)
+        self._tracker = item_episodes.EpisodeTracker(counts.add, counts.add_planted, self.episodes.following)
+
+    def state(self) -> RunCounters:
+        """Return a copy for a checkpoint, from which the count may go on."""
+        values = {each.name: copy(getattr(self, each.name)) for each in fields(self)}
+        counts, following = self._counts, self._tracker.state()
+        return RunCounters(
+            **values | {"episodes": EpisodeCountersState(counts.cures, counts.planted, following)}
         )
 
     @classmethod
-    def resumed(cls, state: RunCountersState) -> RunCounters:
+    def resumed(cls, state: RunCounters) -> RunCounters:
         """Return counters that continue from a checkpoint."""
-        return cls(
-            tried=state.tried,
-            held=state.held,
-            objects=set(state.objects),
-            first_try=set(state.first_try),
-            gone=state.gone,
-            gone_first_try=state.gone_first_try,
-            deliveries=state.deliveries,
-            exchanges=state.exchanges,
-            set_aside=state.set_aside,
-            done=state.done,
-            places=dict(state.places),
-            emptied=state.emptied if state.places or state.emptied else state.done,
-            failures=Counter(state.failures),
-            recovered=Counter(state.recovered),
-            cured=Counter(state.cured),
-            episodes=EpisodeCounters(state.episodes),
-        )
+        made = state.state()
+        if not (made.places or made.emptied):  # a checkpoint of an older log
+            made.emptied = made.done
+        return made
+
+    def episodes_so_far(self, time: float) -> episode_counts.EpisodeCounts:
+        """Return the counts of episodes up to `time`, simulated s; undecided ones count as open."""
+        counts = episode_counts.EpisodeCounts(self._counts.cures, self._counts.planted)
+        self._tracker.copied(counts.add, counts.add_planted).finish(time)
+        return counts
 
     @property
     def tried_objects(self) -> int:
@@ -198,13 +121,12 @@ class RunCounters:
 
     def follow(self, nodes: Iterable[item_episodes.NodeLike]) -> None:
         """Use another tree from the next tick on."""
-        self.episodes.follow(nodes)
+        self._tracker.follow(nodes)
 
     def take(
         self,
         time: float,
         entries: Iterable[Entry],
-        nodes: Iterable[CountedNode],
         leaves: frozenset[str],
         changes: Iterable[item_episodes.TransitionLike],
     ) -> None:
@@ -216,7 +138,7 @@ class RunCounters:
         events = [entry for entry in entries if isinstance(entry, JournalEvent)]
         for event in events:
             self._happened(event)
-        self.episodes.take(time, changes, events)
+        self._tracker.take(time, changes, events)
         for change in changes:
             own = change.path in leaves or (change.cause == "tree.timeout" and change.origin == change.path)
             if change.status == "FAILURE" and change.cause and own:

@@ -39,7 +39,7 @@ from picktree.world.scene import MAX_HIDDEN_SHARE
 from .execution import Execution
 from .mission_edits import FileWatch, MissionReload, adoption_summary, mission_changed
 from .observer import Interrupter, Observer, answer_pending
-from .run_recipe import DEFAULT_TIME_LIMIT, Recipe, Recording, RunRequest, make_folder, read_recipe
+from .run_recipe import Recipe, Recording, RunRequest, make_folder, read_recipe
 from .session_recording import LOG_FILE_NAME, SessionRecorder
 
 
@@ -100,7 +100,7 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
     goal = run.mission.goal.text if run.mission.goal else scene.goal
     if status == "success" and not verdict.reached(goal):
         status = "incomplete"
-    episodes = tally.episodes.so_far(now)
+    episodes = tally.episodes_so_far(now)
     asked = desk.pending if status == "paused" else None
     return RunResult(
         status=status,
@@ -190,14 +190,6 @@ def _at_hole(body: TrueBody, item: ItemScore) -> HoleItem:
     )
 
 
-__all__ = [
-    "DEFAULT_TIME_LIMIT",
-    "LOG_FILE_NAME",
-    "RESULT_FILE_NAME",
-    "Recording",
-    "RunRequest",
-    "Session",
-]
 RESULT_FILE_NAME = "result.json"
 
 

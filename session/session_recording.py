@@ -12,7 +12,7 @@ from typing import Final
 from picktree.logs import RunResult, Topic, binary_gltf, log_files, log_records, topics
 from picktree.logs.recording import Listener, Recorder, RecordingState
 from picktree.trees import BlackboardWrite, Mission, NodeStatus, TickReport, runner
-from picktree.world import Array, Entry, JournalEvent, Pose, event_types
+from picktree.world import Array, Entry, JournalEvent, event_types
 from picktree.world.scene import destinations
 
 from . import environment
@@ -41,7 +41,6 @@ class LastMessages(dict[str, tuple[int, bytes]]):
 START_ATTACHMENT: Final = "start.json"
 """Name of the attachment with the checkpoint from which a run resumes, with the tree of this run."""
 
-"""Feed events after which items have moved at once."""
 LOG_FILE_NAME: Final = "log.mcap"
 """Name of the log file in the run's folder."""
 
@@ -175,7 +174,9 @@ class SessionRecorder:
         recorder.joints(now, robot.joints, state, robot.gripper.joints, gripper, fingers_at)
         objects = world.scene.objects
         links = world.robot.link_poses(state.position, gripper.width)
-        recorder.transforms(now, links, objects, self._on_hand(world.control.tcp))
+        tcp, cameras = world.control.tcp, world.description.cameras
+        on_hand = {camera.name: tcp @ camera.pose for camera in cameras if camera.on == "hand"}
+        recorder.transforms(now, links, objects, on_hand)
         recorder.belief(now, objects, world.scene.take_changes())
         recorder.wrench(now, world.control.wrench_external())
         recorder.control(now, _control(world.control.controller, world.control.reference, state.position))
@@ -197,11 +198,6 @@ class SessionRecorder:
         self._reports = reports
         running = [n.path for n in reports if n.status is NodeStatus.RUNNING]
         self._tip = max(running, key=lambda p: p.count("/"), default="")
-
-    def _on_hand(self, tcp: Pose) -> dict[str, Pose]:
-        """Return the optical frames in the world of the cameras that move with the tool, by camera name."""
-        cameras = self._world.description.cameras
-        return {camera.name: tcp @ camera.pose for camera in cameras if camera.on == "hand"}
 
     def timing(self, timing: log_records.Timing) -> None:
         self._recorder.timing(self._world.clock.now, timing)

@@ -37,8 +37,8 @@ def json_values(value: object) -> Any:
 def _plain_container(value: object) -> dict[object, object] | list[str]:
     if isinstance(value, Mapping):
         return dict(cast("Mapping[object, object]", value))
-    if isinstance(value, frozenset):
-        return sorted(cast("frozenset[str]", value))
+    if isinstance(value, frozenset | set):
+        return sorted(cast("set[str]", value))
     raise TypeError(f"{type(value).__name__} has no place in a checkpoint")
 
 

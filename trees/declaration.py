@@ -7,7 +7,7 @@ import re
 import sys
 import typing
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cache
 from typing import Literal, Protocol, TypeAlias
@@ -23,7 +23,6 @@ from .ports import (
     In,
     Out,
     PortDeclaration,
-    PortSpec,
     PortType,
     Required,
     Slot,
@@ -147,7 +146,7 @@ def declare(node: type, body: NodeBody, reserved: Collection[str]) -> NodeDeclar
     doc = inspect.getdoc(node) if node.__doc__ else None
     if not doc:
         raise PicktreeError(f"node {identity}: it needs a docstring, which people read in the reference")
-    _make_descriptors(node, identity, reserved)
+    make_descriptors(node, identity, reserved)
     ports = tuple(d.declaration for d in _members(node) if isinstance(d, In | Out))
     slots = tuple(d.declaration for d in _members(node) if isinstance(d, Slot))
     keys = [*(p.key for p in ports), *(s.key for s in slots)]
@@ -180,8 +179,9 @@ def _flow_of(node: type) -> Flow | None:
     return flow if isinstance(flow, LeafFlow | ChildFlow) else None
 
 
-def _make_descriptors(node: type, identity: str, reserved: Collection[str]) -> None:
-    specs = {name: value for name, value in vars(node).items() if isinstance(value, PortSpec)}
+def make_descriptors(node: type, identity: str, reserved: Collection[str]) -> None:
+    """Replace the ports of a class body by descriptors. Raises PicktreeError for an invalid port."""
+    specs = {name: value for name, value in vars(node).items() if isinstance(value, PortDeclaration)}
     slots = [name for name, value in vars(node).items() if isinstance(value, Slot)]
     for name in (*specs, *slots):
         if name in reserved:
@@ -195,7 +195,7 @@ def _make_descriptors(node: type, identity: str, reserved: Collection[str]) -> N
             setattr(node, name, _descriptor(f"{identity}.{name}", name, spec, annotations.get(name)))
 
 
-def _descriptor(where: str, attribute: str, spec: PortSpec, annotation: object) -> object:
+def _descriptor(where: str, attribute: str, spec: PortDeclaration, annotation: object) -> object:
     direction, args = typing.get_origin(annotation), typing.get_args(annotation)
     if direction not in (In, Out) or len(args) != 1:
         raise PicktreeError(f"port {where}: annotate it as In[...] or Out[...]")
@@ -215,20 +215,8 @@ def _descriptor(where: str, attribute: str, spec: PortSpec, annotation: object) 
         except ValueError as error:
             raise PicktreeError(f"port {where}: its default: {error}") from None
     side: Literal["in", "out"] = "in" if direction is In else "out"
-    declaration = PortDeclaration(
-        key,
-        attribute,
-        side,
-        kind,
-        spec.doc,
-        spec.unit,
-        default,
-        choices,
-        spec.names,
-        spec.within,
-        spec.like,
-        spec.each_of,
-        spec.takes,
+    declaration = replace(
+        spec, key=key, attribute=attribute, direction=side, type=kind, default=default, choices=choices
     )
     return In[object](declaration) if side == "in" else Out[object](declaration)
 

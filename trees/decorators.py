@@ -418,6 +418,7 @@ class ForEach(Decorator):
 class EntryNode(Node, abstract=True):
     """Node that asks whether a key was written since it asked before. A write of an equal value counts."""
 
+    entry: In[object] = port("the key whose writes count", takes="key")
     remembers = ("_updated",)
     _updated: bool | None = None
     """Whether the key was written since the last question; None: it was never asked."""
@@ -461,8 +462,6 @@ class SkipUnlessUpdated(EntryDecorator):
       do: {Log: {message: there are new items, value: "{items}"}}
     """
 
-    entry: In[object] = port("the key whose writes count", takes="key")
-
 
 class WaitValueUpdate(EntryDecorator):
     """Ticks its child when the key was written since the last time; until then it is RUNNING.
@@ -477,8 +476,6 @@ class WaitValueUpdate(EntryDecorator):
       do: {Log: {message: there are new items, value: "{items}"}}
     """
 
-    entry: In[object] = port("the key whose writes count", takes="key")
-
 
 class WasEntryUpdated(EntryNode):
     """Whether the key was written since the node was ticked last. A write of an equal value counts, too."""
@@ -490,8 +487,6 @@ class WasEntryUpdated(EntryNode):
       - WasEntryUpdated: {entry: "{items}"}
       - Observe: {camera: overhead, objects: "{items}"}
     """
-
-    entry: In[object] = port("the key whose writes count", takes="key")
 
     def on_tick(self) -> NodeStatus:
         return NodeStatus.SUCCESS if self.was_updated() else NodeStatus.FAILURE

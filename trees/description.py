@@ -239,9 +239,8 @@ def signature_of(declaration: NodeDeclaration) -> inspect.Signature:
     for slot in declaration.slots:
         if slot.key != "do":
             default = empty if slot.required else None
-            found.append(
-                inspect.Parameter(slot.key, named, default=default, annotation=slot_annotation(slot))
-            )
+            kind = "Mapping[str, Child]" if slot.arity == "table" else "Child"
+            found.append(inspect.Parameter(slot.key, named, default=default, annotation=kind))
     found.append(inspect.Parameter("name", named, default="", annotation="str"))
     found.append(
         inspect.Parameter("conditions", inspect.Parameter.VAR_KEYWORD, annotation="Unpack[Conditions]")
@@ -287,11 +286,6 @@ def annotation(port: PortDeclaration) -> str:
     if port.type.many:
         one = f"Iterable[{one}] | str"
     return f"{one} | None" if port.type.optional else one
-
-
-def slot_annotation(slot: SlotDeclaration) -> str:
-    """Return the type of a slot's argument."""
-    return "Mapping[str, Child]" if slot.arity == "table" else "Child"
 
 
 MAIN: Final = "Main"
@@ -358,11 +352,6 @@ def trees_of(main: NodeDescription) -> dict[str, CalledTree]:
             elif known is not tree:
                 raise PicktreeError(f"two different trees are called {tree.name!r}")
     return found
-
-
-def node_text(node: NodeDescription) -> str:
-    """Return a node as text in the style of mission files."""
-    return value_text(from_value(node.value(), _NOWHERE))
 
 
 @dataclass(frozen=True, slots=True)
@@ -475,5 +464,5 @@ class DescribedNode(Behaviour):
 
     def __repr__(self) -> str:
         if "description" in vars(self):
-            return node_text(self.description)
+            return value_text(from_value(self.description.value(), _NOWHERE))
         return f"<{type(self).__name__} {self.name}>"

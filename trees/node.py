@@ -26,7 +26,7 @@ from picktree.world import (
 )
 
 from .control_flow import PY_TREES_STATUS, Flow, Hand, NodeStatus
-from .declaration import PRECONDITIONS, Kind, Resource, declare, reserved_names
+from .declaration import PRECONDITIONS, Kind, Resource, declare, make_descriptors, reserved_names
 from .description import DescribedNode, documented
 from .failure_reports import (
     internal_error_report,
@@ -224,7 +224,9 @@ class Node(DescribedNode):
     def __init_subclass__(cls, *, abstract: bool = False) -> None:
         """Declare the node; `abstract=True` marks a base class that no file may name."""
         super().__init_subclass__()
-        if not abstract:
+        if abstract:
+            make_descriptors(cls, cls.__name__, reserved_names(Node))
+        else:
             cls.declaration = declare(cls, cls, reserved_names(Node))
             cls.__doc__ = documented(cls.declaration)
 

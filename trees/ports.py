@@ -460,22 +460,6 @@ class PortDeclaration:
         return self.direction == "in" and isinstance(self.default, Required)
 
 
-@dataclass(frozen=True, slots=True)
-class PortSpec:
-    """Arguments of `port(...)`; `declare` replaces them with a descriptor."""
-
-    doc: str
-    unit: str | None
-    default: object
-    choices: tuple[Plain, ...] | None
-    key: str | None
-    names: NameKind | None
-    within: Range
-    like: str | None
-    each_of: str | None
-    takes: Takes
-
-
 class PortHolder(Protocol):
     """Node as far as its ports need it."""
 
@@ -534,7 +518,7 @@ def port(
     each_of: str | None = None,
     takes: Takes = "value",
 ) -> Any:
-    """Declare a port: `object: In[ObjectId] = port("what to grasp")`.
+    """Declare a port: `object: In[ObjectId] = port("what to grasp")`. The class of the node completes it.
 
     The name in the file is `key` where it cannot be the attribute's (`in`, `while`). A number has a `unit`,
     in which literals may be written, and the bounds `least`, `most`, `above` in that unit. A text may be
@@ -542,5 +526,6 @@ def port(
     the input `like`, or takes the elements of the input `each_of` in turn. An input may take a
     key instead of its value, assignments, or a template: a text in which the node fills in references.
     """
-    allowed = tuple(choices) if choices is not None else None
-    return PortSpec(doc, unit, default, allowed, key, names, Range(least, most, above), like, each_of, takes)
+    allowed, within = tuple(choices) if choices is not None else None, Range(least, most, above)
+    named = (key or "", "", "in", PortType("any"))
+    return PortDeclaration(*named, doc, unit, default, allowed, names, within, like, each_of, takes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Final, Literal, Protocol
 
 from picktree.files import Expression, expression_syntax
 from picktree.world import Evidence, Failure, FailureReport, tree
@@ -22,21 +22,13 @@ TIME_TOLERANCE: Final = 1e-9
 """Tolerance of nodes that wait, for the rounding of summed ticks, s."""
 
 
-def _no_inputs() -> Mapping[str, object]:
-    return {}
-
-
-def _no_evidence() -> Evidence:
-    return {}
-
-
 @dataclass(frozen=True, slots=True)
 class NodeTransition:
     """Start (RUNNING) or end of a node (SUCCESS, FAILURE, SKIPPED; IDLE: halted)."""
 
     path: str
     status: NodeStatus
-    inputs: Mapping[str, object] = field(default_factory=_no_inputs)
+    inputs: Mapping[str, object] = field(default_factory=dict[str, object])
     """Values that a starting node read through references, by port."""
     subject: str = ""
     """Object named by the first port of type `object` of a starting node; empty: none."""
@@ -45,7 +37,7 @@ class NodeTransition:
     origin: str = ""
     """Path of the node in which the failure arose."""
     message: str = ""
-    evidence: Evidence = field(default_factory=_no_evidence)
+    evidence: Evidence = field(default_factory=dict[str, Any])
 
 
 def start_transition(

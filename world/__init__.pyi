@@ -74,11 +74,7 @@ from .colours import (
     Rgb as Rgb,
     TRUTH_COLOUR as TRUTH_COLOUR,
 )
-from .computing_time import (
-    ComputeTimeAccount as ComputeTimeAccount,
-    PartFollower as PartFollower,
-    Stopwatch as Stopwatch,
-)
+from .computing_time import ComputeTimeAccount as ComputeTimeAccount, Stopwatch as Stopwatch
 from .journal import (
     CandidateEntry as CandidateEntry,
     CandidateSearchEntry as CandidateSearchEntry,
@@ -89,7 +85,7 @@ from .journal import (
     JournalEvent as JournalEvent,
     OtherEvent as OtherEvent,
     Plain as Plain,
-    PlanEntry as PlanEntry,
+    Plan as Plan,
     event_fields as event_fields,
 )
 from .pad_contacts import PadContacts as PadContacts, pad_contacts as pad_contacts, top_heights as top_heights

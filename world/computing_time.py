@@ -5,22 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
-from typing import Protocol
-
-
-class PartFollower(Protocol):
-    """Receiver of each begin and end of a part of the work."""
-
-    def begin(self, part: str) -> None: ...
-    def end(self, part: str) -> None: ...
 
 
 class Stopwatch:
     """Adds up wall seconds by name. Parts may nest: the inner one's time is not counted for the outer."""
 
     def __init__(self) -> None:
-        self.follower: PartFollower | None = None
-        """Follower of the parts, for a profile; None: nothing follows."""
         self._seconds: dict[str, float] = {}
         self._running: list[str] = []
         self._since = 0.0
@@ -30,14 +20,9 @@ class Stopwatch:
         """Count the time in here for `part`."""
         self._switch()
         self._running.append(part)
-        follower = self.follower
-        if follower is not None:
-            follower.begin(part)
         try:
             yield
         finally:
-            if follower is not None:
-                follower.end(part)
             self._switch()
             self._running.pop()
 
@@ -68,14 +53,10 @@ class ComputeTimeAccount:
     """
 
     def __init__(self, tick: float) -> None:
-        self._tick = tick
+        """`tick`: length of a tick, simulated s."""
+        self.tick = tick
         self.owed = 0.0
         self.total = 0.0
-
-    @property
-    def tick(self) -> float:
-        """s"""
-        return self._tick
 
     def spend(self, seconds: float) -> None:
         """Owe `seconds` more."""
@@ -88,6 +69,6 @@ class ComputeTimeAccount:
 
     def charge(self) -> Generator[None, None, None]:
         """Let the whole ticks that are owed pass."""
-        while self.owed >= self._tick:
-            self.owed -= self._tick
+        while self.owed >= self.tick:
+            self.owed -= self.tick
             yield

@@ -31,10 +31,6 @@ EVENT_KINDS: Final[dict[str, type[JournalEvent]]] = {}
 """Declared kinds of event by name, in the order of their declarations."""
 
 
-def _no_values() -> Mapping[str, object]:
-    return {}
-
-
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field,))
 @dataclass(frozen=True)
 class JournalEvent:
@@ -52,7 +48,7 @@ class JournalEvent:
     message: str
     node: str = ""
     """Path of the node that noted the event; empty when none did."""
-    extra: Mapping[str, object] = field(default_factory=_no_values, kw_only=True)
+    extra: Mapping[str, object] = field(default_factory=dict[str, object], kw_only=True)
     """Recorded values that the kind does not declare, by name: evidence, or fields of another version."""
 
     def __init_subclass__(cls, *, kind: str = "") -> None:
@@ -147,16 +143,15 @@ def event_fields(declared: type[JournalEvent]) -> tuple[EventField, ...]:
     if any(isinstance(value, Field) for kind in declared.__mro__ for value in vars(kind).values()):
         _complete(declared)
     if "__dataclass_fields__" in vars(declared):
-        defaults = {each.name: _default(each) for each in fields(declared)}
+        defaults = {
+            each.name: each.default if each.default_factory is MISSING else each.default_factory
+            for each in fields(declared)
+        }
     else:
         defaults = {name: getattr(declared, name, MISSING) for name in hints}
     return tuple(
         _event_field(name, hint, defaults[name]) for name, hint in hints.items() if name not in common
     )
-
-
-def _default(declared: Field[Any]) -> object:
-    return declared.default if declared.default_factory is MISSING else declared.default_factory
 
 
 def _event_field(name: str, hint: Any, default: object) -> EventField:
@@ -185,9 +180,12 @@ def _converted(value: object, hint: object) -> object:
     return value
 
 
-@dataclass(frozen=True, slots=True)
-class PlanEntry:
-    """One request to the planner and its answer. `path` holds joint configurations, rad."""
+@dataclass(frozen=True)
+class Plan:
+    """Planning request and its answer. `path` holds joint configurations, rad.
+
+    Older logs lack the fields with a default. The class has no slots: orjson writes those slowly.
+    """
 
     request: str
     planner: str
@@ -258,7 +256,7 @@ class ImageEntry:
     findings: tuple[str, ...] = ()
 
 
-Entry: TypeAlias = PlanEntry | CandidateSearchEntry | ImageEntry | JournalEvent
+Entry: TypeAlias = Plan | CandidateSearchEntry | ImageEntry | JournalEvent
 
 
 class Journal:

@@ -290,14 +290,7 @@ def _materials(raw: bytes, folder: Path) -> dict[str, bytes]:
     return found
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Part:
-    vertices: Array
-    faces: NDArray[np.int64]
-    colours: Array
-
-
-def _part(scene: trimesh.Scene, node: str) -> _Part | None:
+def _part(scene: trimesh.Scene, node: str) -> TriangleMesh | None:
     """Return one geometry of a scene in the scene's frame; None for points and lines."""
     transform, name = cast("tuple[Array, str]", scene.graph[node])
     mesh = cast("Any", scene).geometry[name]
@@ -309,7 +302,7 @@ def _part(scene: trimesh.Scene, node: str) -> _Part | None:
         vertices = vertices @ transform[:3, :3].T + transform[:3, 3]
         if np.linalg.det(transform[:3, :3]) < 0:
             faces = faces[:, ::-1]
-    return _Part(vertices, faces, _colours(mesh, len(faces)))
+    return TriangleMesh(vertices, faces, _colours(mesh, len(faces)))
 
 
 def _colours(mesh: Any, count: int) -> Array:

@@ -34,11 +34,6 @@ class Pose:
     orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
     @classmethod
-    def from_matrix(cls, matrix: Array) -> Pose:
-        """Return the pose of a homogeneous (4, 4) matrix whose upper left block is a rotation."""
-        return cls(vector3(matrix[:3, 3]), quaternion_from_rotation(matrix[:3, :3]))
-
-    @classmethod
     def from_rotation(cls, position: Array | Vector3, rotation: Array) -> Pose:
         """Return the pose of a position (3,) and a rotation matrix (3, 3)."""
         return cls(vector3(position), quaternion_from_rotation(rotation))

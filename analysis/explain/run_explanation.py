@@ -13,7 +13,16 @@ from picktree.files import listed
 from picktree.logs import BeliefEvent, Failure, RunAccount, Stamped, log_files, log_records, node_visits
 from picktree.robot.manipulation import pick_candidates
 from picktree.simulation import ItemScore
-from picktree.world import Cause, JournalEvent, all_causes, event_types, heap_geometry, remedy_of, world_facts
+from picktree.world import (
+    Cause,
+    JournalEvent,
+    Plan,
+    all_causes,
+    event_types,
+    heap_geometry,
+    remedy_of,
+    world_facts,
+)
 from picktree.world.scene import destinations
 
 from .body_tracks import horizontal_distance
@@ -77,9 +86,9 @@ def _of_candidates(at: Stamped[log_records.Candidates]) -> CandidateChoice:
     )
 
 
-def _of_plans(refused: list[Stamped[log_records.Plan]], plans: int, item: str) -> CandidateChoice:
+def _of_plans(refused: list[Stamped[Plan]], plans: int, item: str) -> CandidateChoice:
     """Plans that failed with the same words, numbers aside, are told as one."""
-    alike: dict[str, list[Stamped[log_records.Plan]]] = {}
+    alike: dict[str, list[Stamped[Plan]]] = {}
     for at in refused:
         words = re.sub(r"[\d.]+", "#", f"{at.record.outcome} {at.record.message}")
         alike.setdefault(words, []).append(at)

@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 
 from picktree.files import PicktreeError
 from picktree.logs import RunLog, Stamped, log_records, node_visits
-from picktree.world import event_types
+from picktree.world import Plan, event_types
 
 from .captions import Caption, CaptionFailure
 from .scene_view import SceneContent, Show
@@ -26,7 +26,7 @@ class _Span:
 
     start: float
     end: float
-    plan: log_records.Plan
+    plan: Plan
 
 
 class FollowedPlans:
@@ -36,7 +36,7 @@ class FollowedPlans:
     one before follows it; any other replaces it.
     """
 
-    def __init__(self, plans: Iterable[Stamped[log_records.Plan]]) -> None:
+    def __init__(self, plans: Iterable[Stamped[Plan]]) -> None:
         self._all: list[_Span] = []
         for at in plans:
             plan = at.record
@@ -48,7 +48,7 @@ class FollowedPlans:
             self._all.append(_Span(start, start + plan.duration, plan))
         self._starts = [following.start for following in self._all]
 
-    def at(self, time: float) -> log_records.Plan | None:
+    def at(self, time: float) -> Plan | None:
         """Return the plan that is followed at that time, simulated s; None for none."""
         number = bisect.bisect_right(self._starts, time) - 1
         if number < 0 or time > self._all[number].end + ARRIVAL_TOLERANCE:
@@ -56,7 +56,7 @@ class FollowedPlans:
         return self._all[number].plan
 
 
-def _continues_plan(before: log_records.Plan, plan: log_records.Plan) -> bool:
+def _continues_plan(before: Plan, plan: Plan) -> bool:
     return bool(before.path and plan.path) and all(
         abs(a - b) < MAX_JOINT_DIFFERENCE for a, b in zip(before.path[-1], plan.path[0], strict=True)
     )

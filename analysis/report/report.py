@@ -20,7 +20,7 @@ from picktree.analysis import Run
 from picktree.analysis.explain import ExplainedOutcome
 from picktree.authoring import svg_drawing
 from picktree.files import PicktreeError, file_system
-from picktree.logs import log_records
+from picktree.world import Plan
 
 from .board_panel import pack_board
 from .node_panels import pack_lanes, pack_tree
@@ -99,7 +99,7 @@ def _plans(run: Run) -> Iterator[ReportEvent]:
         yield ReportEvent(at.time, kind, plan_line(at.record), "")
 
 
-def plan_line(plan: log_records.Plan) -> str:
+def plan_line(plan: Plan) -> str:
     cost = f"{plan.checks} checks by {plan.planner}" if plan.planner else f"{plan.checks} checks"
     if plan.outcome == "found":
         return f"{plan.request}: {plan.duration:.2f} s of motion, {cost}"

@@ -11,7 +11,7 @@ from picktree.analysis import Cursor, CursorChanges, Edge
 from picktree.files import PicktreeError, find_node, find_nodes, short_names
 from picktree.logs import Stamped, log_records, node_visits
 from picktree.trees import show
-from picktree.world import known_causes, remedy_of
+from picktree.world import Plan, known_causes, remedy_of
 
 from .command_prompt import Command, CommandPrompt
 from .state_text import (
@@ -84,7 +84,7 @@ def _move(transition: log_records.TransitionRecord, names: Mapping[str, str]) ->
     return f"{mark} {name} ends in {transition.status}" + (f": {said}" if said else "")
 
 
-def _plan(at: Stamped[log_records.Plan]) -> str:
+def _plan(at: Stamped[Plan]) -> str:
     plan = at.record
     said = f": {plan.message}" if plan.message else ""
     found = f", {plan.duration:.2f} s of motion" if plan.path else ""

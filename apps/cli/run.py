@@ -97,7 +97,7 @@ ProfileFile: TypeAlias = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="Say where CPU and simulated time go, by node and by part; FILE is for speedscope.app.",
+        help="Say where wall and simulated time go, by part and node; FILE gets the functions, for pstats.",
     ),
 ]
 Answers: TypeAlias = Annotated[
@@ -269,8 +269,8 @@ class _Watchers:
     def write_profile(self, file: Path) -> None:
         """Write the profile into a file, and print where the time goes."""
         assert self.profiler is not None
-        self.profiler.profile.write(file)
-        print(f"\n{self.profiler.profile.to_text()}", file=self._stream)
+        self.profiler.write(file)
+        print(f"\n{self.profiler.to_text()}", file=self._stream)
 
     def _debugger(self) -> Debugger:
         from picktree.session import Debugger
@@ -316,11 +316,11 @@ def _rotation(megabytes: float, minutes: float) -> log_files.Rotation:
 
 
 def _profiler(file: Path) -> Profiler:
-    """Return the profiler of a whole program. Raises PicktreeError when its file cannot be written."""
+    """Return a profiler. Raises PicktreeError when its file cannot be written."""
     from picktree.session import Profiler, require_writable
 
     require_writable(file)
-    return Profiler(whole_program=True)
+    return Profiler()
 
 
 def parse_parameters(settings: list[str] | tuple[str, ...]) -> dict[str, str]:

@@ -172,7 +172,8 @@ class _Reader:
         awaiting_key, plain = self._awaiting_key(), event.style in (None, "")
         text = str(event.value)
         if awaiting_key:
-            alone = plain and self._open[-1].flow and not self._colon_follows(event)
+            colon = _COLON.match(self._text, event.end_mark.index if event.end_mark else 0)
+            alone = plain and self._open[-1].flow and colon is None
             if alone and self._decimal_comma(text, event, mark):
                 return
             joined = joined_key(text) if alone else None
@@ -199,9 +200,6 @@ class _Reader:
             except ValueError:
                 self._fault(mark, where(self._loc()), "the number has too many digits", code="P120")
         self._add(YamlNode(value, mark), mark, event.anchor)
-
-    def _colon_follows(self, event: yaml.ScalarEvent) -> bool:
-        return _COLON.match(self._text, event.end_mark.index if event.end_mark else 0) is not None
 
     def _decimal_comma(self, text: str, event: yaml.ScalarEvent, mark: Mark) -> bool:
         """Return whether a key in braces is the rest of a number, `{msec: 0,5 s}`, and mend it so."""

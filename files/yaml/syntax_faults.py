@@ -22,6 +22,7 @@ COMMA: Final = "a ',' in a number ends the value"
 _BLANKS: Final = "\u00a0\u1680\u2000-\u200a\u202f\u205f\u3000"
 _WIDTHLESS: Final = "\u200b-\u200d\u2060\u00ad"
 _STRANGE = re.compile(f"[{_BLANKS}{_WIDTHLESS}]+")
+_STRANGE_EDGE = re.compile(rf"^[{_BLANKS}{_WIDTHLESS}]+|[{_BLANKS}{_WIDTHLESS}]+$")
 _OPENING, _CLOSING = "“”„‟‘’‚‛«»", "“”‟‘’‛«»"
 _CURLY = re.compile(rf"[{_OPENING}](?P<inner>[^“”„‟«»]*)[{_CLOSING}]")
 _JOINED_KEY = re.compile(
@@ -78,10 +79,11 @@ def look_alike(text: str, *, is_key: bool) -> PlainText | None:
     curly = _CURLY.fullmatch(text)
     if curly is not None:
         return PlainText(curly["inner"], _curly(curly), quoted=True)
-    found = _STRANGE.search(text) if is_key else _at_an_edge(text)
+    found = (_STRANGE if is_key else _STRANGE_EDGE).search(text)
     if found is None:
         return None
-    return PlainText(_without_strange(text), _strange(found, text))
+    plain = re.sub(f"[{_BLANKS}]", " ", re.sub(f"[{_WIDTHLESS}]", "", text)).strip()
+    return PlainText(plain, _strange(found, text))
 
 
 def joined_key(text: str) -> PlainText | None:
@@ -131,16 +133,6 @@ def structure_hint(text: str) -> str:
         shown = rest if rest and not rest.startswith("-") else "…"
         return f"{reason}: write '{joined['key']}: {shown}'" if len(shown) <= 40 else reason
     return ""
-
-
-def _at_an_edge(text: str) -> re.Match[str] | None:
-    """Return strange blanks at the start or at the end."""
-    edge = rf"^[{_BLANKS}{_WIDTHLESS}]+|[{_BLANKS}{_WIDTHLESS}]+$"
-    return re.search(edge, text)
-
-
-def _without_strange(text: str) -> str:
-    return re.sub(f"[{_BLANKS}]", " ", re.sub(f"[{_WIDTHLESS}]", "", text)).strip()
 
 
 def _curly(found: re.Match[str]) -> Slip:

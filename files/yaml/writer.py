@@ -58,7 +58,7 @@ class MarkedValue:
             entries = {entry.key: entry.value.node() for entry in self.entries}
             value: Value = {key: node.value for key, node in entries.items()}
             return YamlNode(value, self.mark, entries=entries, keys={e.key: e.mark for e in self.entries})
-        return YamlNode(_plain(self.scalar), self.mark)
+        return YamlNode(self.scalar, self.mark)
 
 
 def from_value(value: Value, mark: Mark) -> MarkedValue:
@@ -72,10 +72,6 @@ def from_value(value: Value, mark: Mark) -> MarkedValue:
             )
         case _:
             return MarkedValue(mark, value)
-
-
-def _plain(value: Scalar) -> Value:
-    return value
 
 
 MAX_LINE_LENGTH = 108

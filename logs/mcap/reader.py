@@ -59,11 +59,6 @@ def sorted_copy(records: Iterable[McapRecord]) -> IO[bytes]:
         return _written(_rearranged(copy, rows[by_time, 0], np.argsort(by_time)[order]))[0]
 
 
-def retimed_copy(copy: IO[bytes], times: Column) -> IO[bytes]:
-    """Return a copy of a copy whose messages, in their order, have these times (n,), ns."""
-    return _written(_rearranged(copy, times, np.argsort(times, kind="stable")))[0]
-
-
 def _placed(records: Iterable[McapRecord]) -> Iterator[McapRecord]:
     for place, record in enumerate(records):
         if isinstance(record, Message):
@@ -254,7 +249,8 @@ class McapReader:
         if self._copy is None:
             self._copy = sorted_copy(_records(self._file))
         with self._copy as before:
-            self._copy = retimed_copy(before, np.maximum(times, 0))
+            times = np.maximum(times, 0)
+            self._copy = _written(_rearranged(before, times, np.argsort(times, kind="stable")))[0]
         self._reader, self._summary = _indexed(self._copy)
 
     def places(self) -> NDArray[np.int64]:

@@ -267,11 +267,6 @@ def read_robot(data: bytes) -> tuple[log_records.LinkMesh, ...]:
     return tuple(log_records.LinkMesh(e.frame_id, e.models[0].data) for e in update.entities if e.models)
 
 
-def encode_scene(time: int, scene: log_records.Scene, *, locked: bool) -> bytes:
-    """Encode a single scene. For many scenes use `SceneMessages`."""
-    return SceneMessages(locked=locked).encode(time, scene)
-
-
 class SceneMessages:
     """Encoder of a scene's topic. Each message holds the full scene and deletes what an earlier one showed.
 

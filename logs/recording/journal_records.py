@@ -6,12 +6,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 import orjson
 
 from picktree.logs import BeliefEvent, encode, log_records
-from picktree.simulation import TrueBody as SimulatedBody
+from picktree.simulation import TrueBody, TrueObstacle
 from picktree.world import (
     BeliefChange,
     BeliefObject,
@@ -19,9 +19,6 @@ from picktree.world import (
     ConvexMesh,
     GripperState,
     JointState,
-    ObjectId,
-    PlanEntry,
-    Pose,
     Shape,
     greatest_length,
 )
@@ -63,25 +60,6 @@ TILE_THICKNESS = 0.001
 """Thickness of the tiles of a calibration target in pictures, m."""
 
 
-class SpawnedBody(Protocol):
-    """Body that the simulation has spawned."""
-
-    @property
-    def id(self) -> ObjectId | str: ...
-    @property
-    def kind(self) -> str: ...
-    @property
-    def form(self) -> str: ...
-    @property
-    def colour(self) -> str: ...
-    @property
-    def shape(self) -> Shape: ...
-    @property
-    def pose(self) -> Pose: ...
-    @property
-    def role(self) -> str: ...
-
-
 def belief_record(o: BeliefObject, *, measured: bool = False) -> log_records.BodyRecord:
     """Return the record of a body of the planning scene. `measured`: rules ask for measures of items."""
     record = log_records.BodyRecord(
@@ -105,15 +83,15 @@ def belief_record(o: BeliefObject, *, measured: bool = False) -> log_records.Bod
     return record
 
 
-def truth_record(body: SpawnedBody, *, measured: bool = False) -> log_records.BodyRecord:
+def truth_record(body: TrueBody | TrueObstacle, *, measured: bool = False) -> log_records.BodyRecord:
     """Return the record of a body of the simulation, with its seating when it is at a hole. `measured`: rules
     ask for measures of items."""
     shape = _portable(body.shape)
-    seat = body.seat if isinstance(body, SimulatedBody) else None
+    seat = body.seat if isinstance(body, TrueBody) else None
     record = log_records.BodyRecord(
         body.id, body.kind, body.form, body.colour, shape, body.pose, body.role, seat=seat
     )
-    if isinstance(body, SimulatedBody) and (measured or body.kind == "unknown"):
+    if isinstance(body, TrueBody) and (measured or body.kind == "unknown"):
         return log_records.ThingRecord(
             **vars(record), mass=body.mass, size=greatest_length(body.shape), tag=body.tag
         )
@@ -131,26 +109,6 @@ def belief_event(change: BeliefChange) -> BeliefEvent:
         reason=change.reason,
         before=None if change.before is None else belief_record(change.before),
         after=None if change.after is None else belief_record(change.after),
-    )
-
-
-def plan_record(made: PlanEntry) -> log_records.Plan:
-    """Return the record of a planning request and its answer."""
-    return log_records.Plan(
-        made.request,
-        made.planner,
-        made.checks,
-        made.thinking,
-        made.outcome,
-        made.message,
-        made.duration,
-        made.path,
-        made.tool_path,
-        made.start,
-        made.version,
-        made.length,
-        made.way,
-        made.singular,
     )
 
 

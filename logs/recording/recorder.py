@@ -18,6 +18,7 @@ from typing import Any, TypeAlias
 from picktree.files import PicktreeError
 from picktree.logs import Digest, ImageEvent, Topic, event_record, log_files, log_records, topics
 from picktree.logs.mcap import McapFile, require_free_space
+from picktree.simulation import TrueBody, TrueObstacle
 from picktree.world import (
     BeliefChange,
     BeliefObject,
@@ -27,7 +28,7 @@ from picktree.world import (
     ImageEntry,
     JointState,
     JournalEvent,
-    PlanEntry,
+    Plan,
     Pose,
     RgbdImage,
     Wrench,
@@ -37,7 +38,6 @@ from picktree.world.scene import Bin, Fixture
 from . import foxglove_messages, journal_records
 from .foxglove_messages import encode_colour, encode_depth, with_stamp
 from .interrupts import Interrupts
-from .journal_records import SpawnedBody
 from .true_state import StateWriter
 
 _STATE_TOPICS = (topics.TREE, topics.ROBOT, topics.OBJECTS, topics.TRUTH)
@@ -62,7 +62,7 @@ class RotationState:
 
     def __init__(self) -> None:
         self._metadata: dict[str, Mapping[str, str]] = {}
-        self._files: dict[str, CarriedFile] = {}
+        self.files: dict[str, CarriedFile] = {}
         self._messages: dict[str, tuple[int, bytes]] = {}
         self._writes: dict[str, log_records.WriteRecord] = {}
         self._running: dict[str, log_records.TransitionRecord] = {}
@@ -75,8 +75,8 @@ class RotationState:
 
     def file(self, file: CarriedFile, slot: str) -> None:
         """Keep an attached file, in place of an earlier one with the same slot."""
-        self._files.pop(slot, None)
-        self._files[slot] = file
+        self.files.pop(slot, None)
+        self.files[slot] = file
 
     def message(self, topic: Topic, time: int, data: bytes) -> None:
         if topic.name in _CARRIED_TOPICS:
@@ -96,9 +96,6 @@ class RotationState:
         tree = self._messages.get(topics.TREE.name)
         now = {"picktree.tree": {"json": tree[1].decode()}} if tree else {}
         return {**self._metadata, **now}
-
-    def all_files(self) -> tuple[CarriedFile, ...]:
-        return tuple(self._files.values())
 
     def all_messages(self) -> list[tuple[Topic, bytes]]:
         """Return the messages that hold at `time`, with their topics."""
@@ -272,7 +269,7 @@ class LogFile:
         for name, words in carried.all_metadata().items():
             file.metadata(name, words)
         file.metadata(log_files.PART_METADATA, part.words())
-        for carry in carried.all_files():
+        for carry in carried.files.values():
             file.attachment(carry.name, carry.media_type, carry.data)
         for topic, data in again:
             file.message(channels[topic.name], carried.time, data)
@@ -579,7 +576,7 @@ class Recorder:
         """Whether a second has passed since the last ground truth."""
         return now - self._true >= SCENE_PERIOD - 1e-6
 
-    def truth(self, now: float, bodies: Iterable[SpawnedBody]) -> None:
+    def truth(self, now: float, bodies: Iterable[TrueBody | TrueObstacle]) -> None:
         """Write the ground truth, which only the analyst sees."""
         self._true = now
         scene = log_records.Scene(
@@ -605,8 +602,8 @@ class Recorder:
     def entry(self, now: float, entry: Entry) -> None:
         """Write an entry of the journal."""
         match entry:
-            case PlanEntry():
-                self._write(topics.PLAN, now, log_records.encode(journal_records.plan_record(entry)))
+            case Plan():
+                self._write(topics.PLAN, now, log_records.encode(entry))
             case CandidateSearchEntry():
                 self._write(
                     topics.CANDIDATES, now, log_records.encode(journal_records.candidates_record(entry))

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from picktree.world import Array, Failure, PlanEntry, Trajectory
+from picktree.world import Array, Failure, Plan, Trajectory
 from picktree.world.robot_model import RobotModel
 
 from . import planning_failures
@@ -152,12 +152,12 @@ def plan_entry(
     spent: MeasuredCost,
     answer: MotionPlan | Failure,
     version: int,
-) -> PlanEntry:
+) -> Plan:
     """Return the record of a plan, or of its failure, of these motions from `start` (n,) rad.
 
     `version` is that of the belief.
     """
-    noted = PlanEntry(
+    noted = Plan(
         ", then ".join(planning_failures.describe_request(leg) for leg in legs),
         "",
         spent.checks,

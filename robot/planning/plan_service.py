@@ -75,7 +75,7 @@ class VerifierDisagreement:
 class PlanService:
     """Plan service of one robot in one believed scene.
 
-    A request computes at once when its generator is first advanced and notes a `PlanEntry`. It then yields
+    A request computes at once when its generator is first advanced and notes a `Plan`. It then yields
     the ticks that its collision checks and IK descents cost. The remainder below a tick stays in the thinking
     account. With `verify` each trajectory is verified a second time, which changes `disagreements` only.
     """

@@ -17,7 +17,7 @@ from picktree.analysis.compare.message_differences import (
 )
 from picktree.logs.log_records import BodyRecord, Joints, Scene, Tick
 from picktree.logs.recording import Recorder, foxglove_messages
-from picktree.logs.recording.foxglove_messages import encode_image, encode_scene
+from picktree.logs.recording.foxglove_messages import SceneMessages, encode_image
 from picktree.world import Pose, Sphere, Wrench
 
 from ..logs.scripted_log import begins, ends, record, tree
@@ -69,7 +69,7 @@ def test_a_record_in_the_metadata_of_an_entity_is_looked_into() -> None:
         BodyRecord("red_ball_1", "ball", "sphere", "red", Sphere(0.02), Pose(), place=place)
         for place in ("table", "red_bin")
     )
-    a, b = (encode_scene(0, Scene((body,), ()), locked=True) for body in bodies)
+    a, b = (SceneMessages(locked=True).encode(0, Scene((body,), ())) for body in bodies)
     found = first_differing_field("foxglove.SceneUpdate", a, b)
     assert found == FieldDifference("entities[0].metadata[2].value", "place", "table", "red_bin")
 

@@ -11,7 +11,7 @@ from picktree.analysis import Run
 from picktree.analysis.explain import explain, to_json_text, to_text
 from picktree.logs.episode_counts import CureCount, PlantedCount, added_planted, by_cause
 from picktree.session import RunCounters, tally_of
-from picktree.session.run_tally import EpisodeCountersState, RunCountersState
+from picktree.session.run_tally import EpisodeCountersState
 
 from ..logs.scripted_log import begins, ends, record, tree
 from ..logs.test_episodes import tries
@@ -23,7 +23,7 @@ LOST = CureCount("world.unknown_object", "Observe", 1, 0, 1, tries=1, seconds=1.
 def test_the_summary_and_the_log_agree(troubled_log: Path) -> None:
     with Run(troubled_log) as run:
         found, result = run.account.recovery, run.result
-        later = tally_of(run, run.end).episodes.so_far(run.end)
+        later = tally_of(run, run.end).episodes_so_far(run.end)
     assert result is not None and result.cures is not None
     assert {(c.cause, c.cure, c.seen, c.given_up, c.tries) for c in result.cures} == {
         (c.cause, c.cure, c.seen, c.given_up, c.tries) for c in (MISSED, LOST)
@@ -44,7 +44,7 @@ def test_times_within_a_run_add_up_to_what_its_branches_took(troubled_log: Path)
 def test_a_checkpoint_keeps_what_was_counted(troubled_log: Path) -> None:
     with Run(troubled_log) as run:
         state = tally_of(run, run.end).state()
-    states = TypeAdapter(RunCountersState)
+    states = TypeAdapter(RunCounters)
     text = states.dump_json(state)
     assert RunCounters.resumed(states.validate_json(text)).state() == state
     older = json.loads(text)

@@ -11,7 +11,7 @@ from picktree.analysis import Run
 from picktree.analysis.explain import FailureStory
 from picktree.analysis.explain.run_explanation import failures_of
 from picktree.logs.log_records import TransitionRecord, WriteRecord
-from picktree.world import CandidateEntry, CandidateSearchEntry, JournalEvent, ObjectId, PlanEntry, Pose
+from picktree.world import CandidateEntry, CandidateSearchEntry, JournalEvent, ObjectId, Plan, Pose
 from picktree.world.event_types import RecoveryEvent
 
 from ..logs.scripted_log import Said, begins, ends, record, tree
@@ -165,7 +165,7 @@ def test_candidates_and_plans_that_were_refused(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     choice = CandidateSearchEntry("grasp by Grasp", ObjectId(ITEM), {"ranked": 4, "hand fits": 1}, tried)
     plans = [
-        PlanEntry(f"to ({n})", "", 50, 0.1, "planning.no_path", f"only {n} % of the line is free", 0.0)
+        Plan(f"to ({n})", "", 50, 0.1, "planning.no_path", f"only {n} % of the line is free", 0.0)
         for n in (10, 20)
     ]
     script: Mapping[int, Sequence[Said]] = {

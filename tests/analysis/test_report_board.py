@@ -21,8 +21,8 @@ from picktree.analysis.report.body_motion import (
     motion_of,
 )
 from picktree.analysis.report.report import pack_failures, plain_value, plan_line, report_events
-from picktree.logs.log_records import BodyRecord, Plan, WriteRecord
-from picktree.world import Box, Pose
+from picktree.logs.log_records import BodyRecord, WriteRecord
+from picktree.world import Box, Plan, Pose
 
 from ..logs.scripted_log import Seen, begins, record, tree
 

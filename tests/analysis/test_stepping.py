@@ -10,7 +10,7 @@ import pytest
 from picktree.analysis import Cursor, Run
 from picktree.files import PicktreeError, find_node, find_nodes
 from picktree.logs.log_records import TransitionRecord, WriteRecord
-from picktree.world import JournalEvent, OtherEvent, PlanEntry
+from picktree.world import JournalEvent, OtherEvent, Plan
 
 from ..logs.scripted_log import Seen, begins, ends, record, tree
 
@@ -18,7 +18,7 @@ NODES = tree("Main:ForEach", "Main/Part:Sequence", "Main/Part/Grasp", "Main/Part
 PART, GRASP, PLACE = "Main/Part", "Main/Part/Grasp", "Main/Part/Place"
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
 """Of format 1."""
-SCRIPT: Mapping[int, Sequence[TransitionRecord | WriteRecord | JournalEvent | PlanEntry]] = {
+SCRIPT: Mapping[int, Sequence[TransitionRecord | WriteRecord | JournalEvent | Plan]] = {
     0: [begins("Main")],
     2: [WriteRecord("Main/item", "red_block_1", "Main"), begins(PART), begins(GRASP, "red_block_1")],
     5: [

@@ -39,7 +39,7 @@ def executing(structure: tuple[NodeInfo, ...]) -> Execution:
 
 
 def happen(run: Execution, *events: JournalEvent) -> None:
-    run.tally.take(0.0, events, (), frozenset(), ())
+    run.tally.take(0.0, events, frozenset(), ())
 
 
 def report_of(

@@ -21,7 +21,7 @@ from picktree.world import (
     JournalEvent,
     ObjectId,
     OtherEvent,
-    PlanEntry,
+    Plan,
     Pose,
 )
 
@@ -33,7 +33,7 @@ GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
 NODES = tree("Main:ForEach", "Main/Part:Sequence", "Main/Part/Grasp", "Main/Part/Place", object="{item}")
 PART, GRASP, PLACE = "Main/Part", "Main/Part/Grasp", "Main/Part/Place"
 SCRIPT: Mapping[
-    int, Sequence[TransitionRecord | WriteRecord | JournalEvent | PlanEntry | CandidateSearchEntry]
+    int, Sequence[TransitionRecord | WriteRecord | JournalEvent | Plan | CandidateSearchEntry]
 ] = {
     0: [begins("Main", items=["red_block_1"])],
     2: [
@@ -46,7 +46,7 @@ SCRIPT: Mapping[
             {"made": 8, "reachable": 1},
             (CandidateEntry("top", Pose(), 0.7, "accepted"),),
         ),
-        PlanEntry("to home", "direct", 12, 0.0003, "found", "", 1.5, ((0.0, 1.0), (0.5, 1.5)), ()),
+        Plan("to home", "direct", 12, 0.0003, "found", "", 1.5, ((0.0, 1.0), (0.5, 1.5)), ()),
     ],
     5: [
         ends(GRASP, "FAILURE", "grasp.missed", width=0.0001),

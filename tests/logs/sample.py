@@ -41,7 +41,7 @@ from picktree.world import (
     JointState,
     ObjectId,
     OtherEvent,
-    PlanEntry,
+    Plan,
     PlanningScene,
     Pose,
     RgbdImage,
@@ -166,7 +166,7 @@ def step(
     if k == 10:
         recorder.entry(
             now,
-            PlanEntry(
+            Plan(
                 "to home",
                 "direct",
                 12,

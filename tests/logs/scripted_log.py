@@ -24,13 +24,13 @@ from picktree.world import (
     CandidateSearchEntry,
     JournalEvent,
     ObjectId,
-    PlanEntry,
+    Plan,
     PlanningScene,
     Pose,
 )
 
 TICK = 0.05
-Said: TypeAlias = TransitionRecord | WriteRecord | JournalEvent | PlanEntry | CandidateSearchEntry
+Said: TypeAlias = TransitionRecord | WriteRecord | JournalEvent | Plan | CandidateSearchEntry
 """What may be told of a tick."""
 
 
@@ -106,7 +106,7 @@ def record(
             moves = tuple(one for one in said if isinstance(one, TransitionRecord))
             state.update({move.path: move.status for move in moves})
             for one in said:
-                if isinstance(one, PlanEntry | CandidateSearchEntry):
+                if isinstance(one, Plan | CandidateSearchEntry):
                     recorder.entry(k * TICK, one)
                 if isinstance(one, JournalEvent):
                     recorder.entry(k * TICK, one)

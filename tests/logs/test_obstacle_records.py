@@ -11,7 +11,7 @@ from picktree.logs import encode
 from picktree.logs.binary_gltf import parts_of
 from picktree.logs.log_records import BodyRecord, Scene, decode
 from picktree.logs.recording import belief_record
-from picktree.logs.recording.foxglove_messages import encode_scene, read_scene
+from picktree.logs.recording.foxglove_messages import SceneMessages, read_scene
 from picktree.logs.recording.journal_records import truth_record
 from picktree.robot.perception.obstacle_volumes import (
     cells_in_body,
@@ -44,7 +44,7 @@ def test_a_checkpoint_holds_it_exactly() -> None:
 
 def test_the_log_holds_its_blocks_and_viewers_draw_them() -> None:
     body = belief_record(OBSTACLE)
-    (read,) = read_scene(encode_scene(0, Scene((body,), ()), locked=True)).bodies
+    (read,) = read_scene(SceneMessages(locked=True).encode(0, Scene((body,), ()))).bodies
     assert read == body
     assert [shape.size for shape, _ in parts_of(read) if isinstance(shape, Box)] == [b.size for b in BLOCKS]
 

@@ -33,7 +33,7 @@ from picktree.world import (
     Cylinder,
     Failure,
     ObjectId,
-    PlanEntry,
+    Plan,
     Pose,
     planning,
 )
@@ -120,7 +120,7 @@ def test_cheap_tests_are_made_of_many_and_dear_ones_of_few() -> None:
     counts = list(next(e for e in entries if isinstance(e, CandidateSearchEntry)).stages.values())
     assert counts == sorted(counts, reverse=True)
     assert counts[0] > counts[-2] == 1
-    assert sum(isinstance(entry, PlanEntry) for entry in entries) == 1
+    assert sum(isinstance(entry, Plan) for entry in entries) == 1
 
 
 def test_what_cannot_be_carried_on_makes_room_for_the_next() -> None:

@@ -19,7 +19,7 @@ import pytest
 from picktree.files import PicktreeError
 from picktree.robot.planning import JointGoal, LineGoal, MotionPlan, PlannerOverrides, PoseGoal, Request
 from picktree.robot.planning.lookahead_planning import ChainAnswer, ChainOrder, ChainSolver, PlanningWorker
-from picktree.world import Box, Failure, PlanEntry, Pose, planning
+from picktree.world import Box, Failure, Plan, Pose, planning
 
 from .motion_cell import HOME, TICK, Cell, down, item, run, shelf_scene, table_scene
 
@@ -148,8 +148,8 @@ def test_a_checkpoint_forgets_what_was_prepared() -> None:
     assert again.ready == pytest.approx(again.cost)
 
 
-def noted(cell: Cell) -> list[PlanEntry]:
-    return [entry for entry in cell.journal.take() if isinstance(entry, PlanEntry)]
+def noted(cell: Cell) -> list[Plan]:
+    return [entry for entry in cell.journal.take() if isinstance(entry, Plan)]
 
 
 def test_a_worker_gives_the_same_plans_at_the_same_simulated_times() -> None:

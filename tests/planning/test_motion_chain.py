@@ -19,7 +19,7 @@ from picktree.robot.planning import (
 )
 from picktree.robot.planning.motion_chain import split_into_legs
 from picktree.robot.planning.time_parameterization import ACCELERATION_RISE_TIME
-from picktree.world import Array, Box, Failure, ObjectId, PlanEntry, Pose, Sphere, Trajectory, planning
+from picktree.world import Array, Box, Failure, ObjectId, Plan, Pose, Sphere, Trajectory, planning
 
 from .motion_cell import HOME, MODEL, Cell, down, item, littered, run, shelf_scene, table_scene
 
@@ -171,7 +171,7 @@ def test_the_leg_that_fails_is_named() -> None:
     assert caught.value.cause == planning.NO_IK
     assert caught.value.message.startswith("motion 2 of 2 (to (3.000, 0.000, 0.200)): ")
     assert caught.value.evidence["leg"] == 1
-    made = [entry for entry in cell.journal.take() if isinstance(entry, PlanEntry)]
+    made = [entry for entry in cell.journal.take() if isinstance(entry, Plan)]
     assert [(entry.request, entry.outcome) for entry in made] == [
         ("to home, then to (3.000, 0.000, 0.200)", "planning.no_ik")
     ]
@@ -190,7 +190,7 @@ def test_only_the_first_leg_says_where_it_starts() -> None:
 def test_what_a_chain_costs_is_charged_and_noted_once() -> None:
     cell = Cell(table_scene(BLOCK), cost=1e-3)
     plan, ticks = run(cell.plan.through(PICK))
-    made = [entry for entry in cell.journal.take() if isinstance(entry, PlanEntry)]
+    made = [entry for entry in cell.journal.take() if isinstance(entry, Plan)]
     assert [(m.request, m.planner, m.outcome, m.duration) for m in made] == [
         (
             "to (0.500, 0.000, 0.120), then straight to (0.500, 0.000, 0.020)",
@@ -271,5 +271,5 @@ def test_a_leg_that_is_refused_is_not_searched_twice() -> None:
     cell.at = before
     with pytest.raises(Failure):
         run(cell.plan.solve(into))
-    chain, alone = (entry.checks for entry in cell.journal.take() if isinstance(entry, PlanEntry))
+    chain, alone = (entry.checks for entry in cell.journal.take() if isinstance(entry, Plan))
     assert alone < chain < 1.5 * alone

@@ -19,7 +19,7 @@ from picktree.robot.planning import (
     PoseGoal,
     Scaling,
 )
-from picktree.world import Array, Box, Failure, PlanEntry, Pose, planning
+from picktree.world import Array, Box, Failure, Plan, Pose, planning
 
 from ..other_process import OtherProcess
 from .motion_cell import HOME, MODEL, TICK, Cell, down, item, littered, run, shelf_scene, table_scene
@@ -152,7 +152,7 @@ def test_failures_name_cause_and_culprits() -> None:
     assert failure.cause == planning.START_IN_COLLISION
     assert failure.message.startswith("where the arm is, panda_hand is ")
     assert isinstance(failure.evidence["depth"], float) and failure.evidence["depth"] > 0.05
-    notes = [note for note in cell.journal.take() if isinstance(note, PlanEntry)]
+    notes = [note for note in cell.journal.take() if isinstance(note, Plan)]
     assert [note.outcome for note in notes] == [
         "planning.no_ik",
         "planning.goal_in_collision",
@@ -183,7 +183,7 @@ def test_thinking_is_charged_in_ticks_and_the_rest_is_carried_over() -> None:
     assert cell.thinking.total > 2 * TICK
     assert total == int(cell.thinking.total / TICK)
     assert cell.thinking.owed == pytest.approx(cell.thinking.total - total * TICK)
-    notes = [note for note in cell.journal.take() if isinstance(note, PlanEntry)]
+    notes = [note for note in cell.journal.take() if isinstance(note, Plan)]
     assert sum(note.thinking for note in notes) == pytest.approx(cell.thinking.total)
     before = cell.thinking.total
     assert cell.plan.reachable(down(0.5, 0.0, 0.2)) is not None

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from picktree.robot.planning import NamedGoal, OffsetGoal, PoseGoal, Request
-from picktree.world import Box, PlanEntry, Pose
+from picktree.world import Box, Plan, Pose
 
 from .motion_cell import HOME, MODEL, Cell, down, item, run, table_scene
 
@@ -70,7 +70,7 @@ def test_the_journal_has_it_and_the_plan_says_what_it_was_for() -> None:
     cell = Cell(table_scene())
     request = Request(NamedGoal("observe"), clearance=0.01)
     plan, _ = run(cell.plan.solve(request))
-    (noted,) = [note for note in cell.journal.take() if isinstance(note, PlanEntry)]
+    (noted,) = [note for note in cell.journal.take() if isinstance(note, Plan)]
     quality = cell.plan.quality(plan)
     assert noted.request == "to observe, 10 mm clear"
     assert noted.length == pytest.approx(quality.length)

@@ -32,7 +32,7 @@ from picktree.robot.planning import (
 )
 from picktree.robot.planning.path_constraints import PathConstraints
 from picktree.session import RunRequest, Session
-from picktree.world import Array, Box, Failure, ObjectId, PlanEntry, PlanningScene, Pose, planning
+from picktree.world import Array, Box, Failure, ObjectId, Plan, PlanningScene, Pose, planning
 from picktree.world.planner_names import AUTO, BUILT_IN
 from picktree.world.robot_model import load_robot
 from picktree.world.scene import Fixture
@@ -83,7 +83,7 @@ def test_each_planner_goes_round_a_wall_and_names_itself(name: str) -> None:
     assert cell.plan.disagreements == ()
     assert MODEL.tcp(plan.trajectory.end).distance(RIGHT) < 1e-3
     assert np.array_equal(plan.path[0], START)
-    (entry,) = [one for one in cell.journal.take() if isinstance(one, PlanEntry)]
+    (entry,) = [one for one in cell.journal.take() if isinstance(one, Plan)]
     assert (entry.planner, entry.outcome) == (name, "found")
     assert plan.checks <= entry.checks < plan.checks + 10
 

@@ -20,7 +20,7 @@ from picktree.world import (
     ImageEntry,
     ObjectId,
     OtherEvent,
-    PlanEntry,
+    Plan,
     PlanningScene,
     Pose,
 )
@@ -68,7 +68,7 @@ def hostile_log(sample: ModuleType, path: Path) -> None:
                 recorder.log(now, "INFO", MARKUP, IMAGE)
                 recorder.log(now, "ERROR", LINK, LINK)
                 recorder.entry(now, OtherEvent(MARKUP, leaf, name=IMAGE, extra={MARKUP: LINK}))
-                recorder.entry(now, PlanEntry(MARKUP, IMAGE, 1, 0.1, IMAGE, MARKUP, 0.0))
+                recorder.entry(now, Plan(MARKUP, IMAGE, 1, 0.1, IMAGE, MARKUP, 0.0))
                 candidate = CandidateEntry(IMAGE, Pose(), 0.7, MARKUP, LINK)
                 recorder.entry(now, CandidateSearchEntry(IMAGE, item.id, {MARKUP: 1}, (candidate,)))
             ends = tuple(

@@ -7,6 +7,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Final, TypeAlias
 
 from picktree.files import Location, Mark
@@ -154,6 +155,7 @@ class ChildReader:
         self._document = document
         self._registry = registry
         self._faults = faults
+        self._fault = partial(faults.at, document)
         self._node = node
 
     def read(
@@ -246,11 +248,6 @@ class ChildReader:
                 hint = self._faults.nearest(pattern, patterns)
             self._fault(loc, trail, message, hint, code="P233", key=True)
 
-    def _fault(
-        self, loc: Location, trail: str, message: str, hint: str = "", *, code: str, key: bool = False
-    ) -> None:
-        self._faults.at(self._document, loc, trail, message, hint, code=code, key=key)
-
 
 def labels_of(slot: SlotDeclaration, value: Value) -> tuple[str, ...]:
     """Return one label for each child under a slot: its name in a table, else empty."""
@@ -302,21 +299,9 @@ class NodeSpecReader:
         self._registry = registry
         self._trees = trees
         self._faults = faults
+        self._fault = partial(faults.at, document)
         self._wires = PortReader(document, faults, pointer)
         self._children = ChildReader(document, registry, faults, self.node)
-
-    def _fault(
-        self,
-        loc: Location,
-        trail: str,
-        message: str,
-        hint: str = "",
-        *,
-        code: str,
-        key: bool = False,
-        detail: str = "",
-    ) -> None:
-        self._faults.at(self._document, loc, trail, message, hint, code=code, key=key, detail=detail)
 
     def node(self, value: Value, loc: Location, above: str, names: ChildNames) -> NodeSpec | None:
         """Read a node with all its descendants; None when it cannot be read at all."""

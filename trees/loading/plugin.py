@@ -63,21 +63,10 @@ def compiled(source: bytes, path: Path) -> CodeType:
     return compile(ast.fix_missing_locations(tree), str(path), "exec")
 
 
-def watched_names() -> dict[str, object]:
-    """Return the names that code from `compiled` needs."""
-    return {_HELPER: _carried_out}
-
-
 def _carried_out(value: object, motion: str, place: str) -> object:
-    if _is_unstarted(value):
+    if isinstance(value, GeneratorType) and inspect.getgeneratorstate(value) == inspect.GEN_CREATED:
         raise UnstartedMotion(f"{motion} is called without 'yield from', so that it does nothing ({place})")
     return value
-
-
-def _is_unstarted(value: object) -> bool:
-    if type(value) is not GeneratorType:
-        return False
-    return inspect.getgeneratorstate(cast("Generator[object, object, object]", value)) == inspect.GEN_CREATED
 
 
 class _Watch(ast.NodeTransformer):
@@ -582,7 +571,7 @@ def _run(name: str, path: Path, source: bytes, before: ModuleType | None) -> Mod
     assert spec is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
-    vars(module).update(watched_names())
+    vars(module)[_HELPER] = _carried_out
     exec(compiled(source, path), vars(module))
     setattr(module, _RUN_ATTRIBUTE, _Run(digest, frozenset(known_causes()) - frozenset(kept)))
     return module

@@ -7,6 +7,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final, Literal, cast
 
 from picktree.files import (
@@ -129,6 +130,7 @@ class PortReader:
     ) -> None:
         self._document = document
         self._faults = faults
+        self._fault = partial(faults.at, document)
         self._pointer = pointer
 
     def binding(
@@ -288,11 +290,6 @@ class PortReader:
             return
         mark, message = self._pointer.told(self._document.mark(loc), value, error)
         self._faults.add(Diagnostic(mark, trail, f"{what}: {message}", "", "P225"))
-
-    def _fault(
-        self, loc: Location, trail: str, message: str, hint: str = "", *, code: str, key: bool = False
-    ) -> None:
-        self._faults.at(self._document, loc, trail, message, hint, code=code, key=key)
 
 
 _PORT_KEYS = ("type", "default", "doc", "unit", "choices", "direction")

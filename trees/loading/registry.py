@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
 from pathlib import Path
 
 from picktree.trees import Node, NodeDeclaration, Plugin
@@ -196,8 +196,4 @@ def _installed(places: tuple[tuple[str, int], ...]) -> tuple[tuple[str, str, str
     The built-in entry comes first: when two offer the same ID, the foreign plug-in fails.
     """
     found = sorted(entry_points(group=GROUP), key=lambda e: (not _is_ours(e.value), e.name, e.value))
-    return tuple((entry.name, entry.value, _distribution(entry)) for entry in found)
-
-
-def _distribution(entry: EntryPoint) -> str:
-    return f"{entry.dist.name} {entry.dist.version}" if entry.dist else ""
+    return tuple((e.name, e.value, f"{e.dist.name} {e.dist.version}" if e.dist else "") for e in found)

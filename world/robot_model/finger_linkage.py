@@ -6,7 +6,6 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 
@@ -16,49 +15,31 @@ from .description import Follower, GripperDescription, Linkage
 from .urdf_parser import UrdfTree
 
 
-class Fingers(Protocol):
-    """Kinematics of a gripper's joints. Widths in m, angles in rad, joints in the gripper's order."""
-
-    def positions(self, width: float) -> tuple[float, ...]:
-        """Return the positions of all joints at that opening."""
-        ...
-
-    def width(self, positions: Sequence[float]) -> float:
-        """Return the opening that the driven joints measure, m."""
-        ...
-
-    def rate(self, positions: Sequence[float], velocities: Sequence[float]) -> float:
-        """Return the rate of the opening, m/s; positive while it grows."""
-        ...
-
-    def force(self, positions: Sequence[float], efforts: Sequence[float]) -> float:
-        """Return the force with which each finger presses, N, from the efforts of the driven joints."""
-        ...
-
-    def reach(self, width: float) -> float:
-        """Return the reach of the tips beyond the TCP at that opening, m."""
-        ...
-
-
 class SliderPair:
-    """Fingers on two sliders, each of which covers half of the opening."""
+    """Fingers on two sliders, each of which covers half of the opening. Widths in m, joints in the gripper's
+    order."""
 
     def __init__(self, gripper: GripperDescription) -> None:
         self._tip = gripper.tip
 
     def positions(self, width: float) -> tuple[float, ...]:
+        """Return the positions of all joints at that opening."""
         return (width / 2, width / 2)
 
     def width(self, positions: Sequence[float]) -> float:
+        """Return the opening that the driven joints measure, m."""
         return sum(positions)
 
     def rate(self, positions: Sequence[float], velocities: Sequence[float]) -> float:
+        """Return the rate of the opening, m/s; positive while it grows."""
         return sum(velocities)
 
     def force(self, positions: Sequence[float], efforts: Sequence[float]) -> float:
+        """Return the force with which each finger presses, N, from the efforts of the driven joints."""
         return sum(map(abs, efforts)) / 2
 
     def reach(self, width: float) -> float:
+        """Return the reach of the tips beyond the TCP at that opening, m."""
         return self._tip
 
 
@@ -109,7 +90,7 @@ class LinkageFingers:
         return _between(self._widths, self._tips, width)
 
 
-def fingers_of(gripper: GripperDescription) -> Fingers:
+def fingers_of(gripper: GripperDescription) -> SliderPair | LinkageFingers:
     """Return the finger kinematics of that gripper."""
     return SliderPair(gripper) if gripper.linkage is None else LinkageFingers(gripper.linkage)
 

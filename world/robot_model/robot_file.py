@@ -326,7 +326,9 @@ def _whole_urdf(check: DocumentChecker, robot: RobotFile, source: Path) -> Path 
     trees = [_skeleton(check, loc, part.path) for loc, part in named if part is not None]
     if None in trees:
         return None
-    mounting = _mounting(mount, hand) if mount is not None and hand is not None else None
+    mounting = None
+    if mount is not None and hand is not None:
+        mounting = GripperMount(hand, mount.link, mount.to, mount.pose(), mount.joint, mount.prefix)
     inertias = {
         name: LinkInertia(link.mass, link.at, link.moments, link.products)
         for name, link in robot.inertias.items()
@@ -361,10 +363,6 @@ def _skeleton(check: DocumentChecker, loc: Location, urdf: Path) -> UrdfTree | N
         for fault in error.faults:
             check.fault(loc, f"{urdf}: {fault}", code="P502")
         return None
-
-
-def _mounting(mount: MountFile, hand: NamedUrdf) -> GripperMount:
-    return GripperMount(hand, mount.link, mount.to, mount.pose(), mount.joint, mount.prefix)
 
 
 def _urdf(check: DocumentChecker, loc: Location, text: str, source: Path) -> NamedUrdf | None:

@@ -10,7 +10,7 @@ import re
 import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.util import find_spec
 from itertools import chain
@@ -219,9 +219,6 @@ def numbers_text(numbers: Vector3) -> str:
     return " ".join(repr(n) for n in numbers)
 
 
-ORIGIN = Pose()
-
-
 @dataclass(frozen=True, slots=True)
 class MimicJoint:
     """Mimic relation of a joint: its position is multiplier · (position of `joint`) + offset."""
@@ -243,7 +240,7 @@ class UrdfJoint:
     parent: str
     child: str
     limited: bool
-    child_in_parent: Pose = ORIGIN
+    child_in_parent: Pose = field(default_factory=Pose)
     axis: Vector3 = (1.0, 0.0, 0.0)
     lower: float | None = None
     upper: float | None = None

@@ -140,10 +140,7 @@ def check_body(check: DocumentChecker, name: str, entry: FixtureFile) -> None:
             else f"the table is no {which}"
         )
         check.fault(loc, f"the name {name!r} is taken", hint, code="P403", key=True)
-    with check.readable():
-        if entry.rpy is not None and entry.yaw is not None:
-            message = "'rpy' and 'yaw' exclude each other"
-            check.fault((*loc, "yaw"), message, "give one of them", code="P112", key=True)
+    _check_turn(check, loc, entry)
     with check.readable():
         if which in CONTAINERS and entry.rpy is not None:
             check.fault((*loc, "rpy"), f"a {which} stands upright: give its 'yaw'", code="P405", key=True)
@@ -218,6 +215,10 @@ def body(name: str, entry: FixtureFile) -> Fixture | Bin:
 def check_unknown(check: DocumentChecker, loc: Location, entry: UnknownFile) -> None:
     """Faults of a body that the robot is not told of."""
     check.one_of(loc, UnknownFile.one_of)
+    _check_turn(check, loc, entry)
+
+
+def _check_turn(check: DocumentChecker, loc: Location, entry: FixtureFile | UnknownFile) -> None:
     with check.readable():
         if entry.rpy is not None and entry.yaw is not None:
             message = "'rpy' and 'yaw' exclude each other"
@@ -227,15 +228,18 @@ def check_unknown(check: DocumentChecker, loc: Location, entry: UnknownFile) -> 
 def hidden_body(name: str, entry: UnknownFile) -> Fixture:
     """Such a body without faults."""
     pose = Pose.from_rpy(entry.at, entry.rpy or (0.0, 0.0, entry.yaw or 0.0))
-    shape: Shape
-    if entry.cylinder is not None:
-        shape = Cylinder(entry.cylinder.radius, entry.cylinder.height)
-    elif entry.sphere is not None:
-        shape = Sphere(entry.sphere.radius)
-    else:
-        assert entry.box is not None
-        shape = Box(entry.box)
+    shape = _primitive(entry)
+    assert shape is not None
     return Fixture(ObjectId(name), shape, pose, entry.colour)
+
+
+def _primitive(entry: UnknownFile | CatalogueFile) -> Shape | None:
+    """Return the cylinder, sphere or box of an entry; None when it has another form."""
+    if entry.cylinder is not None:
+        return Cylinder(entry.cylinder.radius, entry.cylinder.height)
+    if entry.sphere is not None:
+        return Sphere(entry.sphere.radius)
+    return Box(entry.box) if entry.box is not None else None
 
 
 def check_camera(check: DocumentChecker, name: str, entry: CameraFile) -> None:
@@ -308,10 +312,6 @@ def kind(check: DocumentChecker, name: str, entry: CatalogueFile) -> CatalogueEn
 
 
 def _shape(check: DocumentChecker, loc: Location, entry: CatalogueFile) -> Shape | None:
-    if entry.cylinder is not None:
-        return Cylinder(entry.cylinder.radius, entry.cylinder.height)
-    if entry.sphere is not None:
-        return Sphere(entry.sphere.radius)
     if entry.plate is not None:
         x, y, z = entry.plate
         if z > MAX_PLATE_HEIGHT_RATIO * min(x, y):
@@ -327,7 +327,7 @@ def _shape(check: DocumentChecker, loc: Location, entry: CatalogueFile) -> Shape
         except mesh_reader.MeshError as error:
             check.fault(at, error.message, error.hint, code="P409")
             return None
-    return Box(entry.box) if entry.box is not None else None
+    return _primitive(entry)
 
 
 def check_holes(check: DocumentChecker, loc: Location, entry: FixtureFile, which: str | None) -> None:
