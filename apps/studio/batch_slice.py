@@ -9,21 +9,20 @@ import re
 import signal
 import sqlite3
 import time
-from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import closing, suppress
 from pathlib import Path, PurePath
 from typing import Annotated, Any, Final, Literal, TypeAlias, cast
 
 import orjson
 from pydantic import Field
-from starlette.routing import BaseRoute
 
 from picktree.files import PicktreeError
 from picktree.files.yaml import YamlNode, read
 
 from .calls import JsonValue, call, watch
 from .jobs import Job, command_answer, job_text
-from .slice import Studio
+from .slice import Slice, Studio
 from .workspace import Workspace
 
 PLAN_FILE: Final = "plan.json"
@@ -36,6 +35,7 @@ Behind: TypeAlias = Literal["all", "status", "cause", "root", "place", "form", "
 _JOB: Final = (
     "jobs.job, jobs.number, variant, seed, status, items_sorted, items_total, sim_seconds, look_at, folder"
 )
+_JOB_KEYS = ("job", "number", "label", "seed", "status", "sorted", "items", "seconds", "look_at", "folder")
 _CONDITIONS: Final[Mapping[Behind, str]] = {
     "all": "1",
     "status": "status = :value",
@@ -168,19 +168,7 @@ class BatchFolder:
             f"ORDER BY status = 'success', number LIMIT {MAX_JOBS}",
             values,
         )
-        names = (
-            "job",
-            "number",
-            "label",
-            "seed",
-            "status",
-            "sorted",
-            "items",
-            "seconds",
-            "look_at",
-            "folder",
-        )
-        return [dict(zip(names, row, strict=True)) for row in rows]
+        return [dict(zip(_JOB_KEYS, row, strict=True)) for row in rows]
 
     def _rows(self, sql: str, values: Mapping[str, object] | None = None) -> list[tuple[Any, ...]]:
         path = self.place / RESULTS_FILE
@@ -246,14 +234,9 @@ def with_key(text: str, key: str, value: JsonValue) -> str:
         return "".join([*lines[:first], *written, *lines[last:]])
     if lines and not lines[-1].endswith("\n"):
         lines[-1] += "\n"
-    place = max(
-        (_lines_of(root, each, lines)[1] for each in _before(key) if each in root.keys), default=len(lines)
-    )
+    before = [each for each in ("picktree", "kind", *KEYS[: KEYS.index(key)]) if each in root.keys]
+    place = max((_lines_of(root, each, lines)[1] for each in before), default=len(lines))
     return "".join([*lines[:place], *written, *lines[place:]])
-
-
-def _before(key: str) -> tuple[str, ...]:
-    return ("picktree", "kind", *KEYS[: KEYS.index(key)])
 
 
 def _lines_of(root: YamlNode, key: str, lines: list[str]) -> tuple[int, int]:
@@ -287,19 +270,13 @@ _AT_ONCE: Final = 2
 Workers = Annotated[int, Field(ge=1, le=256)]
 
 
-class BatchSlice:
+class BatchSlice(Slice):
     """Calls on plans and batches of the folder."""
 
     def __init__(self, studio: Studio) -> None:
         self._workspace = studio.workspace
         self._jobs = studio.jobs
         self._slots = asyncio.Semaphore(_AT_ONCE)
-
-    def routes(self) -> Sequence[BaseRoute]:
-        return ()
-
-    async def close(self) -> None:
-        pass
 
     # Plans.
 
@@ -366,18 +343,12 @@ class BatchSlice:
         """Yield the batches of the folder with their progress, the last written first, when one changes."""
         told: list[object] | None = None
         while True:
-            batches = await asyncio.to_thread(self._batches)
+            batches = await asyncio.to_thread(lambda: list(newest_first(batch_folders(self._workspace))))
             stamps: list[object] = [(str(each.place), each.stamp()) for each in batches]
             if stamps != told:
                 told = stamps
-                yield await asyncio.to_thread(self._rows, batches)
+                yield await asyncio.to_thread(lambda found: [self._row(each) for each in found], batches)
             await asyncio.sleep(3 * _PERIOD)
-
-    def _batches(self) -> list[BatchFolder]:
-        return list(newest_first(batch_folders(self._workspace)))
-
-    def _rows(self, batches: list[BatchFolder]) -> list[JsonValue]:
-        return [self._row(each) for each in batches]
 
     def _row(self, batch: BatchFolder) -> JsonValue:
         row: dict[str, JsonValue] = {"id": self._workspace.relative(batch.place)}
