@@ -70,7 +70,8 @@ def calibration_scene(name: str, place: TargetPlacement | None) -> SceneDescript
     complete, for the log. Raises PicktreeError."""
     path = file_system.find_file(name, scene_loading.SHIPPED, Path.cwd(), "scene")
     scene = load_scene(name, Path.cwd())
-    own: dict[str, object] = {"picktree": 1, "kind": "scene", "base": _base(path)}
+    base = path.stem if path.parent == scene_loading.SHIPPED else str(path.resolve())
+    own: dict[str, object] = {"picktree": 1, "kind": "scene", "base": base}
     if scene.spawn:
         own["spawn"] = None
     if scene.deliveries:
@@ -79,10 +80,6 @@ def calibration_scene(name: str, place: TargetPlacement | None) -> SceneDescript
         own["fixtures"] = {TARGET_NAME: _target_fixture(scene, place or _middle(scene))}
     beside = Path.cwd() if path.parent == scene_loading.SHIPPED else path.parent
     return parse_scene(yaml.safe_dump(own, sort_keys=False), beside / f"{path.stem}.yaml")
-
-
-def _base(path: Path) -> str:
-    return path.stem if path.parent == scene_loading.SHIPPED else str(path.resolve())
 
 
 def _target_fixture(scene: SceneDescription, place: TargetPlacement) -> dict[str, object]:

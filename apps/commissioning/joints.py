@@ -69,7 +69,14 @@ def find_groups(
         require_link(
             source, skeleton, name, f"a link {name!r}", "take --base and --tip from the names of its links"
         )
-    _refuse_floating(source, skeleton)
+    for name, joint in skeleton.joints.items():
+        if joint.type in ("floating", "planar"):
+            raise UnsuitableUrdf(
+                source,
+                f"the joint {name!r} is {joint.type}: the robot drives, flies or walks",
+                "an arm on a base that stands still",
+                f'make that joint type="fixed" in a copy of the URDF, if {joint.child!r} shall stand still',
+            )
     hands = tuple(_hands(skeleton))
     if tip is None and len(hands) == 0:
         arm = _only_chain(source, skeleton, base)
@@ -128,22 +135,15 @@ def _hands(skeleton: urdf_parser.UrdfTree) -> Iterator[HandGroup]:
         for names in by_palm.values()
         if len(names) == 2 and len({skeleton.joints[name].type for name in names}) == 1
     ]
-    for group in _merged(skeleton, found):
+    together: dict[str, set[str]] = {}
+    for group in found:
+        if known := [name for name in skeleton.joints if name in group]:
+            together.setdefault(_common(skeleton, known), set()).update(known)
+    for group in together.values():
         known = [name for name in skeleton.joints if name in group and skeleton.joints[name].type in MOVING]
         drives = tuple(n for n in known if skeleton.joints[n].mimic is None)
-        palm = _common(skeleton, known)
-        if drives and len(known) >= 1:
-            yield HandGroup(palm, drives, tuple(n for n in known if n not in drives))
-
-
-def _merged(skeleton: urdf_parser.UrdfTree, groups: list[set[str]]) -> list[set[str]]:
-    """Merge groups on the same palm into one hand."""
-    by_palm: dict[str, set[str]] = {}
-    for group in groups:
-        known = [name for name in skeleton.joints if name in group]
-        if known:
-            by_palm.setdefault(_common(skeleton, known), set()).update(known)
-    return list(by_palm.values())
+        if drives:
+            yield HandGroup(_common(skeleton, known), drives, tuple(n for n in known if n not in drives))
 
 
 def _is_finger(skeleton: urdf_parser.UrdfTree, name: str) -> bool:
@@ -155,9 +155,8 @@ def _is_finger(skeleton: urdf_parser.UrdfTree, name: str) -> bool:
     beyond = skeleton.below(joint.child)
     if any(j.parent in beyond and j.type in MOVING for j in skeleton.joints.values()):
         return False
-    return sum(skeleton.joints[above].type in MOVING for above in skeleton.above(name)) != 0 or (
-        joint.type == "prismatic"
-    )
+    carried = any(skeleton.joints[above].type in MOVING for above in skeleton.above(name))
+    return carried or joint.type == "prismatic"
 
 
 def _mount(skeleton: urdf_parser.UrdfTree, name: str) -> str:
@@ -172,12 +171,8 @@ def _mount(skeleton: urdf_parser.UrdfTree, name: str) -> str:
 
 def _common(skeleton: urdf_parser.UrdfTree, joints: list[str]) -> str:
     """Return the last link that carries all of these joints."""
-    chains: list[list[str]] = []
-    for name in joints:
-        above = [skeleton.joints[j].parent for j in (*skeleton.above(name), name)]
-        chains.append(above)
-    common = [link for link in chains[0] if all(link in chain for chain in chains[1:])]
-    return common[-1]
+    chains = [[skeleton.joints[j].parent for j in (*skeleton.above(name), name)] for name in joints]
+    return [link for link in chains[0] if all(link in chain for chain in chains[1:])][-1]
 
 
 def _carries(skeleton: urdf_parser.UrdfTree, link: str, other: str) -> bool:
@@ -214,17 +209,14 @@ def _arm_to(
             "which of them is meant",
             "choose by " + " or ".join(f"--tip {h.palm}" for h, _ in long),
         )
-    if not long:
-        hand, joints = max(fitting, key=lambda pair: len(pair[1]))
-        if len(joints) == 0:
-            raise UnsuitableUrdf(
-                source,
-                f"a gripper alone: {_listed(hand.joints)} on {hand.palm}",
-                "an arm that carries it",
-                f"take the arm's URDF, and this one by --gripper {source}:{hand.palm}",
-            )
-        return _arm_group(source, skeleton, joints, base, hand.palm)
-    hand, joints = long[0]
+    hand, joints = long[0] if long else max(fitting, key=lambda pair: len(pair[1]))
+    if not joints:
+        raise UnsuitableUrdf(
+            source,
+            f"a gripper alone: {_listed(hand.joints)} on {hand.palm}",
+            "an arm that carries it",
+            f"take the arm's URDF, and this one by --gripper {source}:{hand.palm}",
+        )
     return _arm_group(source, skeleton, joints, base, hand.palm)
 
 
@@ -277,17 +269,6 @@ def _arm_group(
     return ArmGroup(joints, base or skeleton.joints[joints[0]].parent, tip)
 
 
-def _refuse_floating(source: str, skeleton: urdf_parser.UrdfTree) -> None:
-    for name, joint in skeleton.joints.items():
-        if joint.type in ("floating", "planar"):
-            raise UnsuitableUrdf(
-                source,
-                f"the joint {name!r} is {joint.type}: the robot drives, flies or walks",
-                "an arm on a base that stands still",
-                f'make that joint type="fixed" in a copy of the URDF, if {joint.child!r} shall stand still',
-            )
-
-
 def _refuse_mimics(source: str, skeleton: urdf_parser.UrdfTree, arm: ArmGroup) -> None:
     """Raise UnsuitableUrdf when a joint between the links of the arm follows another one."""
     inside = skeleton.joints_between(arm.base, arm.tip) or arm.joints
@@ -337,7 +318,12 @@ def _refuse_unfit(source: str, skeleton: urdf_parser.UrdfTree, arm: ArmGroup, *,
             "joints with limits: this looks like wheels or a toy",
             'for the joints of an arm, type="revolute" with <limit lower=… upper=… effort=… velocity=…/>',
         )
-    unlimited = [n for n in arm.joints if not _usable(skeleton.joints[n])]
+    bounded = {name: joint for name in arm.joints if (joint := skeleton.joints[name]).type != "continuous"}
+    unlimited = [
+        name
+        for name, joint in bounded.items()
+        if not joint.limited or joint.lower is None or joint.upper is None or joint.lower >= joint.upper
+    ]
     if unlimited:
         raise UnsuitableUrdf(
             source,
@@ -345,12 +331,6 @@ def _refuse_unfit(source: str, skeleton: urdf_parser.UrdfTree, arm: ArmGroup, *,
             f"limits of {_listed(tuple(unlimited))}",
             '<limit lower="-3" upper="3" effort="50" velocity="2"/> inside of each such <joint>',
         )
-
-
-def _usable(joint: urdf_parser.UrdfJoint) -> bool:
-    if joint.type == "continuous":
-        return True
-    return joint.limited and joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
 
 
 def _joints(count: int) -> str:

@@ -95,7 +95,6 @@ _REASON_TEXTS = {
 
 
 def robot_file_text(draft: RobotDraft) -> str:
-    """Return the text of the file."""
     return "\n".join(_lines(draft)) + "\n"
 
 
@@ -461,8 +460,8 @@ def _borne(draft: RobotDraft, wish: ProposalRequest) -> RobotDraft:
 def _find_draft(wish: ProposalRequest) -> RobotDraft:
     source = find_source(wish.urdf)
     refuse_missing_meshes(wish.urdf, source.urdf.path)
+    groups = find_groups(wish.urdf, source.skeleton, wish.base, wish.tip)
     if wish.gripper is None:
-        groups = find_groups(wish.urdf, source.skeleton, wish.base, wish.tip)
         if groups.hand is None:
             raise UnsuitableUrdf(
                 wish.urdf,
@@ -473,7 +472,6 @@ def _find_draft(wish: ProposalRequest) -> RobotDraft:
                 "--gripper pybullet_data:franka_panda/panda.urdf:panda_hand",
             )
         return _draft(wish, source, source.urdf.path, groups.arm, groups.hand, None, "")
-    groups = find_groups(wish.urdf, source.skeleton, wish.base, wish.tip)
     if groups.hand is not None and wish.mount is None:
         raise UnsuitableUrdf(
             wish.urdf,

@@ -17,8 +17,8 @@ from picktree.robot.planning import LineGoal, NamedGoal, RegionGoal, Request, Ta
 from picktree.world import Array, BeliefObject, Pose
 from picktree.world.scene import Bin
 
-HEIGHT_OVER_BIN = 0.1
-"""Height of the tool above the rim of a bin, m."""
+from .base_pose import HEIGHT_OVER_BIN
+
 TOOL_DOWN_RPY = (math.pi, 0.0, 0.0)
 """Roll, pitch and yaw of a tool that points down, rad."""
 
