@@ -38,11 +38,9 @@ class PageText:
         self._units = [at + number for number, at in enumerate(self._wide)]
 
     def units(self, place: int) -> int:
-        """Return a place in UTF-16 units."""
         return place + bisect_left(self._wide, place) if self._wide else place
 
     def points(self, place: int) -> int:
-        """Return a place in code points."""
         return place - bisect_left(self._units, place) if self._units else place
 
     def place(self, at: Place) -> int:

@@ -143,7 +143,6 @@ class RunPicture:
             self._changed.add(name)
 
     def take_stop(self, statuses: Mapping[str, str], blackboard: Mapping[str, JsonValue]) -> None:
-        """Take statuses and blackboard as they are at a stop."""
         for path, status in statuses.items():
             before = self._nodes.get(path, ["", False, "", ""])
             self._put("nodes", self._nodes, path, [status, *before[1:]])
@@ -270,8 +269,7 @@ class FollowedRun:
     """
 
     def __init__(self, folder: Path) -> None:
-        """Raises PicktreeError when the run is not going on, or cannot be attached. It is connected by
-        `begin`."""
+        """Raises PicktreeError when the run cannot be attached. It is connected by `begin`."""
         self.folder = folder
         self.ended = False
         """Whether the connection has ended."""
@@ -283,8 +281,7 @@ class FollowedRun:
         self._leaving: asyncio.TimerHandle | None = None
 
     async def begin(self) -> None:
-        """Connect, and read what the log has of the time before. Raises PicktreeError as the constructor of a
-        socket does."""
+        """Connect, and read what the log has of the time before. Raises PicktreeError."""
         connection = await asyncio.to_thread(attach_socket.connect_to_run, self.folder)
         connection.setblocking(False)
         reader, self._writer = await asyncio.open_unix_connection(sock=connection, limit=_MAX_LINE)

@@ -54,8 +54,7 @@ class RunOrder(BaseModel):
 
 
 def start_form(workspace: Workspace, mission: str) -> JsonValue:
-    """Return what a mission and the folder offer for a run. Raises PicktreeError, with the faults of the
-    file."""
+    """Return what a mission and the folder offer for a run. Raises PicktreeError with the file's faults."""
     loaded = load_mission(workspace.resolve(mission), NodeRegistry())
     files = workspace.files()
     return {
@@ -268,7 +267,6 @@ def _began(folder: Path) -> float:
 
 
 def _is_of(folder: Path, process: int) -> bool:
-    """Whether the run of a folder is that of a process."""
     try:
         with attach_socket.connect_to_run(folder) as connection:
             size = struct.calcsize("3i")

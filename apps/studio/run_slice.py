@@ -448,7 +448,6 @@ class RunSlice(Slice):
         return self._workspace.resolve(path)
 
     def _runs(self) -> Path:
-        """Return where new runs are put."""
         root, folder = self._workspace.root, self._table.folder
         holds_runs = folder != root or any(root.glob("*/*.mcap")) or any(root.glob("*.mcap"))
         return folder if holds_runs else root / "runs"
