@@ -142,8 +142,7 @@ def runs(
 
 
 def _prune(index: run_index.RunIndex, found: Sequence[run_index.RunRow], *, yes: bool) -> list[str]:
-    """Delete runs after a confirmation; return why some were not deleted. Raises PicktreeError where nobody
-    can confirm."""
+    """Delete runs once confirmed; return why some stay. Raises PicktreeError where nobody can confirm."""
     from picktree.files import PicktreeError
 
     size = f"{len(found)} runs, {sum(row.size for row in found) / 1e6:.1f} MB"

@@ -85,11 +85,9 @@ class CommandPrompt:
         return sorted(text for text in self.arguments(meant[0]) if text.startswith(last))
 
     def arguments(self, command: str) -> Iterable[str]:
-        """Return the possible arguments of a command."""
         return self._commands if command == "help" else ()
 
     def show_help(self, word: str) -> bool:
-        """Show the help of a command, or of all, for `help [COMMAND]`."""
         name = self._named(word) if word else ""
         if word and not name:
             return False
@@ -103,8 +101,7 @@ class CommandPrompt:
         return self._show(lines)
 
     def _named(self, word: str) -> str:
-        """Return the command of a word or its beginning; empty, with a message, when none or several
-        match."""
+        """Return the command of a word or its beginning; empty, with a message, when not exactly one fits."""
         fitting = self._meant(word)
         if len(fitting) == 1:
             return fitting[0]

@@ -34,7 +34,6 @@ from .state_text import (
 
 
 def place(tree: BehaviourTree, stop: DebuggerStop) -> str:
-    """Return the place of the stop in a line."""
     now = f"{tree.root.world.clock.now:.2f} s"
     if not stop.path:
         return f"{now}, end of the tick; {deepest(tree).path} is {deepest(tree).state}"

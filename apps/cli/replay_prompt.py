@@ -197,8 +197,7 @@ def _span(cursor: Cursor, visit: node_visits.Visit) -> str:
 
 
 def deepest(cursor: Cursor) -> str:
-    """Return the path of the node that failed in this tick; else of the deepest one that runs, or the
-    root."""
+    """Return the path of the node that failed in this tick; else of the deepest that runs, or the root."""
     failed = cursor.failure
     if failed is not None and failed.last == cursor.number:
         return failed.path
@@ -314,7 +313,7 @@ class ReplayPrompt(CommandPrompt):
         cursor = self.cursor
         self._say(place(cursor))
         changed = {move.transition.path for move in cursor.changes().moves}
-        rows = tree_rows(cursor.tree.nodes, [*_statuses(cursor).values()], _MAX_TREE_LINES, changed)
+        rows = tree_rows(_node_states(cursor), _MAX_TREE_LINES, changed)
         self._show(f"  {row.plain}" for row in rows)
         return self._show(change_lines(cursor, cursor.changes(self._since), _MAX_CHANGE_LINES))
 

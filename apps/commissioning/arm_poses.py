@@ -45,8 +45,7 @@ class SpaceOverTable:
         self._hulls = {link: solids[link].hull() for link in _moving_links(model, tree) if link in solids}
 
     def free(self, q: Array) -> bool:
-        """Return whether the arm at q touches neither itself nor the table, with open and with shut
-        fingers."""
+        """Return whether the arm at q touches neither itself nor the table, with open and shut fingers."""
         return self._shut.free(q) and self._opened.free(q) and self._lowest(q)[1] >= TABLE_CLEARANCE
 
     def _lowest(self, q: Array) -> tuple[str, float]:
@@ -143,8 +142,7 @@ def first_joint(model: RobotModel) -> Array:
 
 
 def reach(model: RobotModel, samples: int = 2000, seed: int = 0) -> float:
-    """Return the tool's horizontal reach from the first joint, m: the 99th percentile of random
-    configurations."""
+    """Return the tool's horizontal reach from the first joint, m: the 99th percentile of random poses."""
     generator = np.random.default_rng([seed, 1])
     base = model.description.base_in_world.inverse()
     x0, y0, _ = base.apply(first_joint(model))
@@ -192,8 +190,7 @@ def _in_workspace(model: RobotModel, q: Array) -> bool:
 
 
 def _turned(model: RobotModel, space: SpaceOverTable, home: Array) -> Array | None:
-    """Return `home` with the first joint turned to the side; of two sides the one nearer to the middle of
-    the table."""
+    """Return `home` turned aside by the first joint; of two sides the one nearer to the table's middle."""
     turned: list[Array] = []
     for turn in (OBSERVE_ROTATION, -OBSERVE_ROTATION):
         aside = home.copy()
@@ -242,8 +239,7 @@ class _Search:
         """Point on the axis of the first joint, from which poses are searched, in the world."""
 
     def best(self, near: tuple[float, ...], high: tuple[float, ...], *, folded: bool = False) -> Array | None:
-        """Return the free configuration of greatest value with the tool down in front of the first joint;
-        None: there is none."""
+        """Return the best free configuration with the tool down ahead of the first joint, or None."""
         most = self._most
         found: list[_Posture] = []
         for share in near:
@@ -291,8 +287,7 @@ class _Search:
         return missed / len(places())
 
     def anywhere(self) -> Array | None:
-        """Return the free configuration of greatest value among random ones with the tool in front of the
-        first joint; None: there is none."""
+        """Return the best of random free configurations with the tool ahead of the first joint, or None."""
         model = self._model
         count = range(RANDOM_CONFIGURATION_COUNT)
         drawn = [self._generator.uniform(model.planned_lower, model.planned_upper) for _ in count]
@@ -313,8 +308,7 @@ class _Search:
         return [q for seed in seeds if (q := self._ik.descend(tool, seed)) is not None]
 
     def _value(self, q: Array) -> float:
-        """Return the value of a configuration: greater far from singularities and limits, with the first
-        joint ahead."""
+        """Return the value of a configuration: greater far from singularities and limits, and ahead."""
         model = self._model
         singular = np.linalg.svd(model.jacobian(q), compute_uv=False)
         spread = model.upper - model.lower

@@ -139,8 +139,7 @@ class FingerMotion:
         return self.pose(link, self.positions(drive)).apply(self._solids[link].points)
 
     def finger(self, n: int, drive: float, axes: Array) -> Array:
-        """Return the points (k, 3) of finger n in `axes` (3, 3), directions in the palm's frame by
-        columns."""
+        """Return the points (k, 3) of finger n in `axes` (3, 3), columns in the palm's frame."""
         return self.points(self.links[n], drive) @ axes
 
     def gap_at(self, drive: float) -> float:
@@ -325,8 +324,7 @@ class _Level:
 
 
 class GripperMeter:
-    """Gripper meter: measures one hand. Raises UnsuitableUrdf when the hand is no gripper with two
-    fingers."""
+    """Gripper meter: measures one hand. Raises UnsuitableUrdf when it is no gripper with two fingers."""
 
     def __init__(
         self,
@@ -529,8 +527,7 @@ class GripperMeter:
         return float(points[between, 2].max()) if between.any() else -math.inf
 
     def _sliders(self, closed: float, opened: float, widths: list[float]) -> tuple[str, str] | None:
-        """Return the two sliding joints when the opening is the sum of their positions, which is the simpler
-        form; else None."""
+        """Return the two sliding joints when the opening is the sum of their positions; else None."""
         names = tuple(self.ratios)
         if len(names) != 2 or any(self._skeleton.joints[n].type != "prismatic" for n in names):
             return None

@@ -18,8 +18,7 @@ from picktree.world.robot_model import MOVING, RobotModel, urdf_parser
 from .link_geometry import UnsuitableUrdf
 
 MIN_ARM_JOINTS = 5
-"""Least number of joints of an arm that puts its tool upright at any place and turns it: three, one and
-one."""
+"""Least number of joints of an arm that puts its tool upright at any place and turns it."""
 MIN_LIMB_JOINTS = 3
 """Least number of joints of a chain that is reported as a limb."""
 _JAW = re.compile(r"jaw|gripper|finger|claw", re.IGNORECASE)
@@ -89,8 +88,7 @@ def find_groups(
 
 
 def find_hand(source: str, skeleton: urdf_parser.UrdfTree, link: str | None) -> tuple[HandGroup, str]:
-    """Return the hand of a gripper's URDF, and the link from which it is taken. Raises UnsuitableUrdf when it
-    has no such hand."""
+    """Return the hand of a gripper's URDF, and its first link. Raises UnsuitableUrdf without such a hand."""
     helps = "name the gripper's first link behind the colon of --gripper"
     require_link(source, skeleton, link, f"a link {link!r}", helps)
     hands = [h for h in _hands(skeleton) if link is None or _carries(skeleton, link, h.palm)]
@@ -147,8 +145,7 @@ def _hands(skeleton: urdf_parser.UrdfTree) -> Iterator[HandGroup]:
 
 
 def _is_finger(skeleton: urdf_parser.UrdfTree, name: str) -> bool:
-    """Return whether a joint moves a leaf of the tree and is mounted on a link that other joints move, or
-    slides."""
+    """Return whether a joint moves a leaf of the tree, and slides or stands on a moved link."""
     joint = skeleton.joints[name]
     if joint.type not in ("prismatic", "revolute"):
         return False
@@ -221,8 +218,7 @@ def _arm_to(
 
 
 def _only_chain(source: str, skeleton: urdf_parser.UrdfTree, base: str | None) -> ArmGroup:
-    """Return the longest chain of joints as the arm. Raises UnsuitableUrdf when it is not clearly the only
-    one."""
+    """Return the longest chain of joints as the arm. Raises UnsuitableUrdf when others are as long."""
     parents = {joint.parent for joint in skeleton.joints.values()}
     leaves = [link for link in skeleton.links if link not in parents]
     chains = {_moving_to(skeleton, leaf, base): leaf for leaf in reversed(leaves)}
@@ -342,8 +338,7 @@ def _listed(names: tuple[str, ...]) -> str:
 
 
 LIMIT_RESERVE = math.radians(2.0)
-"""Distance kept from a joint's limits where the URDF has no soft limits, rad; never more than
-RESERVE_SHARE."""
+"""Distance kept from limits where the URDF has no soft limits, rad; never more than RESERVE_SHARE."""
 RESERVE_SHARE = 0.01
 """Greatest distance kept from a joint's limits, as a share of its range."""
 CONTINUOUS_RANGE = 2 * math.pi

@@ -122,7 +122,6 @@ class PlanAnswer:
         return json.dumps(asdict(self), indent=2, default=str) + "\n"
 
     def to_text(self) -> str:
-        """Return the answer as text for a terminal."""
         lines = [
             f"{self.asked}, from {self.begins}",
             f"scene {self.scene}, robot {self.robot}, seed {self.seed}; everything is believed where it is",
@@ -202,11 +201,9 @@ def _table(rows: Iterator[tuple[str, str]] | list[tuple[str, str]]) -> list[str]
 
 
 START_COLOUR = (0.80, 0.86, 0.93)
-"""Colour of the arm at the start."""
 HAND_COLOUR = (0.90, 0.91, 0.84)
 """Colour of the hand between start and goal."""
 COLLISION_COLOUR = (0.85, 0.15, 0.12)
-"""Colour of a link in collision."""
 COPY_SCALE = (0.99, 0.99, 0.99)
 INTERMEDIATE_HANDS = 3
 """Number of hands that are drawn between start and goal."""
@@ -480,8 +477,7 @@ def plan_in_scene(asked: PlanQuery) -> PlanAnswer:
 
 @dataclass(frozen=True, slots=True)
 class _Tried:
-    """Result of the attempts. `outcome`: the plan, or the failure of the first attempt; None: there was
-    nothing to attempt."""
+    """Result of the attempts. `outcome`: the plan, or the first failure; None: nothing was attempted."""
 
     attempt: GoalAttempt | None
     outcome: MotionPlan | Failure | None

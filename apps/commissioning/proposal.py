@@ -314,8 +314,7 @@ def find_mounting(
     link: str | None,
     to: str | None,
 ) -> gripper_mounting.GripperMount:
-    """Find the mounting of a gripper on an arm. Raises UnsuitableUrdf when the gripper is none, or the arm
-    has no such link."""
+    """Find the mounting of a gripper. Raises UnsuitableUrdf without a gripper, or without such a link."""
     _, first = find_hand(gripper.text, gripper.skeleton, link)
     carrier = to or _mount_flange(arm_source.skeleton, arm)
     skeleton = arm_source.skeleton
@@ -553,8 +552,7 @@ def _draft(
 
 
 def _named(text: str, urdf: gripper_mounting.NamedUrdf, file: Path) -> str:
-    """Return a URDF's name in the robot file: `package:path` as given, else a path relative to the file's
-    folder."""
+    """Return a URDF's name in the robot file: `package:path` as given, else a path relative to the file."""
     if urdf.package:
         return text
     return Path(os.path.relpath(urdf.path.resolve(), file.resolve().parent)).as_posix()

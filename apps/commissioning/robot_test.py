@@ -60,7 +60,6 @@ class RobotTestResult:
 
     @property
     def good(self) -> bool:
-        """Whether all verdicts are good."""
         return all(verdict.good for verdict in self.verdicts)
 
     @property
@@ -84,8 +83,7 @@ class RobotTestResult:
         return json.dumps({**asdict(self), "good": self.good}, ensure_ascii=False)
 
     def write_page(self, robot: RobotDescription, file: Path) -> None:
-        """Write the page, with a picture of the robot at `home`. Raises PicktreeError when it cannot be
-        written."""
+        """Write the page, with the robot at `home`. Raises PicktreeError when it cannot be written."""
         with TemporaryDirectory() as folder:
             drawn = Path(folder) / "robot.png"
             draw_robot(robot, drawn)
