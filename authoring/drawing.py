@@ -32,7 +32,6 @@ from .svg_drawing import (
     definitions,
     escape,
     header_texts,
-    page_style,
     pill_svg,
     style,
     svg,
@@ -41,7 +40,6 @@ from .svg_drawing import (
 from .tree_layout import card, header, pill
 
 DEFAULT_COLUMNS: Final = 100
-"""Default width, columns."""
 _MIN_NODE_COLUMNS: Final = 40
 """Minimum width of a node's line at any depth, columns."""
 _MIN_VALUE_COLUMNS: Final = 8
@@ -55,48 +53,26 @@ def text(chart: Chart, *, columns: int = DEFAULT_COLUMNS, expand: bool = False) 
     for tree in chart.trees[:1] if expand else chart.trees:
         rows += ["", _row("", tree.name, [_port(port) for port in tree.ports], columns)]
         rows += [_cut(tree.doc, columns)] if tree.doc else []
-        rows += _below(chart, tree.root, "", columns, expand)
+        rows += _branches(chart, [Branch("", "child", tree.root)], "", columns, expand)
     return "\n".join(rows) + "\n"
 
 
-def _below(chart: Chart, root: ChartNode, indent: str, columns: int, expand: bool) -> Iterator[str]:
-    yield from _branch(chart, Branch("", "child", root), indent, "└── ", "    ", columns, expand)
-
-
-def _branch(
-    chart: Chart, branch: Branch, indent: str, mark: str, beyond: str, columns: int, expand: bool
+def _branches(
+    chart: Chart, branches: Sequence[Branch], indent: str, columns: int, expand: bool
 ) -> Iterator[str]:
-    node = branch.node
-    head, words = _title(branch), _words(node)
-    yield _row(f"{indent}{mark}", head, words, columns)
-    inner = f"{indent}{beyond}"
-    called = _called(chart, node) if expand else None
-    if called is not None:
-        yield from _below(chart, called.root, inner, columns, expand)
-    for index, below in enumerate(node.branches):
-        last = index + 1 == len(node.branches)
-        marks = ("└── ", "    ") if last else ("├── ", "│   ")
-        yield from _branch(chart, below, inner, *marks, columns, expand)
-
-
-def _called(chart: Chart, node: ChartNode) -> ChartTree | None:
-    return chart.tree(node.calls) if node.calls else None
-
-
-def _title(branch: Branch) -> str:
-    node, label = branch.node, f"{branch.label}:" if branch.label else ""
-    if node.written_as_list:
-        return label
-    name = node.given_name
-    title = f"{CHARACTERS[node.symbol]} {node.id}{'' if name[:1] in ('', '#') else ' '}{name}"
-    return f"{label} {title}" if label else title
-
-
-def _words(node: ChartNode) -> list[str]:
-    stop = [f"● stops {node.breakpoint}"] if node.breakpoint else []
-    before = [f"[{rule.key}: {rule.text}]" for rule in node.before]
-    after = [f"[{rule.key}: {rule.text}]" for rule in node.after]
-    return [*stop, *before, *map(_port, node.ports), *after]
+    for branch in branches:
+        node, last = branch.node, branch is branches[-1]
+        stop = [f"● stops {node.breakpoint}"] if node.breakpoint else []
+        before, after = (
+            [f"[{rule.key}: {rule.text}]" for rule in rules] for rules in (node.before, node.after)
+        )
+        words = [*stop, *before, *map(_port, node.ports), *after]
+        label = f"{branch.label}:" if branch.label else ""
+        title = "" if node.written_as_list else f"{CHARACTERS[node.symbol]} {node.title}"
+        yield _row(f"{indent}{'└── ' if last else '├── '}", f"{label} {title}".strip(), words, columns)
+        called = [Branch("", "child", chart.tree(node.calls).root)] if expand and node.calls else []
+        beyond = f"{indent}{'    ' if last else '│   '}"
+        yield from _branches(chart, [*called, *node.branches], beyond, columns, expand)
 
 
 def _port(port: ChartPort) -> str:
@@ -150,17 +126,20 @@ def html(chart: Chart, *, expand: bool = False) -> str:
     return template.substitute(
         title=escape(chart.title),
         remark=escape(" · ".join(part for part in about if part)),
-        style=f"{style()}{page_style()}",
+        style=style("drawing") + style("page"),
         legend=_legend(),
         text=escape(text(chart)),
-        chart=_script_json(chart_json(chart, expand=expand)),
+        # Nothing in the JSON may end the script element around it.
+        chart=orjson.dumps(chart_json(chart, expand=expand))
+        .decode("utf-8")
+        .replace("</", "<\\/")
+        .replace("<!--", "\\u003c!--"),
         script="".join(scripts),
     )
 
 
 def chart_json(chart: Chart, *, expand: bool = False) -> dict[str, Json]:
-    """Return the data that `PicktreeDrawing` of viewer.js draws: trees by name, each node with its card as
-    SVG."""
+    """Return the data that `PicktreeDrawing` of viewer.js draws: trees by name, nodes with cards as SVG."""
     return {
         "title": chart.title,
         "expand": expand,
@@ -188,7 +167,7 @@ def _node_json(chart: Chart, branch: Branch, room: int) -> dict[str, Json]:
     found: dict[str, Json] = {
         "id": node.id,
         "name": node.name,
-        "title": _node_title(node),
+        "title": node.title,
         "classes": classes(node),
         "meaning": MEANINGS[node.symbol],
         "role": branch.role,
@@ -221,11 +200,6 @@ def _node_json(chart: Chart, branch: Branch, room: int) -> dict[str, Json]:
     return found
 
 
-def _node_title(node: ChartNode) -> str:
-    name = node.given_name
-    return f"{node.id}{'' if name[:1] in ('', '#') else ' '}{name}"
-
-
 def _port_json(port: ChartPort) -> Json:
     return {"key": port.key, "value": port.value, "role": port.role, "doc": port.doc}
 
@@ -237,12 +211,9 @@ def _rule(rule: Rule) -> Json:
 def _search_words(branch: Branch) -> str:
     """Return the text that a search in the page looks through, in lower case."""
     node = branch.node
-    parts = [branch.label, node.id, node.name, *node.causes, *node.uses]
-    for port in node.ports:
-        parts += [port.key, port.value]
-    for rule in (*node.before, *node.after):
-        parts += [rule.key, rule.text]
-    return " ".join(parts).lower()
+    ports = [f"{port.key} {port.value}" for port in node.ports]
+    rules = [f"{rule.key} {rule.text}" for rule in (*node.before, *node.after)]
+    return " ".join([branch.label, node.id, node.name, *node.causes, *node.uses, *ports, *rules]).lower()
 
 
 def _legend() -> str:
@@ -252,11 +223,6 @@ def _legend() -> str:
         for symbol, meaning in MEANINGS.items()
     )
     return f"<ul>{rows}</ul>"
-
-
-def _script_json(found: dict[str, Json]) -> str:
-    """Return JSON that cannot end the script element around it."""
-    return orjson.dumps(found).decode("utf-8").replace("</", "<\\/").replace("<!--", "\\u003c!--")
 
 
 _SHAPES: Final[Mapping[Kind, str]] = {
@@ -293,10 +259,8 @@ def _cluster(chart: Chart, tree: ChartTree, path: str, call: ChartNode | None, e
     yield f"subgraph {_quoted(f'cluster {path}')} {{"
     ports = tree.ports if call is None else call.ports
     label = _label([f"{CHARACTERS['subtree']} {tree.name}", *map(_port, ports)])
-    yield (
-        f'  graph [label={label}, style="rounded,filled", fillcolor="{LIGHT_COLOURS["bar"]}", '
-        'color="#c5ccd6"]'
-    )
+    colours = f'fillcolor="{LIGHT_COLOURS["bar"]}", color="#c5ccd6"'
+    yield f'  graph [label={label}, style="rounded,filled", {colours}]'
     yield from (f"  {line}" for line in _node(chart, tree.root, f"{path}/{tree.root.name}", expand))
     yield "}"
 
@@ -346,11 +310,9 @@ def _texts(node: ChartNode) -> list[str]:
     symbol = CHARACTERS[node.symbol]
     if node.written_as_list:
         return [symbol]
-    title = f"{symbol} {node.id}{'' if node.given_name[:1] in ('', '#') else ' '}{node.given_name}"
-    rules = [f"{rule.key}: {rule.text}" for rule in node.before]
-    rules_after = [f"{rule.key}: {rule.text}" for rule in node.after]
+    before, after = ([f"{rule.key}: {rule.text}" for rule in rules] for rules in (node.before, node.after))
     stop = [f"breakpoint: {node.breakpoint}"] if node.breakpoint else []
-    return [title, *rules, *map(_port, node.ports), *rules_after, *stop]
+    return [f"{symbol} {node.title}", *before, *map(_port, node.ports), *after, *stop]
 
 
 def _colours(node: ChartNode) -> str:

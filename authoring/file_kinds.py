@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 from picktree.authoring.schema import Schema, belonging, by_value, schema, schemas
 from picktree.files import Diagnostic, FileError, Location, PicktreeError, disk_cache, file_system
 from picktree.files.yaml import Document, read_document
-from picktree.world import OUR_PREFIXES, Cause, all_causes
+from picktree.world import OUR_PREFIXES, all_causes
 from picktree.world.robot_model import RobotDescription, robot_file, urdf_parser
 from picktree.world.scene import MAX_HIDDEN_SHARE, SceneDescription, load_scene, scene_loading
 
@@ -159,7 +159,6 @@ SchemaKind: TypeAlias = Literal["scene", "robot", "faults", "cases"]
 
 
 def file_schema(kind: SchemaKind) -> Schema:
-    """Return the JSON Schema of a kind of file."""
     from picktree.authoring.schema import model_schema
     from picktree.world.robot_model import robot_file
 
@@ -212,15 +211,12 @@ def _cases() -> Schema:
         properties = schema(definition.get("properties"))
         if "cause" in properties:
             # As snippets, not as examples: editors show all examples when the pointer is over the key.
-            snippets = [{"label": cause.name, "body": cause.name} for cause in _our_causes()]
+            # Those of plug-ins are left out: any may have been imported.
+            names = (c.name for c in all_causes() if c.name.partition(".")[0] in OUR_PREFIXES)
+            snippets = [{"label": name, "body": name} for name in names]
             properties["cause"] = schema(properties["cause"]) | {"defaultSnippets": snippets}
             definitions[name] = definition | {"properties": properties}
     return found | {"definitions": definitions}
-
-
-def _our_causes() -> list[Cause]:
-    """Return the causes without those of plug-ins, of which any may have been imported."""
-    return [cause for cause in all_causes() if cause.name.split(".")[0] in OUR_PREFIXES]
 
 
 def _scene() -> Schema:

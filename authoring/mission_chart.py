@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, Literal, TypeAlias, cast
+from typing import Final, Literal, TypeAlias, TypedDict, cast
 
 from picktree.files import FileError, Mark
 from picktree.files.yaml import read_document
@@ -57,8 +57,7 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class ChartNode:
-    """One node. `calls` names the tree of a sub-tree node; the branches are in that tree, and `doc` names its
-    file."""
+    """One node. `calls` names the tree of a sub-tree node, which has the branches; `doc` names its file."""
 
     id: str
     name: str
@@ -83,11 +82,15 @@ class ChartNode:
 
     @property
     def given_name(self) -> str:
-        """Name, where it differs from the ID: the author's, or the number among equal siblings; else
-        empty."""
+        """Name, where it differs from the ID: the author's, or the number among equal siblings."""
         if self.written_as_list or self.name == self.id:
             return ""
         return self.name.removeprefix(self.id) if self.name.startswith(f"{self.id}#") else self.name
+
+    @property
+    def title(self) -> str:
+        """ID, with the author's name or the number behind it."""
+        return f"{self.id}{'' if self.given_name[:1] in ('', '#') else ' '}{self.given_name}"
 
     def iterate(self) -> Iterator[ChartNode]:
         """Yield this node and its descendants in the same tree, parents first."""
@@ -220,12 +223,8 @@ def _shown(mission: Mission) -> list[str]:
             name = waiting.pop(0)
             if name not in order:
                 order.append(name)
-                waiting += _calls(mission.trees[name])
+                waiting += (node.id for node in mission.trees[name].root.iterate() if node.node is None)
     return order
-
-
-def _calls(tree: TreeSpec) -> Iterator[str]:
-    return (node.id for node in tree.root.iterate() if node.node is None)
 
 
 class _Charting:
@@ -256,12 +255,8 @@ class _Charting:
             symbol=symbol_of(declaration),
             place=self._place(spec.mark),
             doc=declaration.doc,
-            written_as_list=_written_as_list(spec, label),
-            ports=_bound(spec, declaration.ports),
-            defaults=_defaults(spec, declaration.inputs),
-            before=_before(spec),
-            after=_after(spec),
-            breakpoint=spec.breakpoint,
+            written_as_list=bool(label) and spec.id == "Sequence" and spec.name.partition("#")[0] == label,
+            **_written(spec, declaration.ports),
             causes=tuple(str(cause) for cause in declaration.causes),
             uses=tuple(str(resource) for resource in declaration.uses),
             branches=branches,
@@ -269,7 +264,6 @@ class _Charting:
 
     def _call(self, spec: NodeSpec) -> ChartNode:
         called = self._mission.trees[spec.id]
-        ports = called.ports
         return ChartNode(
             id=spec.id,
             name=spec.name,
@@ -278,18 +272,13 @@ class _Charting:
             place=self._place(spec.mark),
             doc=f"{_in_a_line(called.doc)} Defined at {self._place(called.mark)}.".lstrip(),
             calls=spec.id,
-            ports=_bound(spec, ports),
-            defaults=_defaults(spec, tuple(port for port in ports if port.direction == "in")),
-            before=_before(spec),
-            after=_after(spec),
-            breakpoint=spec.breakpoint,
+            **_written(spec, called.ports),
         )
 
     def _branch(
         self, slot: SlotDeclaration, index: int, label: str, child: NodeSpec, *, cures: bool
     ) -> Branch:
-        """Return a child's branch. `label`: key in a table. A Sequence with the slot's name was written as a
-        list."""
+        """Return a child's branch. `label`: key in a table. A Sequence named as the slot was a list."""
         shown, called = label, label
         match slot.arity:
             case "one" if slot.key != "do":
@@ -317,24 +306,32 @@ def _in_a_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def _written_as_list(spec: NodeSpec, label: str) -> bool:
-    return bool(label) and spec.id == "Sequence" and spec.name.partition("#")[0] == label
+class _Written(TypedDict):
+    ports: tuple[ChartPort, ...]
+    defaults: tuple[ChartPort, ...]
+    before: tuple[Rule, ...]
+    after: tuple[Rule, ...]
+    breakpoint: Literal["before", "after"] | None
 
 
-def _bound(spec: NodeSpec, ports: tuple[PortDeclaration, ...]) -> tuple[ChartPort, ...]:
-    return tuple(
-        ChartPort(port.key, _value(bound), _role(port, bound), _about(port))
-        for port in ports
-        if (bound := spec.ports.get(port.key)) is not None
-    )
-
-
-def _defaults(spec: NodeSpec, ports: tuple[PortDeclaration, ...]) -> tuple[ChartPort, ...]:
-    return tuple(
-        ChartPort(port.key, _text(cast("Plain", port.default)), "literal", _about(port))
-        for port in ports
-        if port.key not in spec.ports and not port.required
-    )
+def _written(spec: NodeSpec, ports: tuple[PortDeclaration, ...]) -> _Written:
+    """Return the part of a chart's node that the file's text says of it."""
+    bound = ((port, spec.ports[port.key]) for port in ports if port.key in spec.ports)
+    left_out = (port for port in ports if port.direction == "in" and port.key not in spec.ports)
+    return {
+        "ports": tuple(ChartPort(p.key, _value(value), _role(p, value), _about(p)) for p, value in bound),
+        "defaults": tuple(
+            ChartPort(port.key, _text(cast("Plain", port.default)), "literal", _about(port))
+            for port in left_out
+            if not port.required
+        ),
+        "before": tuple(Rule(key, str(condition)) for key, condition in spec.preconditions.items()),
+        "after": tuple(
+            Rule(key, "; ".join(f"{p.key} {':=' if p.new else '='} {str(p.value).strip()}" for p in parts))
+            for key, parts in spec.postconditions.items()
+        ),
+        "breakpoint": spec.breakpoint,
+    }
 
 
 def _role(port: PortDeclaration, bound: references.Binding) -> PortRole:
@@ -372,28 +369,18 @@ def _printable(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
+def _kind(port: PortDeclaration) -> str:
+    return f"{port.type}, {port.unit}" if port.unit else str(port.type)
+
+
 def _about(port: PortDeclaration) -> str:
-    kind = f"{port.type}, {port.unit}" if port.unit else str(port.type)
+    kind = _kind(port)
     return f"{port.doc} ({kind})" if port.doc else kind
 
 
 def _tree_port(port: PortDeclaration) -> ChartPort:
-    kind = str(port.type) if port.unit is None else f"{port.type}, {port.unit}"
+    kind = _kind(port)
     if port.direction == "in" and not port.required:
         kind = f"{kind} = {_text(port.default)}"
     role: PortRole = "output" if port.direction == "out" else "literal"
     return ChartPort(port.key, kind, role, port.doc)
-
-
-def _before(spec: NodeSpec) -> tuple[Rule, ...]:
-    return tuple(Rule(key, str(expression)) for key, expression in spec.preconditions.items())
-
-
-def _after(spec: NodeSpec) -> tuple[Rule, ...]:
-    return tuple(
-        Rule(
-            key,
-            "; ".join(f"{part.key} {':=' if part.new else '='} {str(part.value).strip()}" for part in parts),
-        )
-        for key, parts in spec.postconditions.items()
-    )

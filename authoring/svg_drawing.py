@@ -113,18 +113,12 @@ DARK_COLOURS: Final[Mapping[str, str]] = {
 }  # fmt: skip
 
 
-def style() -> str:
-    """Return the CSS of nodes, edges and frames, without variables, which not all SVG viewers know."""
-    template = Template((PAGE_FOLDER / "drawing.css").read_text(encoding="utf-8"))
-    return _themed(template)
+def style(name: Literal["drawing", "page"]) -> str:
+    """Return the CSS of the drawing or page, in both themes.
 
-
-def page_style() -> str:
-    """Return the CSS of the page around a drawing."""
-    return _themed(Template((PAGE_FOLDER / "page.css").read_text(encoding="utf-8")))
-
-
-def _themed(template: Template) -> str:
+    It has no variables, which not all SVG viewers know.
+    """
+    template = Template((PAGE_FOLDER / f"{name}.css").read_text(encoding="utf-8"))
     dark = template.substitute(DARK_COLOURS)
     coloured = "\n".join(
         line for line, plain in zip(dark.splitlines(), template.template.splitlines(), strict=True)
@@ -186,8 +180,7 @@ def edge_svg(edge: Edge) -> str:
 
 def tooltip(node: ChartNode) -> str:
     """Return the text that a viewer shows while the pointer rests on a node."""
-    title = f"{node.id} {node.given_name}".strip() if not node.given_name.startswith("#") else node.name
-    rows = [f"{title} ({MEANINGS[node.symbol]})"]
+    rows = [f"{node.title} ({MEANINGS[node.symbol]})"]
     rows += [node.doc.partition("\n\n")[0].replace("\n", " ")] if node.doc else []
     rows += [f"{rule.key}: {rule.text}" for rule in node.before]
     rows += [f"{port.key}: {port.value} – {port.doc}" for port in node.ports]
@@ -212,32 +205,23 @@ def _texts(symbol: Symbol, head: Sequence[TextLine], lines: Sequence[TextLine]) 
 
 def _text(line: TextLine, x: float, y: int) -> str:
     spans = "".join(
-        f'<tspan class="{span.look}" x="{x + span.x:g}">{escape(span.text)}{_gap(line, index)}</tspan>'
-        for index, span in enumerate(line.spans)
-    )
+        f'<tspan class="{span.look}" x="{x + span.x:g}">{escape(span.text)}</tspan>' for span in line.spans
+    ).replace("</tspan><tspan", " </tspan><tspan")  # copied text has spaces between its parts
     arrow = "" if line.arrow is None else use("out", x + line.arrow, y - 11).replace("icon", "icon arrow", 1)
     return f'{arrow}<text y="{y}">{spans}</text>'
-
-
-def _gap(line: TextLine, index: int) -> str:
-    """Return a space between neighbouring texts, so that copied text has one."""
-    return " " if index + 1 < len(line.spans) else ""
 
 
 def _flag(node: ChartNode, width: int) -> str:
     if node.breakpoint is None:
         return ""
-    x = width - 11
-    return (
-        f'<circle class="flag" cx="{x}" cy="13" r="5.5"><title>breakpoint: {node.breakpoint}</title></circle>'
-    )
+    title = f"<title>breakpoint: {node.breakpoint}</title>"
+    return f'<circle class="flag" cx="{width - 11}" cy="13" r="5.5">{title}</circle>'
 
 
 PAGE_MARGIN: Final = 24
 _TITLE_HEIGHT: Final = 62
 """Height of the title and the line below it, px."""
 _LEGEND_HEIGHT: Final = 26
-"""Height of the legend, px."""
 _LEGEND_GAP: Final = 18.0
 
 
@@ -255,17 +239,24 @@ def svg(chart: Chart, *, expand: bool = False, statuses: Mapping[str, NodeStatus
         for frame, spot in zip(frames, sheet.spots, strict=True)
     ]
     legend = _legend(chart)
-    across = max(sheet.width, _heading_width(chart), _legend_width(legend)) + 2 * PAGE_MARGIN
+    remark = " · ".join(
+        filter(
+            None, (chart.file, chart.scene and f"scene {chart.scene}", chart.goal and f"goal {chart.goal}")
+        )
+    )
+    heading = round(max(width(chart.title, 20.0, "bold"), width(remark, 11.0)))
+    legend_width = round(sum(_entry_width(MEANINGS[symbol]) for symbol in legend))
+    across = max(sheet.width, heading, legend_width) + 2 * PAGE_MARGIN
     down = _TITLE_HEIGHT + sheet.height + PAGE_MARGIN + _LEGEND_HEIGHT
     rows = [
         f'<svg xmlns="http://www.w3.org/2000/svg" class="drawing" viewBox="0 0 {across} {down}" '
         f'width="{across}" height="{down}">',
         f"<title>{escape(chart.title)}</title>",
-        f"<style>\n{style()}</style>",
+        f"<style>\n{style('drawing')}</style>",
         f"<defs>{definitions([*legend, 'out'])}</defs>",
         f'<rect class="ground" width="{across}" height="{down}"/>',
         f'<text class="heading" x="{PAGE_MARGIN}" y="30">{escape(chart.title)}</text>',
-        f'<text class="remark" x="{PAGE_MARGIN}" y="48">{escape(_remark(chart))}</text>',
+        f'<text class="remark" x="{PAGE_MARGIN}" y="48">{escape(remark)}</text>',
         *drawn,
         _legend_svg(legend, down - 18),
         "</svg>\n",
@@ -316,17 +307,6 @@ class _Drawing:
         return "" if status is None else f" {status.value.lower()}"
 
 
-def _remark(chart: Chart) -> str:
-    parts = [chart.file]
-    parts += [f"scene {chart.scene}"] if chart.scene else []
-    parts += [f"goal {chart.goal}"] if chart.goal else []
-    return " · ".join(parts)
-
-
-def _heading_width(chart: Chart) -> int:
-    return round(max(width(chart.title, 20.0, "bold"), width(_remark(chart), 11.0)))
-
-
 def _legend(chart: Chart) -> list[Symbol]:
     """Return the symbols in use, in a fixed order."""
     used = {node.symbol for tree in chart.trees for node in tree.root.iterate()} | {"subtree"}
@@ -341,10 +321,6 @@ def _legend_svg(symbols: list[Symbol], y: int) -> str:
         rows.append(f'{use(symbol, x, y - 11)}<text class="remark" x="{x + 19:g}" y="{y}">{text}</text>')
         x += _entry_width(text)
     return f'<g class="legend">{"".join(rows)}</g>'
-
-
-def _legend_width(symbols: list[Symbol]) -> int:
-    return round(sum(_entry_width(MEANINGS[symbol]) for symbol in symbols))
 
 
 def _entry_width(text: str) -> float:

@@ -26,11 +26,12 @@ from typing import Any
 from _campaign import ROOT, Row, campaign, finished, options
 from _file_mutants import mutant, told, told_all
 from picktree.apps.cli.file_schemas import CHECKS
-from picktree.authoring.rehearsal.case_checks import load_cases
+from picktree.authoring.rehearsal.case_checks import examine_cases
+from picktree.authoring.rehearsal.cases import CaseFile
 from picktree.authoring.rehearsal.mission_staging import scene_of, stub_mission
 from picktree.authoring.rehearsal.rehearsal import CoverageRecord, rehearse_case
 from picktree.authoring.rehearsal.trace import is_stubbed
-from picktree.files import PicktreeError
+from picktree.files import FileError, PicktreeError
 from picktree.files.file_checks import check_files
 from picktree.files.yaml import read_document
 from picktree.simulation import load_faults
@@ -125,13 +126,20 @@ def _use(file: Path) -> str:
         "scene": lambda: load_scene(str(file)),
         "robot": lambda: load_robot(str(file)),
         "faults": lambda: load_faults(file),
-        "cases": lambda: load_cases(file),
+        "cases": lambda: _cases(file),
     }
     if kind in loaders:
         loaders[kind]()
         return ""
     reading = examine(read_document(file, "mission"))
     return "" if reading.mission.library else _first_tick(load_mission(file))
+
+
+def _cases(file: Path, mission: Mission | None = None) -> CaseFile:
+    found = examine_cases(read_document(file, "cases"), mission)
+    if found.errors:
+        raise FileError(found.errors)
+    return found.cases
 
 
 def _first_tick(mission: Mission) -> str:
@@ -148,7 +156,7 @@ def _first_tick(mission: Mission) -> str:
             f"{{parameters: {json.dumps(parameters)}, leaves: {leaves}, halt_after: 1, expect: {{ticks: 1}}}}"
         )
         path.write_text(f"picktree: 1\nkind: cases\ncases:\n  first: {case}\n")
-        cases = load_cases(path)
+        cases = _cases(path, mission)
     staging = stub_mission(mission, scene_of(mission))
     result = rehearse_case(staging, cases.cases[0], cases.document, CoverageRecord())
     if result.cause in ("internal.error", "tree.missing_input", "tree.no_case"):

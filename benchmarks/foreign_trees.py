@@ -31,7 +31,7 @@ from tempfile import TemporaryDirectory
 
 from picktree.apps.batch import rate
 from picktree.authoring.xml import ImportOptions, XmlText, convert_all
-from picktree.authoring.xml.conversion import convert
+from picktree.authoring.xml.conversion import convert_text
 from picktree.files import FileError, PicktreeError
 from picktree.files.yaml.file_text import read_text
 from picktree.tests.authoring.btcpp_library import LIBRARY
@@ -168,10 +168,10 @@ def imported(path: Path, files: list[XmlText], main: str, tally: Tally, library:
             load_mission(mission, NodeRegistry())
             tally.counts["loaded"] += 1
             out, again = folder / "out.xml", folder / "again.yaml"
-            xml = convert(mission, NodeRegistry())
+            xml = convert_text(read_text(mission), mission, NodeRegistry())
             out.write_text(xml, encoding="utf-8")
-            again.write_text(convert(out, NodeRegistry()), encoding="utf-8")
-            tally.counts["again"] += convert(again, NodeRegistry()) == xml
+            again.write_text(convert_text(read_text(out), out, NodeRegistry()), encoding="utf-8")
+            tally.counts["again"] += convert_text(read_text(again), again, NodeRegistry()) == xml
         except FileError as error:
             tally.different.append(f"{path}: {error.faults[0].code} {error.faults[0].message[:150]}")
             return

@@ -142,8 +142,7 @@ def runs(
 
 
 def _prune(index: run_index.RunIndex, found: Sequence[run_index.RunRow], *, yes: bool) -> list[str]:
-    """Delete runs after a confirmation; return why some were not deleted. Raises PicktreeError where nobody
-    can confirm."""
+    """Delete runs once confirmed; return why some stay. Raises PicktreeError where nobody can confirm."""
     from picktree.files import PicktreeError
 
     size = f"{len(found)} runs, {sum(row.size for row in found) / 1e6:.1f} MB"
@@ -236,7 +235,7 @@ def replay(
     log: Log,
     at: Annotated[float, typer.Option(metavar="TIME", min=0.0, help="Where to begin, simulated s.")] = 0.0,
 ) -> None:
-    """Step through a run: tree, belief, what changed. With keys at a terminal; else commands from stdin."""
+    """Step through a run by commands: tree, belief, what changed. `help` lists the commands."""
     from picktree.analysis import Cursor, Run
 
     from .command_prompt import complete_with, line_reader
@@ -248,18 +247,10 @@ def replay(
         prompt = ReplayPrompt(Cursor(run, at), line_reader(sys.stdout), sys.stdout)
         if prompt.cursor.run.log.format < 2:
             print("a log of format 1: beginnings and ends are derived from the statuses", file=sys.stderr)
-        if not sys.stdin.isatty():
-            prompt.show_here()
-            prompt.converse()
-            return
-        complete_with(prompt)
-        if sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb" and os.name == "posix":
-            from .replay_screen import Screen
-
-            Screen(prompt).run()
-        else:
-            prompt.show_here()
-            prompt.converse()
+        if sys.stdin.isatty():
+            complete_with(prompt)
+        prompt.show_here()
+        prompt.converse()
 
 
 def snapshot(

@@ -107,8 +107,7 @@ class Clients:
         self._poll.register(listener, select.POLLIN)
 
     def exchange(self, timeout: int | None) -> Iterator[Client]:
-        """Receive the clients' messages, send what waits for them; yield new clients. `timeout`: ms; None:
-        until something comes."""
+        """Receive messages, send what waits, yield new clients. `timeout`: ms; None: until one comes."""
         for descriptor, event in self._poll.poll(timeout):
             client = self._clients.get(descriptor)
             if client is None:
@@ -189,7 +188,6 @@ class Clients:
             self._poll.modify(descriptor, select.POLLIN | (select.POLLOUT if client.outgoing else 0))
 
     def drop(self, client: Client) -> None:
-        """Disconnect a client."""
         descriptor = client.connection.fileno()
         if descriptor < 0:
             return
@@ -416,8 +414,7 @@ class AttachServer(Interrupter):
     # Messages.
 
     def _exchange(self, timeout: int | None) -> None:
-        """Welcome clients, receive their lines, send what waits for them. `timeout`: ms; None: until one
-        comes."""
+        """Welcome clients, receive lines, send what waits. `timeout`: ms; None: until one comes."""
         for client in self._clients.exchange(timeout):
             self._welcome(client)
 

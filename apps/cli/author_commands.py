@@ -14,7 +14,16 @@ import typer
 from picktree.files import PicktreeError
 
 from .options import JsonResult, JunitFile, OtherRobot, TextFile, mission_file
-from .output import end_with, keep_stdout, painter, print_answer, require_place, show
+from .output import (
+    end_with,
+    json_text,
+    keep_stdout,
+    painter,
+    print_answer,
+    print_warnings,
+    require_place,
+    show,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -244,25 +253,21 @@ def rehearse(
     answer = keep_stdout() if json else None
 
     from picktree.authoring.rehearsal import rehearsal
-    from picktree.files import fault_lines
 
     if case and min_recovery_coverage:
         raise PicktreeError("--min-recovery-coverage is about all cases: leave out --case")
     require_place(junit)
     result = rehearsal.rehearse_files(mission, cases, case or (), robot)
-    if result.warnings:
-        print(fault_lines(result.warnings, painter(sys.stderr)), file=sys.stderr)
+    print_warnings(result.warnings)
     print_answer(
         answer,
         lambda: rehearsal.to_text(result, quiet=quiet, causes=causes),
-        lambda: rehearsal.to_json_text(result),
+        lambda: json_text(rehearsal.to_json(result)),
     )
     gaps = rehearsal.coverage_gaps(result.coverage, full=full_coverage, recovery=min_recovery_coverage)
     for gap in gaps:
         print(gap, file=sys.stderr)
     if junit is not None:
-        from picktree.authoring.rehearsal import rehearsal
-
         show(rehearsal.to_junit(result, gaps), junit)
     end_with(result.passed and not gaps)
 

@@ -66,8 +66,7 @@ class BatchCount:
         return f"{an_hour:.0f} jobs an hour" if an_hour >= 10 else f"{an_hour:.1f} jobs an hour"
 
     def end_in_words(self) -> str:
-        """Return the expected end, as `in 18 min, at 23:14`; empty before the first end and after the
-        last."""
+        """Return the expected end, as `in 18 min, at 23:14`; empty before the first and after the last."""
         each = self.seconds_a_job
         if each is None or self.done >= self.total:
             return ""

@@ -6,19 +6,14 @@ import os
 import re
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from picktree.files import PicktreeError
 
 from .options import mission_file
-from .output import painter
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from picktree.files import Diagnostic
+from .output import print_warnings
 
 _ENUM = re.compile(r"([A-Za-z_]\w*)=(-?\d{1,9})", re.ASCII)
 
@@ -80,7 +75,7 @@ def convert(
     if stubs is not None and stubs.exists():
         raise PicktreeError(f"{stubs} is there already; move it away, or use it with --plugin {stubs}")
     converted = convert_all(given, options)
-    _show_notes(converted.notes)
+    print_warnings(converted.notes)
     if stubs is not None and converted.stubs:
         _write(stubs, converted.stubs)
     if out is None:
@@ -103,13 +98,6 @@ def _beside(file: Path, folder: Path) -> str:
         message = f"{file} is no Python file in the mission's folder {folder or Path()}"
         raise PicktreeError(f"{message}; a mission names plug-ins there or below it")
     return Path(name).as_posix()
-
-
-def _show_notes(notes: Sequence[Diagnostic]) -> None:
-    if notes:
-        from picktree.files import fault_lines
-
-        print(fault_lines(notes, painter(sys.stderr)), file=sys.stderr)
 
 
 def _write(path: Path, text: str) -> None:

@@ -7,11 +7,20 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TextIO
 
 from picktree.files import Expression, PicktreeError, expression_syntax, find_node, find_nodes
-from picktree.session import Breakpoint, Debugger, DebuggerStop, When
+from picktree.session import Breakpoint, Debugger, DebuggerStop
 from picktree.trees import BehaviourTree, Node, NodeStatus, evaluate, references, runner, show
 from picktree.world import Failure
 
-from .command_prompt import Command, CommandPrompt, complete_with, line_reader
+from .command_prompt import (
+    Command,
+    CommandPrompt,
+    breakpoint_lines,
+    breakpoint_numbers,
+    breakpoint_place,
+    complete_with,
+    line_reader,
+    tick_count,
+)
 from .state_text import (
     NodeState,
     belief_lines,
@@ -25,7 +34,6 @@ from .state_text import (
 
 
 def place(tree: BehaviourTree, stop: DebuggerStop) -> str:
-    """Return the place of the stop in a line."""
     now = f"{tree.root.world.clock.now:.2f} s"
     if not stop.path:
         return f"{now}, end of the tick; {deepest(tree).path} is {deepest(tree).state}"
@@ -67,13 +75,6 @@ def node_lines(node: Node, stop: DebuggerStop, breakpoints: Mapping[int, Breakpo
             yield f"    attached: {other.node}: {other.cause}: {other.message}"
     elif node.feedback_message:
         yield f"  says: {node.feedback_message}"
-
-
-def breakpoint_lines(breakpoints: Mapping[int, Breakpoint]) -> Iterator[str]:
-    if not breakpoints:
-        yield "no breakpoints; `break PATH` sets one"
-    for number, breakpoint_ in breakpoints.items():
-        yield f"{number}: {breakpoint_.when} {breakpoint_.path}"
 
 
 def _status_text(node: Node) -> str:
@@ -236,9 +237,7 @@ class DebugPrompt(CommandPrompt):
     # Continuation.
 
     def _step(self, count: str) -> bool:
-        if count and not (count.isdecimal() and int(count) > 0):
-            raise PicktreeError(f"{count!r} is no number of ticks")
-        self._debug.step(int(count or 1))
+        self._debug.step(tick_count(count))
         return True
 
     def _next(self, _: str) -> bool:
@@ -253,19 +252,14 @@ class DebugPrompt(CommandPrompt):
     def _break(self, text: str) -> bool:
         if not text:
             return self._show(breakpoint_lines(self._debug.breakpoints))
-        path, _, last = text.rpartition(" ")
-        when: When = "after" if last == "after" else "before"
-        nodes = self._fitting(path if path and last in ("before", "after") else text)
-        for node in nodes:
+        name, when = breakpoint_place(text)
+        for node in find_nodes(name, self._nodes):
             number = self._debug.add(node.path, when)
             self._say(f"{number}: {when} {node.path}")
         return False
 
     def _delete(self, number: str) -> bool:
-        known = self._debug.breakpoints
-        if number and not (number.isdecimal() and int(number) in known):
-            raise PicktreeError(f"there is no breakpoint {number}; `break` lists them")
-        for one in [int(number)] if number else list(known):
+        for one in breakpoint_numbers(number, self._debug.breakpoints):
             self._debug.remove(one)
         return False
 
@@ -273,9 +267,6 @@ class DebugPrompt(CommandPrompt):
 
     def _one(self, text: str) -> Node:
         return self._tree.find(find_node(text, self._nodes).path)
-
-    def _fitting(self, text: str) -> Sequence[Node]:
-        return [self._tree.find(named.path) for named in find_nodes(text, self._nodes)]
 
     @property
     def _nodes(self) -> Sequence[NodeState]:

@@ -26,7 +26,6 @@ FileKind: TypeAlias = Literal["plan"] | file_kinds.SchemaKind
 
 
 def file_schema(kind: FileKind) -> Schema:
-    """Return the JSON Schema of a kind of file."""
     if kind == "plan":
         from picktree.apps.batch import plan_schema
 

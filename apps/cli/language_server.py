@@ -240,13 +240,6 @@ def serve(source: BinaryIO, target: BinaryIO, version: str) -> None:
 
 
 def _offer(server: LanguageServer, session: Session) -> None:
-    _offer_checks(server, session)
-    _offer_completion(server, session)
-    _offer_navigation(server, session)
-    _offer_structure(server, session)
-
-
-def _offer_checks(server: LanguageServer, session: Session) -> None:
     @server.feature(types.TEXT_DOCUMENT_DID_OPEN)
     def opened(params: types.DidOpenTextDocumentParams) -> None:
         session.check(params.text_document.uri)
@@ -270,25 +263,6 @@ def _offer_checks(server: LanguageServer, session: Session) -> None:
         uri = params.text_document.uri
         return [action for each in params.context.diagnostics if (action := _action(uri, each))]
 
-    del opened, changed, saved, closed, fixes
-
-
-def _action(uri: str, found: types.Diagnostic) -> types.CodeAction | None:
-    match found.data:
-        case {"text": str(text), "range": [int(a), int(b), int(c), int(d)]}:
-            edit = types.TextEdit(types.Range(types.Position(a, b), types.Position(c, d)), text)
-        case _:
-            return None
-    return types.CodeAction(
-        f"Write {text}",
-        types.CodeActionKind.QuickFix,
-        [found],
-        is_preferred=True,
-        edit=types.WorkspaceEdit({uri: [edit]}),
-    )
-
-
-def _offer_completion(server: LanguageServer, session: Session) -> None:
     @server.feature(
         types.TEXT_DOCUMENT_COMPLETION,
         types.CompletionOptions(trigger_characters=["{", "[", '"', " ", ":", "."], resolve_provider=False),
@@ -309,24 +283,6 @@ def _offer_completion(server: LanguageServer, session: Session) -> None:
                 item.additional_text_edits = [session.edit(uri, edit)]
         return types.CompletionList(False, items)
 
-    del complete
-
-
-def _item(proposal: Proposal, place: types.Range, rank: int) -> types.CompletionItem:
-    return types.CompletionItem(
-        proposal.label,
-        kind=_KINDS[proposal.kind],
-        detail=proposal.include or None,
-        documentation=types.MarkupContent(types.MarkupKind.Markdown, proposal.doc) if proposal.doc else None,
-        filter_text=proposal.label,
-        sort_text=f"{rank:04}",
-        insert_text_format=types.InsertTextFormat.Snippet,
-        insert_text_mode=types.InsertTextMode.AdjustIndentation,
-        text_edit=types.TextEdit(place, proposal.snippet),
-    )
-
-
-def _offer_navigation(server: LanguageServer, session: Session) -> None:
     @server.feature(types.TEXT_DOCUMENT_HOVER)
     def hover(params: types.HoverParams) -> types.Hover | None:
         uri = params.text_document.uri
@@ -367,10 +323,6 @@ def _offer_navigation(server: LanguageServer, session: Session) -> None:
             raise JsonRpcInvalidParams(str(error)) from None
         return types.WorkspaceEdit({uri: [session.edit(uri, edit) for edit in edits]})
 
-    del hover, definition, references, prepare, rename
-
-
-def _offer_structure(server: LanguageServer, session: Session) -> None:
     @server.feature(types.TEXT_DOCUMENT_DOCUMENT_SYMBOL)
     def outline(params: types.DocumentSymbolParams) -> list[types.DocumentSymbol]:
         uri = params.text_document.uri
@@ -388,4 +340,46 @@ def _offer_structure(server: LanguageServer, session: Session) -> None:
 
         return [shown(each) for each in session.file(uri).symbols()]
 
-    del outline
+    del (
+        opened,
+        changed,
+        saved,
+        closed,
+        fixes,
+        complete,
+        hover,
+        definition,
+        references,
+        prepare,
+        rename,
+        outline,
+    )
+
+
+def _action(uri: str, found: types.Diagnostic) -> types.CodeAction | None:
+    match found.data:
+        case {"text": str(text), "range": [int(a), int(b), int(c), int(d)]}:
+            edit = types.TextEdit(types.Range(types.Position(a, b), types.Position(c, d)), text)
+        case _:
+            return None
+    return types.CodeAction(
+        f"Write {text}",
+        types.CodeActionKind.QuickFix,
+        [found],
+        is_preferred=True,
+        edit=types.WorkspaceEdit({uri: [edit]}),
+    )
+
+
+def _item(proposal: Proposal, place: types.Range, rank: int) -> types.CompletionItem:
+    return types.CompletionItem(
+        proposal.label,
+        kind=_KINDS[proposal.kind],
+        detail=proposal.include or None,
+        documentation=types.MarkupContent(types.MarkupKind.Markdown, proposal.doc) if proposal.doc else None,
+        filter_text=proposal.label,
+        sort_text=f"{rank:04}",
+        insert_text_format=types.InsertTextFormat.Snippet,
+        insert_text_mode=types.InsertTextMode.AdjustIndentation,
+        text_edit=types.TextEdit(place, proposal.snippet),
+    )

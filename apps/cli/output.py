@@ -7,14 +7,14 @@ import os
 import shlex
 import shutil
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TextIO
 
 import typer
 
 if TYPE_CHECKING:
-    from picktree.files import Paint
+    from picktree.files import Diagnostic, Paint
 
 
 def keep_stdout() -> TextIO:
@@ -35,6 +35,14 @@ def print_answer(answer: TextIO | None, text: Callable[[], str], json_text: Call
         return
     with answer:
         answer.write(json_text())
+
+
+def print_warnings(found: Sequence[Diagnostic]) -> None:
+    """Print the lines of warnings on stderr."""
+    if found:
+        from picktree.files import fault_lines
+
+        print(fault_lines(found, painter(sys.stderr)), file=sys.stderr)
 
 
 def json_text(value: object) -> str:
@@ -104,8 +112,7 @@ def program() -> str:
 
 
 def painter(stream: TextIO) -> Paint:
-    """Return a function that colours text for the stream; without colours where it is no suitable
-    terminal."""
+    """Return a function that colours text for the stream; without colours where it is no terminal."""
     if not stream.isatty() or os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
         return lambda text, role: text
     return lambda text, role: typer.style(text, **_STYLES[role])

@@ -1,24 +1,25 @@
-"""Displays of a running mission: a live tree on a terminal, plain lines elsewhere."""
+"""Displays of a running mission, a live tree or plain lines; and the prompt of its operator."""
 
 from __future__ import annotations
 
 import os
 import sys
 import time
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
-from picktree.session import Observer
+from picktree.session import Interrupter, Observer
 
-from .state_text import tree_rows
+from .state_text import NodeState, status_text, tree_rows
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from picktree.logs import RunResult
+    from picktree.robot import operator_desk
     from picktree.session import Execution
     from picktree.trees import TickReport, runner
 
@@ -81,8 +82,7 @@ class LinesDisplay(RunDisplay):
 
 
 class LiveDisplay(RunDisplay):
-    """Display of the tree with its statuses, redrawn a few times per second of wall time, removed at the
-    end."""
+    """Display of the tree with its statuses, redrawn a few times per second, removed at the end."""
 
     def __init__(self, console: Console) -> None:
         from rich.live import Live
@@ -116,7 +116,7 @@ class LiveDisplay(RunDisplay):
             f"wall {elapsed:.1f} s   {now / max(elapsed, 1e-9):.1f} × real time"
         )
         room = max(self._live.console.height - 4, 5)
-        rows = tree_rows(self._structure, report.nodes, room)
+        rows = tree_rows(node_states(self._structure, report.nodes), room)
         for row in rows:
             row.truncate(self._live.console.width, overflow="ellipsis")
         self._live.update(Group(*rows, Text(), Text(footer, style="bold")), refresh=True)
@@ -154,6 +154,58 @@ _TERMINAL_VARIABLES = ("FORCE_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE")
 """Environment variables by which rich takes another stream for a terminal."""
 
 
+def node_states(
+    structure: Sequence[runner.NodeInfo], reports: Sequence[runner.NodeReport]
+) -> list[NodeState]:
+    """Return the nodes of a tree with what the reports of a tick say of them."""
+    said = {node.path: (node.status, status_text(node.cause, node.message)) for node in reports}
+    return [NodeState(info.path, info.name, info.id, *said[info.path]) for info in structure]
+
+
 def deepest_running(nodes: Sequence[runner.NodeReport]) -> str:
     """Return the path of the last running node, parents first; "nothing" when none runs."""
     return next((node.path for node in reversed(nodes) if node.status == "RUNNING"), "nothing")
+
+
+class PersonAtTerminal(Interrupter):
+    """Prompt that shows the question and reads the answer, while run and clock wait.
+
+    `read` returns a line and raises EOFError at the end of the input. `aside` is entered during the prompt,
+    so that no other display writes to the terminal.
+    """
+
+    def __init__(
+        self,
+        out: TextIO,
+        aside: Callable[[], AbstractContextManager[None]],
+        read: Callable[[], str] = input,
+    ) -> None:
+        self._out, self._aside, self._read = out, aside, read
+
+    def answer(self, question: operator_desk.OperatorQuestion) -> str | None:
+        """Return the answer; None at the end of the input: the run ends `paused`."""
+        with self._aside():
+            self._say("", f"Help is wanted: {question.reason}", f"  {question.situation}")
+            for number, choice in enumerate(question.choices, 1):
+                self._say(f"  {number}  {choice}")
+            while True:
+                print("(answer) ", end="", file=self._out, flush=True)
+                try:
+                    said = self._read()
+                except EOFError:
+                    self._say("")
+                    return None
+                choice = question.choice(said)
+                if choice is not None:
+                    return choice
+                if said.strip():
+                    self._say(f"{said.strip()!r} is none of them: write a number or the beginning of one")
+
+    def _say(self, *lines: str) -> None:
+        for line in lines:
+            print(line, file=self._out, flush=True)
+
+
+def operators(out: TextIO, aside: Callable[[], AbstractContextManager[None]]) -> tuple[PersonAtTerminal, ...]:
+    """Return the operator's prompt; empty when stdin is no terminal."""
+    return (PersonAtTerminal(out, aside),) if sys.stdin.isatty() else ()

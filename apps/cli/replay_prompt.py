@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal, TextIO, TypeAlias
+from typing import TextIO
 
 from picktree.analysis import Cursor, CursorChanges, Edge
 from picktree.files import PicktreeError, find_node, find_nodes, short_names
 from picktree.logs import Stamped, log_records, node_visits
+from picktree.session import Breakpoint, When
 from picktree.trees import show
 from picktree.world import Plan, known_causes, remedy_of
 
-from .command_prompt import Command, CommandPrompt
+from .command_prompt import (
+    NO_BREAKPOINTS,
+    Command,
+    CommandPrompt,
+    breakpoint_lines,
+    breakpoint_numbers,
+    breakpoint_place,
+    tick_count,
+)
 from .state_text import (
     STYLED_STATUS_MARKS,
     NodeState,
@@ -36,7 +44,7 @@ def change_lines(cursor: Cursor, changes: CursorChanges, most: int | None = None
     """Yield the changes in the order of time; only the last `most` of them."""
     since = cursor.run.ticks.times[changes.since] if changes.since >= 0 else None
     alone = changes.to - changes.since == 1
-    happened = [(time, text) for time, text in _timed_changes(cursor, changes)]
+    happened = _timed_changes(cursor, changes)
     if not happened:
         yield "nothing changed in this tick" if alone else f"nothing changed since {since or 0.0:.2f} s"
         return
@@ -51,11 +59,10 @@ def change_lines(cursor: Cursor, changes: CursorChanges, most: int | None = None
 def _timed_changes(cursor: Cursor, changes: CursorChanges) -> list[tuple[float, str]]:
     """Return the changes with their simulated times, s; those of one tick in a fixed order."""
     names = short_names(node.path for node in cursor.run.nodes)
-    told = [(move.time, _move(move.transition, names)) for move in changes.moves]
-    told += [
-        (one.time, f"blackboard {one.write.key} = {show(one.write.value)}" + _by(one.write.node, names))
-        for one in changes.writes
-    ]
+    told = [(move.time, _transition(move.transition, names)) for move in changes.moves]
+    for at in changes.writes:
+        by = f", by {names.get(at.write.node, at.write.node)}" if at.write.node else ""
+        told.append((at.time, f"blackboard {at.write.key} = {show(at.write.value)}{by}"))
     believed: dict[tuple[float, str], list[str]] = {}
     for at in changes.belief:
         believed.setdefault((at.time, at.record.reason), []).append(at.record.object)
@@ -69,11 +76,7 @@ def _objects(names: Sequence[str]) -> str:
     return ", ".join(names) if len(names) <= _MAX_NAMED_OBJECTS else f"{names[0]} and {len(names) - 1} others"
 
 
-def _by(path: str, names: Mapping[str, str]) -> str:
-    return f", by {names.get(path, path)}" if path else ""
-
-
-def _move(transition: log_records.TransitionRecord, names: Mapping[str, str]) -> str:
+def _transition(transition: log_records.TransitionRecord, names: Mapping[str, str]) -> str:
     mark, name = STYLED_STATUS_MARKS[transition.status][0], names.get(transition.path, transition.path)
     if transition.status == "RUNNING":
         read = ", ".join(f"{port} {show(value)}" for port, value in transition.inputs.items())
@@ -168,7 +171,7 @@ def place(cursor: Cursor) -> str:
 def node_lines(cursor: Cursor, text: str) -> Iterator[str]:
     """Yield the state of one node, its inputs at the start, and its end."""
     node = find_node(text or deepest(cursor), cursor.tree.nodes)
-    one = _by_path(cursor)[node.path]
+    one = _statuses(cursor)[node.path]
     yield f"{node.path}: {node.id}, {one.status}"
     visit = cursor.last_visit(node.path)
     read: log_records.Values = {} if visit is None else visit.inputs
@@ -194,18 +197,11 @@ def _span(cursor: Cursor, visit: node_visits.Visit) -> str:
 
 
 def deepest(cursor: Cursor) -> str:
-    """Return the path of the node that failed in this tick; else of the deepest one that runs, or the
-    root."""
+    """Return the path of the node that failed in this tick; else of the deepest that runs, or the root."""
     failed = cursor.failure
     if failed is not None and failed.last == cursor.number:
         return failed.path
     return cursor.tick.record.tip or cursor.tree.nodes[0].path
-
-
-def believed_lines(cursor: Cursor, part: str) -> Iterator[str]:
-    """Yield the believed objects at the cursor whose id contains `part`."""
-    scene = cursor.belief
-    return belief_lines(scene.bodies if scene else (), part, cursor.time)
 
 
 def joint_lines(cursor: Cursor) -> Iterator[str]:
@@ -228,106 +224,98 @@ def joint_lines(cursor: Cursor) -> Iterator[str]:
         yield f"commanded by {control.controller}"
 
 
-def wrench_line(cursor: Cursor) -> str:
+def wrench_lines(cursor: Cursor) -> Iterator[str]:
     wrench = cursor.wrench
     if wrench is None:
-        return "the log has no wrench here"
+        yield "the log has no wrench here"
+        return
     f, t = wrench.force, wrench.torque
-    return (
+    yield (
         f"force ({f.x:+.2f}, {f.y:+.2f}, {f.z:+.2f}) N, {wrench.magnitude:.2f} N in all; "
         f"torque ({t.x:+.2f}, {t.y:+.2f}, {t.z:+.2f}) Nm"
     )
 
 
-def changed_paths(cursor: Cursor) -> frozenset[str]:
-    """Return the paths of the nodes that started or ended at the cursor."""
-    return frozenset(move.transition.path for move in cursor.changes().moves)
-
-
-def statuses(cursor: Cursor) -> Sequence[log_records.NodeStatusRecord]:
-    """Return the statuses of all nodes of the tree; idle where the tick has none."""
+def _statuses(cursor: Cursor) -> Mapping[str, log_records.NodeStatusRecord]:
+    """Return the statuses of all nodes of the tree by path; idle where the tick has none."""
     known = {node.path: node for node in cursor.tick.record.nodes}
-    return [known.get(node.path) or _idle(node) for node in cursor.tree.nodes]
+    return {
+        node.path: known.get(node.path)
+        or log_records.NodeStatusRecord(node.path, node.id, "IDLE", ticked=False)
+        for node in cursor.tree.nodes
+    }
 
 
-def node_states(cursor: Cursor) -> list[NodeState]:
+def _node_states(cursor: Cursor) -> list[NodeState]:
     """Return the nodes of the tree with their statuses at the cursor."""
-    status = _by_path(cursor)
     return [
         NodeState(node.path, node.name, node.id, one.status, status_text(one.cause, one.message))
-        for node in cursor.tree.nodes
-        for one in (status[node.path],)
+        for node, one in zip(cursor.tree.nodes, _statuses(cursor).values(), strict=True)
     ]
 
 
-def _by_path(cursor: Cursor) -> Mapping[str, log_records.NodeStatusRecord]:
-    return {node.path: node for node in statuses(cursor)}
-
-
-def _idle(node: log_records.TreeNode) -> log_records.NodeStatusRecord:
-    return log_records.NodeStatusRecord(node.path, node.id, "IDLE", ticked=False)
-
-
-MAX_TREE_LINES = 18
+_MAX_TREE_LINES = 18
 """Maximum number of tree lines shown after a move."""
-MAX_CHANGE_LINES = 12
+_MAX_CHANGE_LINES = 12
 """Maximum number of change lines shown after a move."""
-TO = (
+_TO_HELP = (
     "12.5, #250, start, end: that time in seconds, that tick; PATH, ITEM: its next start; PATH after: its "
     "next end; with back: the one before"
 )
-When: TypeAlias = Literal["before", "after"]
-
-
-@dataclass(frozen=True, slots=True)
-class ReplayBreakpoint:
-    """Breakpoint of `continue`: at the start of a node, or at its end."""
-
-    path: str
-    when: When
 
 
 class ReplayPrompt(CommandPrompt):
-    """Prompt with commands on a cursor. `since` is the tick that was shown before."""
+    """Prompt with commands on a cursor."""
 
     def __init__(self, cursor: Cursor, read: Callable[[str], str], out: TextIO) -> None:
         super().__init__(read, out)
         self.cursor = cursor
-        self.since: int | None = None
-        self._breakpoints: dict[int, ReplayBreakpoint] = {}
-        self._made = 0
+        self._since: int | None = None
+        """Tick that was shown before."""
+        self._breakpoints: dict[int, Breakpoint] = {}
+        self._breakpoint_count = 0
         self.offer(
-            Command("step [N]", "a tick on, or N", lambda n: self._step(n, 1)),
-            Command("back [N]", "a tick back, or N", lambda n: self._step(n, -1)),
-            Command("next", "to the next start or end of a node", lambda _: self._go_change(back=False), "n"),
-            Command("previous", "to the one before", lambda _: self._go_change(back=True), "p"),
+            Command("step [N]", "a tick on, or N", lambda n: self._move(cursor.step, tick_count(n))),
+            Command("back [N]", "a tick back, or N", lambda n: self._move(cursor.step, -tick_count(n))),
+            Command("next", "to the next start or end of a node",
+                    lambda _: self._move(cursor.next_change), "n"),
+            Command("previous", "to the one before",
+                    lambda _: self._move(cursor.next_change, back=True), "p"),
             Command("failure [back|N]", "to the next failure, the last, or number N", self._failure, "f"),
-            Command("to WHERE", TO, self._to),
+            Command("to WHERE", _TO_HELP, self._to),
             Command("continue [back]", "to the next breakpoint, or the one before", self._continue, "c"),
             Command("break [PATH [before|after]]", "stop there; without PATH: list", self._break, "b"),
             Command("delete [NUMBER]", "a breakpoint, or all", self._delete),
             Command("show", "the tick at the cursor again, with the belief", self._show_all),
             Command("tree [PATH]", "all nodes with their statuses; PATH: those below it", self._show_tree),
-            Command("where", "the nodes from the root to the one that runs", self._show_where),
-            Command("node [PATH]", "a node: its ports, what it read, how it ended", self._show_node),
-            Command("changes", "all that changed since the tick that was shown before", self._show_changes),
-            Command("failures", "all failures of the run, with their numbers", self._show_failures),
-            Command("evidence", "all that is known of the last failure", self._show_evidence),
-            Command("blackboard [KEY]", "the keys that contain KEY, and values", self._show_blackboard),
+            Command("where", "the nodes from the root to the one that runs",
+                    lambda _: self._show(where_lines(_node_states(cursor), deepest(cursor)))),
+            Command("node [PATH]", "a node: its ports, what it read, how it ended",
+                    lambda path: self._show(node_lines(cursor, path))),
+            Command("changes", "all that changed since the tick that was shown before",
+                    lambda _: self._show(change_lines(cursor, cursor.changes(self._since)))),
+            Command("failures", "all failures of the run, with their numbers",
+                    lambda _: self._show(failure_list(cursor))),
+            Command("evidence", "all that is known of the last failure",
+                    lambda _: self._show(evidence_lines(cursor))),
+            Command("blackboard [KEY]", "the keys that contain KEY, and values",
+                    lambda key: self._show(blackboard_lines(cursor.blackboard, key))),
             Command("belief [ID]", "the objects that the robot believed in", self._show_belief),
-            Command("joints", "the arm's joints and the fingers", self._show_joints),
-            Command("wrench", "the force and torque at the wrist", self._show_wrench),
+            Command("joints", "the arm's joints and the fingers", lambda _: self._show(joint_lines(cursor))),
+            Command("wrench", "the force and torque at the wrist",
+                    lambda _: self._show(wrench_lines(cursor))),
             Command("quit", "end the replay", lambda _: True),
             Command("help [COMMAND]", "this", self.show_help),
         )  # fmt: skip
 
-    def show_here(self, rows: int = MAX_TREE_LINES, news: int = MAX_CHANGE_LINES) -> None:
+    def show_here(self) -> bool:
         """Show the cursor's place, the running nodes, and the changes."""
         cursor = self.cursor
         self._say(place(cursor))
-        shown = tree_rows(cursor.tree.nodes, statuses(cursor), rows, changed_paths(cursor))
-        self._show(f"  {row.plain}" for row in shown)
-        self._show(change_lines(cursor, cursor.changes(self.since), news))
+        changed = {move.transition.path for move in cursor.changes().moves}
+        rows = tree_rows(_node_states(cursor), _MAX_TREE_LINES, changed)
+        self._show(f"  {row.plain}" for row in rows)
+        return self._show(change_lines(cursor, cursor.changes(self._since), _MAX_CHANGE_LINES))
 
     def arguments(self, command: str) -> Iterable[str]:
         match command:
@@ -355,81 +343,60 @@ class ReplayPrompt(CommandPrompt):
 
     # Moves.
 
-    def _moved(self, move: Callable[[], object]) -> bool:
+    def _move(self, move: Callable[..., object], *arguments: object, **options: object) -> bool:
         before = self.cursor.number
-        move()
-        self.since = before
-        self.show_here()
-        return False
-
-    def _step(self, count: str, way: int) -> bool:
-        if count and not (count.isdecimal() and int(count) > 0):
-            raise PicktreeError(f"{count!r} is no number of ticks")
-        return self._moved(lambda: self.cursor.step(way * int(count or 1)))
-
-    def _go_change(self, *, back: bool) -> bool:
-        return self._moved(lambda: self.cursor.next_change(back=back))
+        move(*arguments, **options)
+        self._since = before
+        return self.show_here()
 
     def _failure(self, which: str) -> bool:
+        cursor = self.cursor
         if which.isdecimal():
-            known = self.cursor.failures
-            if int(which) >= len(known):
+            if int(which) >= len(cursor.failures):
                 raise PicktreeError(f"there is no failure {which}; `failures` lists them")
-            return self._moved(lambda: self.cursor.to_tick(known[int(which)].last))
+            return self._move(cursor.to_tick, cursor.failures[int(which)].last)
         if which not in ("", "back"):
             raise PicktreeError(f"failure {which}: write `failure`, `failure back`, or its number")
-        return self._moved(lambda: self.cursor.next_failure(back=bool(which)))
+        return self._move(cursor.next_failure, back=bool(which))
 
     def _to(self, text: str) -> bool:
         cursor = self.cursor
         if not text:
             raise PicktreeError("to what? A time in seconds, #TICK, a node, an item, `start` or `end`")
         if text in ("start", "end"):
-            return self._moved(lambda: cursor.to_tick(0 if text == "start" else len(cursor) - 1))
+            return self._move(cursor.to_tick, 0 if text == "start" else len(cursor) - 1)
         if tick := re.fullmatch(r"#(\d+)", text):
-            return self._moved(lambda: cursor.to_tick(int(tick[1])))
+            return self._move(cursor.to_tick, int(tick[1]))
         if time := re.fullmatch(r"(\d+(?:\.\d*)?|\.\d+) ?s?", text):
-            return self._moved(lambda: cursor.to_time(float(time[1])))
-        name, back = _without(text, "back")
-        name, after = _without(name, "after")
-        name, _ = _without(name, "before")
+            return self._move(cursor.to_time, float(time[1]))
+        back = text.endswith(" back")
+        name, when = breakpoint_place(text.removesuffix(" back"))
         if any(visit.item == name for visit in cursor.run.account.visits):
-            return self._moved(lambda: cursor.next_item(name, back=back))
-        edge: Edge = "end" if after else "begin"
-        return self._moved(lambda: cursor.next_of(name, edge, back=back))
+            return self._move(cursor.next_item, name, back=back)
+        return self._move(cursor.next_of, name, _EDGES[when], back=back)
 
     def _continue(self, way: str) -> bool:
         if way not in ("", "back"):
             raise PicktreeError(f"continue {way}: write `continue` or `continue back`")
         if not self._breakpoints:
-            raise PicktreeError("no breakpoints; `break PATH` sets one")
-        return self._moved(lambda: self.cursor.next_stop(self._stops(), back=bool(way)))
-
-    def _stops(self) -> frozenset[tuple[str, Edge]]:
-        return frozenset(
-            (b.path, "end" if b.when == "after" else "begin") for b in self._breakpoints.values()
-        )
+            raise PicktreeError(NO_BREAKPOINTS)
+        stops = {(b.path, _EDGES[b.when]) for b in self._breakpoints.values()}
+        return self._move(self.cursor.next_stop, stops, back=bool(way))
 
     # Breakpoints.
 
     def _break(self, text: str) -> bool:
         if not text:
-            if not self._breakpoints:
-                self._say("no breakpoints; `break PATH` sets one")
-            return self._show(f"{n}: {b.when} {b.path}" for n, b in self._breakpoints.items())
-        name, after = _without(text, "after")
-        name, _ = _without(name, "before")
-        when: When = "after" if after else "before"
+            return self._show(breakpoint_lines(self._breakpoints))
+        name, when = breakpoint_place(text)
         for node in find_nodes(name, self.cursor.run.nodes):
-            self._made += 1
-            self._breakpoints[self._made] = ReplayBreakpoint(node.path, when)
-            self._say(f"{self._made}: {when} {node.path}")
+            self._breakpoint_count += 1
+            self._breakpoints[self._breakpoint_count] = Breakpoint(node.path, when)
+            self._say(f"{self._breakpoint_count}: {when} {node.path}")
         return False
 
     def _delete(self, number: str) -> bool:
-        if number and not (number.isdecimal() and int(number) in self._breakpoints):
-            raise PicktreeError(f"there is no breakpoint {number}; `break` lists them")
-        for one in [int(number)] if number else list(self._breakpoints):
+        for one in breakpoint_numbers(number, self._breakpoints):
             del self._breakpoints[one]
         return False
 
@@ -437,46 +404,15 @@ class ReplayPrompt(CommandPrompt):
 
     def _show_all(self, _: str) -> bool:
         self.show_here()
-        return self._show(believed_lines(self.cursor, ""))
+        return self._show_belief("")
 
     def _show_tree(self, path: str) -> bool:
-        return self._show(
-            tree_lines(
-                node_states(self.cursor),
-                find_node(path, self.cursor.tree.nodes).path if path else "",
-            )
-        )
-
-    def _show_where(self, _: str) -> bool:
-        return self._show(where_lines(node_states(self.cursor), deepest(self.cursor)))
-
-    def _show_node(self, path: str) -> bool:
-        return self._show(node_lines(self.cursor, path))
-
-    def _show_changes(self, _: str) -> bool:
-        return self._show(change_lines(self.cursor, self.cursor.changes(self.since)))
-
-    def _show_failures(self, _: str) -> bool:
-        return self._show(failure_list(self.cursor))
-
-    def _show_evidence(self, _: str) -> bool:
-        return self._show(evidence_lines(self.cursor))
-
-    def _show_blackboard(self, key: str) -> bool:
-        return self._show(blackboard_lines(self.cursor.blackboard, key))
+        top = find_node(path, self.cursor.tree.nodes).path if path else ""
+        return self._show(tree_lines(_node_states(self.cursor), top))
 
     def _show_belief(self, identity: str) -> bool:
-        return self._show(believed_lines(self.cursor, identity))
-
-    def _show_joints(self, _: str) -> bool:
-        return self._show(joint_lines(self.cursor))
-
-    def _show_wrench(self, _: str) -> bool:
-        self._say(wrench_line(self.cursor))
-        return False
+        scene = self.cursor.belief
+        return self._show(belief_lines(scene.bodies if scene else (), identity, self.cursor.time))
 
 
-def _without(text: str, word: str) -> tuple[str, bool]:
-    """Return the text without that word at its end, and whether it had it."""
-    name, space, last = text.rpartition(" ")
-    return (name, True) if space and last == word else (text, False)
+_EDGES: Mapping[When, Edge] = {"before": "begin", "after": "end"}

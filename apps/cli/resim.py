@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TextIO
+from typing import Annotated, TextIO
 
 import typer
 
 from .options import Log, OtherSettings, faults_file, mission_file
-from .output import StatusLine, end_with, keep_stdout, painter, print_answer
+from .output import StatusLine, end_with, keep_stdout, print_answer, print_warnings
 from .run import parse_parameters
-
-if TYPE_CHECKING:
-    pass
 
 
 def whatif(
@@ -57,10 +54,7 @@ def whatif(
 
     with run_display() as view:
         found = what_if(log, at, changes=changes, out=out, observers=(view,))
-    if found.warnings:
-        from picktree.files import fault_lines
-
-        print(fault_lines(found.warnings, painter(sys.stderr)), file=sys.stderr)
+    print_warnings(found.warnings)
     print_answer(answer, found.to_text, found.to_json_text)
     end_with(found.status == "success", found.status)
 

@@ -229,8 +229,7 @@ class _Watchers:
     def observers(self) -> Generator[tuple[Observer, ...]]:
         """Return the observers; displays and servers are open in the block."""
         from .attach_server import AttachServer
-        from .operator_prompt import operators
-        from .progress import run_display
+        from .progress import operators, run_display
 
         with (
             run_display(to_stderr=self.to_stderr, lines=self.debug) as view,

@@ -22,86 +22,6 @@ STYLED_STATUS_MARKS = {
 }
 
 
-class ShownNode(Protocol):
-    """Node of a displayed tree: of a running mission, or of a log."""
-
-    @property
-    def path(self) -> str: ...
-    @property
-    def id(self) -> str: ...
-    @property
-    def name(self) -> str: ...
-    @property
-    def parent(self) -> str | None:
-        """Path of the parent; None or empty for the root."""
-        ...
-
-
-class Status(Protocol):
-    """Status of a node after a tick."""
-
-    @property
-    def path(self) -> str: ...
-    @property
-    def status(self) -> str: ...
-    @property
-    def cause(self) -> str | None:
-        """Name of the failure's cause; None or empty without one."""
-        ...
-
-    @property
-    def message(self) -> str: ...
-
-
-def tree_rows(
-    structure: Sequence[ShownNode], nodes: Sequence[Status], room: int, also: Collection[str] = ()
-) -> list[Text]:
-    """Return a row for each node that runs or has a running parent, and for the paths `also`.
-
-    At most `room` rows are kept: those nearest to the last node of `also` that failed, and those above it;
-    without such a node the running ones, and those nearest to the last of them.
-    """
-    reports = {node.path: node for node in nodes}
-    depths = _depths(structure)
-    shown = [
-        info
-        for info in structure
-        if not info.parent
-        or info.path in also
-        or reports[info.path].status == "RUNNING"
-        or reports[info.parent].status == "RUNNING"
-    ]
-    running = [index for index, info in enumerate(shown) if reports[info.path].status == "RUNNING"]
-    failed = [i for i, n in enumerate(shown) if n.path in also and reports[n.path].status == "FAILURE"]
-    centre = max(failed, key=lambda i: depths[shown[i].path], default=running[-1] if running else 0)
-    leaf = shown[centre].path if failed else ""
-    first = {i for i, info in enumerate(shown) if leaf == info.path or leaf.startswith(f"{info.path}/")}
-    by_worth = sorted(range(len(shown)), key=lambda i: (i not in (first or running), abs(i - centre)))
-    kept = sorted(by_worth[:room])
-    return [_row(shown[index], reports[shown[index].path], depths[shown[index].path]) for index in kept]
-
-
-def _depths(structure: Sequence[ShownNode]) -> Mapping[str, int]:
-    depths: dict[str, int] = {}
-    for info in structure:
-        depths[info.path] = depths[info.parent] + 1 if info.parent else 0
-    return depths
-
-
-def _row(info: ShownNode, report: Status, depth: int) -> Text:
-    from rich.text import Text
-
-    mark, style = STYLED_STATUS_MARKS[report.status]
-    row = Text("  " * depth, no_wrap=True)
-    row.append(f"{mark} {info.id}", style=style)
-    if info.name != info.id:
-        row.append(f" {info.name}", style=style)
-    said = f"{report.cause}: {report.message}" if report.cause else report.message
-    if said:
-        row.append(f"  {said}", style="dim" if report.status != "FAILURE" else "red")
-    return row
-
-
 @dataclass(frozen=True, slots=True)
 class NodeState:
     """Node of a tree with its status and what it says."""
@@ -113,6 +33,38 @@ class NodeState:
     status: str
     message: str = ""
     """Cause and message of a failure, or the feedback message; empty without one."""
+
+
+def tree_rows(nodes: Sequence[NodeState], room: int, also: Collection[str] = ()) -> list[Text]:
+    """Return a row for each node that runs or has a running parent, and for the paths `also`.
+
+    At most `room` rows are kept: those nearest to the last node of `also` that failed, and those above it;
+    without such a node the running ones, and those nearest to the last of them.
+    """
+    running = {node.path for node in nodes if node.status == "RUNNING"}
+    shown = [node for node in nodes if node.path in also or {node.path, _above(node.path)} & {*running, ""}]
+    active = [index for index, node in enumerate(shown) if node.path in running]
+    failed = [i for i, node in enumerate(shown) if node.path in also and node.status == "FAILURE"]
+    centre = max(failed, key=lambda i: shown[i].path.count("/"), default=active[-1] if active else 0)
+    leaf = shown[centre].path if failed else ""
+    first = {i for i, node in enumerate(shown) if leaf == node.path or leaf.startswith(f"{node.path}/")}
+    by_worth = sorted(range(len(shown)), key=lambda i: (i not in (first or active), abs(i - centre)))
+    return [_row(shown[index]) for index in sorted(by_worth[:room])]
+
+
+def _above(path: str) -> str:
+    return path.rpartition("/")[0]
+
+
+def _row(node: NodeState) -> Text:
+    from rich.text import Text
+
+    mark, style = STYLED_STATUS_MARKS[node.status]
+    row = Text("  " * node.path.count("/"), no_wrap=True)
+    row.append(f"{mark} {node.id}" + (f" {node.name}" if node.name != node.id else ""), style=style)
+    if node.message:
+        row.append(f"  {node.message}", style="dim" if node.status != "FAILURE" else "red")
+    return row
 
 
 def status_text(cause: object, message: str) -> str:
@@ -132,7 +84,6 @@ def tree_lines(nodes: Iterable[NodeState], top: str = "", marked: str = "") -> I
 
 
 def where_lines(nodes: Iterable[NodeState], end: str) -> Iterator[str]:
-    """Yield the nodes from the root to the node `end`."""
     for node in nodes:
         if node.path == end or end.startswith(f"{node.path}/"):
             said = f": {node.message}" if node.message else ""
@@ -140,7 +91,6 @@ def where_lines(nodes: Iterable[NodeState], end: str) -> Iterator[str]:
 
 
 def failure_lines(origin: str, cause: object, message: str, evidence: Mapping[str, object]) -> Iterator[str]:
-    """Yield the failure of a node with its evidence."""
     yield f"  failed in {origin}: {cause}: {message}"
     for name, value in evidence.items():
         yield f"    {name}: {value_text(value)}"

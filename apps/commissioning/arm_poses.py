@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
 from itertools import islice
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -16,9 +14,9 @@ from picktree.robot.perception import hidden_shares
 from picktree.robot.planning import CollisionChecker, InverseKinematics
 from picktree.world import Array, PlanningScene, Pose, workspace_excess
 from picktree.world.robot_model import MOVING, RobotModel, urdf_parser
-from picktree.world.scene import MAX_HIDDEN_SHARE, SceneDescription, load_scene
+from picktree.world.scene import MAX_HIDDEN_SHARE
 
-from .base_pose import YAWS, places
+from .base_pose import YAWS, places, scene
 from .link_geometry import LinkGeometry
 
 TABLE = "the table"
@@ -47,8 +45,7 @@ class SpaceOverTable:
         self._hulls = {link: solids[link].hull() for link in _moving_links(model, tree) if link in solids}
 
     def free(self, q: Array) -> bool:
-        """Return whether the arm at q touches neither itself nor the table, with open and with shut
-        fingers."""
+        """Return whether the arm at q touches neither itself nor the table, with open and shut fingers."""
         return self._shut.free(q) and self._opened.free(q) and self._lowest(q)[1] >= TABLE_CLEARANCE
 
     def _lowest(self, q: Array) -> tuple[str, float]:
@@ -90,8 +87,6 @@ def _moving_links(model: RobotModel, tree: urdf_parser.UrdfTree) -> tuple[str, .
     return tuple(link for link in moved if any(tree.joints[n].type in MOVING for n in tree.joints_to(link)))
 
 
-SCENE = "sort_small"
-"""Scene whose workspace contains the poses, and from whose cameras `home` does not hide the items."""
 WORKSPACE_SPARE = 0.02
 """Least distance of the tool from the edge of the workspace, m."""
 FINGER_DIRECTIONS = 8
@@ -141,23 +136,13 @@ class _Posture:
     value: float
 
 
-class FreeSpace(Protocol):
-    """Test of configurations (n,): free of self-collision, and above the table."""
-
-    def free(self, q: Array) -> bool:
-        """Return whether the arm at q touches neither itself nor the table, with open and with shut
-        fingers."""
-        ...
-
-
 def first_joint(model: RobotModel) -> Array:
     """Return the position (3,) of the first joint in the world, m."""
     return np.array(model.arm.jointPlacements[1].translation)
 
 
 def reach(model: RobotModel, samples: int = 2000, seed: int = 0) -> float:
-    """Return the tool's horizontal reach from the first joint, m: the 99th percentile of random
-    configurations."""
+    """Return the tool's horizontal reach from the first joint, m: the 99th percentile of random poses."""
     generator = np.random.default_rng([seed, 1])
     base = model.description.base_in_world.inverse()
     x0, y0, _ = base.apply(first_joint(model))
@@ -168,7 +153,7 @@ def reach(model: RobotModel, samples: int = 2000, seed: int = 0) -> float:
     return float(np.percentile(found, 99))
 
 
-def propose_poses(model: RobotModel, space: FreeSpace, seed: int = 0) -> tuple[NamedPose, ...] | None:
+def propose_poses(model: RobotModel, space: SpaceOverTable, seed: int = 0) -> tuple[NamedPose, ...] | None:
     """Propose `home`, `observe` and `rest`; the comment says when a pose is a substitute. None: no pose in
     front of the first joint is free."""
     most = reach(model, seed=seed)
@@ -180,52 +165,32 @@ def propose_poses(model: RobotModel, space: FreeSpace, seed: int = 0) -> tuple[N
         comment = "No pose with the tool down was found that is free: this one is free and away from limits."
     if home is None:
         return None
-    aside = _turned(model, space, home)
+    observe = aside = _turned(model, space, home)
     if aside is not None and _hides(model, home) and not _hides(model, aside):
         home, comment = aside, "Turned to the side: in front, the arm would hide the table from a camera."
+    about_observe = "As home, turned to the side, out of the view of a camera above the table."
+    if observe is None:
+        observe, about_observe = home, "As home: turned to the side, the arm would hit itself or a limit."
     rest = search.best(REST_DISTANCES, REST_HEIGHTS, folded=True)
-    return (
-        NamedPose("home", _rounded(home), comment),
-        NamedPose(
-            "observe",
-            _rounded(home if aside is None else aside),
-            "As home, turned to the side, out of the view of a camera above the table."
-            if aside is not None
-            else "As home: turned to the side, the arm would hit itself or a limit.",
-        ),
-        NamedPose(
-            "rest",
-            _rounded(home if rest is None else rest),
-            "Folded over the base, for standing by."
-            if rest is not None
-            else "As home: no folded pose is free.",
-        ),
-    )
-
-
-@cache
-def _scene() -> SceneDescription:
-    return load_scene(SCENE)
+    about_rest = "Folded over the base, for standing by."
+    if rest is None:
+        rest, about_rest = home, "As home: no folded pose is free."
+    found = (("home", home, comment), ("observe", observe, about_observe), ("rest", rest, about_rest))
+    return tuple(NamedPose(name, tuple(round(float(v), 3) for v in q), about) for name, q, about in found)
 
 
 def _hides(model: RobotModel, q: Array) -> bool:
     """Return whether the arm at q hides too much of the scene's items from a camera."""
-    return max(hidden_shares(model, _scene(), q).values(), default=0.0) > MAX_HIDDEN_SHARE
+    return max(hidden_shares(model, scene(), q).values(), default=0.0) > MAX_HIDDEN_SHARE
 
 
 def _in_workspace(model: RobotModel, q: Array) -> bool:
     """Return whether the tool at q is inside of the scene's workspace."""
-    workspace = _scene().limits.workspace
-    return workspace_excess(workspace, model.tcp(q).position, WORKSPACE_SPARE) is None
+    return workspace_excess(scene().limits.workspace, model.tcp(q).position, WORKSPACE_SPARE) is None
 
 
-def _rounded(q: Array) -> tuple[float, ...]:
-    return tuple(round(float(v), 3) for v in q)
-
-
-def _turned(model: RobotModel, space: FreeSpace, home: Array) -> Array | None:
-    """Return `home` with the first joint turned to the side; of two sides the one nearer to the middle of
-    the table."""
+def _turned(model: RobotModel, space: SpaceOverTable, home: Array) -> Array | None:
+    """Return `home` turned aside by the first joint; of two sides the one nearer to the table's middle."""
     turned: list[Array] = []
     for turn in (OBSERVE_ROTATION, -OBSERVE_ROTATION):
         aside = home.copy()
@@ -244,8 +209,7 @@ def hidden_share(model: RobotModel, tree: urdf_parser.UrdfTree, q: Array) -> flo
     poses = model.link_poses(q, 0.0)
     ends = [[poses[j.parent].position, poses[j.child].position] for j in tree.joints.values()]
     shares = np.linspace(0.0, 1.0, 9)[:, None, None]
-    low: Array = np.array(WORK_AREA[0])
-    high: Array = np.array(WORK_AREA[1])
+    low, high = np.array(WORK_AREA[0]), np.array(WORK_AREA[1])
     segments: Array = np.array(ends)
     points = ((1.0 - shares) * segments[:, 0] + shares * segments[:, 1]).reshape(-1, 3)
     points = points[(points[:, 2] > 0.0) & (points[:, 2] < CAMERA_HEIGHT - HALF_LINK_WIDTH)]
@@ -260,7 +224,7 @@ def hidden_share(model: RobotModel, tree: urdf_parser.UrdfTree, q: Array) -> flo
 
 
 class _Search:
-    def __init__(self, model: RobotModel, space: FreeSpace, most: float, seed: int) -> None:
+    def __init__(self, model: RobotModel, space: SpaceOverTable, most: float, seed: int) -> None:
         self._model = model
         self._tree = urdf_parser.read_skeleton(Path(model.description.urdf))
         self._space, self._most = space, most
@@ -275,8 +239,7 @@ class _Search:
         """Point on the axis of the first joint, from which poses are searched, in the world."""
 
     def best(self, near: tuple[float, ...], high: tuple[float, ...], *, folded: bool = False) -> Array | None:
-        """Return the free configuration of greatest value with the tool down in front of the first joint;
-        None: there is none."""
+        """Return the best free configuration with the tool down ahead of the first joint, or None."""
         most = self._most
         found: list[_Posture] = []
         for share in near:
@@ -285,10 +248,10 @@ class _Search:
                     tool = Pose.from_rpy(
                         (share * most, 0.0, height * most), (np.pi, 0.0, 2 * np.pi * k / FINGER_DIRECTIONS)
                     )
-                    found += [
-                        _Posture(q, self._value(q) - self._cost(q, folded=folded))
-                        for q in self._solutions(self._foot @ tool)
-                    ]
+                    for q in self._solutions(self._foot @ tool):
+                        hidden = 0.0 if folded else hidden_share(self._model, self._tree, q)
+                        cost = 2.0 * self._extent(q) if folded else HIDING_COST * hidden
+                        found.append(_Posture(q, self._value(q) - cost))
         ranked = sorted(found, key=lambda p: (-p.value, tuple(p.q)))
         free = (p for p in ranked if _in_workspace(self._model, p.q) and self._space.free(p.q))
         if folded:
@@ -324,8 +287,7 @@ class _Search:
         return missed / len(places())
 
     def anywhere(self) -> Array | None:
-        """Return the free configuration of greatest value among random ones with the tool in front of the
-        first joint; None: there is none."""
+        """Return the best of random free configurations with the tool ahead of the first joint, or None."""
         model = self._model
         count = range(RANDOM_CONFIGURATION_COUNT)
         drawn = [self._generator.uniform(model.planned_lower, model.planned_upper) for _ in count]
@@ -346,8 +308,7 @@ class _Search:
         return [q for seed in seeds if (q := self._ik.descend(tool, seed)) is not None]
 
     def _value(self, q: Array) -> float:
-        """Return the value of a configuration: greater far from singularities and limits, with the first
-        joint ahead."""
+        """Return the value of a configuration: greater far from singularities and limits, and ahead."""
         model = self._model
         singular = np.linalg.svd(model.jacobian(q), compute_uv=False)
         spread = model.upper - model.lower
@@ -355,11 +316,6 @@ class _Search:
         ease = min(float(singular[-1]) / 0.15, 1.0)
         straight = float(np.abs(q).sum()) / (np.pi * model.n)
         return ease + 2.0 * min(to_limit, 0.2) - straight - 0.5 * abs(float(q[0])) / np.pi
-
-    def _cost(self, q: Array, *, folded: bool) -> float:
-        if folded:
-            return 2.0 * self._extent(q)
-        return HIDING_COST * hidden_share(self._model, self._tree, q)
 
     def _extent(self, q: Array) -> float:
         foot = self._foot.inverse()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
@@ -13,11 +13,12 @@ from picktree.robot.manipulation import release_poses
 from picktree.robot.planning import InverseKinematics
 from picktree.world import Array, Pose, Vector3
 from picktree.world.robot_model import RobotModel, urdf_parser
-from picktree.world.scene import load_scene
+from picktree.world.scene import SceneDescription, load_scene
 
 from .link_geometry import LinkGeometry
 
 SCENE = "sort_small"
+"""Scene whose items and bins the arm is to reach, and in whose workspace its poses are."""
 HEIGHTS_OVER_TABLE, HEIGHT_OVER_BIN = (0.02, 0.12), 0.10
 """Heights of the tool at an item and before it, over the table, and where it lets go, over the rim, m."""
 YAWS = (0.0, np.pi / 4, np.pi / 2, 3 * np.pi / 4)
@@ -53,28 +54,29 @@ class BaseProposal:
     @property
     def sentence(self) -> str:
         """Sentence on what the tool reaches from there."""
-        reached = (
-            f"reaches {self.count - len(self.missed)} of {self.count} places of items and bins in {SCENE}"
-        )
-        if not self.missed:
-            reached = f"reaches items and bins of {SCENE}"
-        return f"from there the tool, pointing down, {reached}"
+        reached = f"{self.count - len(self.missed)} of {self.count} places of items and bins in {SCENE}"
+        reached = reached if self.missed else f"items and bins of {SCENE}"
+        return f"from there the tool, pointing down, reaches {reached}"
+
+
+@cache
+def scene() -> SceneDescription:
+    return load_scene(SCENE)
 
 
 @cache
 def places() -> tuple[TargetPlace, ...]:
     """Return the places that the tool has to reach in the scene: over the items' area, and over each bin."""
-    scene = load_scene(SCENE)
     found: list[TargetPlace] = []
     # What is missed most often comes first: it ends the search at a base early.
-    for bin_ in scene.bins:
+    for bin_ in scene().bins:
         over = bin_.pose.apply(np.array([0.0, 0.0, bin_.size[2] + HEIGHT_OVER_BIN]))
         inwards = -np.sign(over * (1.0, 1.0, 0.0)) * (
             *(np.array(bin_.size[:2]) / release_poses.CELLS_PER_SIDE),
             0.0,
         )
         found += [TargetPlace(str(bin_.id), place) for place in (over, over + inwards)]
-    for spawn in scene.spawn:
+    for spawn in scene().spawn:
         (left, front), (right, back) = spawn.area
         for at in product(np.linspace(left, right, 3), np.linspace(front, back, 3), HEIGHTS_OVER_TABLE):
             found.append(TargetPlace("items", np.array(at)))
@@ -91,7 +93,8 @@ def propose_base(
     reached = _Reach(model)
     foot = _foot(model, tree, solids)
     best, least = None, reached.missed((0.0, 0.0, 0.0), len(places()))
-    for moved in _moves():
+    moves = [(x, 0.0, z) for x in STEPS_ALONG for z in STEPS_UP if x or z]
+    for moved in sorted(moves, key=lambda move: (abs(move[0]) + RISE_COST * move[2], move)):
         if not least:
             break
         if not _stands_free(foot + np.array(moved[:2])):
@@ -103,12 +106,6 @@ def propose_base(
         return None
     x, y, z = (round(a + b, 4) for a, b in zip(model.description.base_in_world.position, best, strict=True))
     return BaseProposal((x, y, z), best, tuple(least), len(places()))
-
-
-def _moves() -> Iterator[Vector3]:
-    """Yield displacements of the base in the world, m, the least first."""
-    moves = [(x, 0.0, z) for x in STEPS_ALONG for z in STEPS_UP if x or z]
-    yield from sorted(moves, key=lambda move: (abs(move[0]) + RISE_COST * move[2], move))
 
 
 class _Reach:
@@ -123,15 +120,12 @@ class _Reach:
         found: list[str] = []
         for place in places():
             x, y, z = (place.position - np.array(moved)).tolist()
-            if not self._reaches((x, y, z)):
+            poses = (Pose.from_rpy((x, y, z), (np.pi, 0.0, yaw)) for yaw in YAWS)
+            if not any(self._ik.solutions(pose, self._generator, self._home, 1) for pose in poses):
                 found.append(place.name)
             if len(found) >= most:
                 break
         return found
-
-    def _reaches(self, position: Vector3) -> bool:
-        poses = (Pose.from_rpy(position, (np.pi, 0.0, yaw)) for yaw in YAWS)
-        return any(self._ik.solutions(pose, self._generator, self._home, 1) for pose in poses)
 
 
 def _foot(model: RobotModel, tree: urdf_parser.UrdfTree, solids: Mapping[str, LinkGeometry]) -> Array:
@@ -147,9 +141,8 @@ def _foot(model: RobotModel, tree: urdf_parser.UrdfTree, solids: Mapping[str, Li
 def _stands_free(foot: Array) -> bool:
     """Return whether the foot's outline keeps away from items and bins."""
     low, high = foot.min(axis=0), foot.max(axis=0)
-    scene = load_scene(SCENE)
-    taken = [(np.array(spawn.area[0]), np.array(spawn.area[1])) for spawn in scene.spawn]
-    for bin_ in scene.bins:
+    taken = [(np.array(spawn.area[0]), np.array(spawn.area[1])) for spawn in scene().spawn]
+    for bin_ in scene().bins:
         half, at = np.array(bin_.size[:2]) / 2, np.array(bin_.pose.position[:2])
         taken.append((at - half, at + half))
     return not any((low < b + CLEARANCE).all() and (high > a - CLEARANCE).all() for a, b in taken)

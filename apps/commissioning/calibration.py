@@ -37,8 +37,7 @@ TARGET_SIZE = (0.18, 0.16, 0.05)
 TARGET_YAW = math.radians(20.0)
 """Rotation of the added target about z, rad: edges along a camera's rows of pixels are measured worst."""
 TARGET_UNCERTAINTY = (0.005, math.radians(2.0))
-"""Uncertainty of the added target's pose, m and rad, within which a person may place it. The calibration
-estimates the pose."""
+"""Uncertainty of the added target's pose, m and rad, within which a person may place it."""
 DEFAULT_TARGET_DISTANCE = 0.5
 """Distance of the target in front of the origin when no area for items gives a better place, m."""
 
@@ -70,7 +69,8 @@ def calibration_scene(name: str, place: TargetPlacement | None) -> SceneDescript
     complete, for the log. Raises PicktreeError."""
     path = file_system.find_file(name, scene_loading.SHIPPED, Path.cwd(), "scene")
     scene = load_scene(name, Path.cwd())
-    own: dict[str, object] = {"picktree": 1, "kind": "scene", "base": _base(path)}
+    base = path.stem if path.parent == scene_loading.SHIPPED else str(path.resolve())
+    own: dict[str, object] = {"picktree": 1, "kind": "scene", "base": base}
     if scene.spawn:
         own["spawn"] = None
     if scene.deliveries:
@@ -79,10 +79,6 @@ def calibration_scene(name: str, place: TargetPlacement | None) -> SceneDescript
         own["fixtures"] = {TARGET_NAME: _target_fixture(scene, place or _middle(scene))}
     beside = Path.cwd() if path.parent == scene_loading.SHIPPED else path.parent
     return parse_scene(yaml.safe_dump(own, sort_keys=False), beside / f"{path.stem}.yaml")
-
-
-def _base(path: Path) -> str:
-    return path.stem if path.parent == scene_loading.SHIPPED else str(path.resolve())
 
 
 def _target_fixture(scene: SceneDescription, place: TargetPlacement) -> dict[str, object]:
@@ -109,8 +105,7 @@ DECIMAL_DIGITS = 7
 
 
 def output_file(scene: str, wanted: Path | None, *, replace: bool) -> Path:
-    """Return the path of the corrected scene. Raises PicktreeError where a file must not be replaced or
-    cannot be written."""
+    """Return the path of the corrected scene. Raises PicktreeError where it cannot be written."""
     path = file_system.find_file(scene, scene_loading.SHIPPED, Path.cwd(), "scene")
     if wanted is None:
         here = path.parent == scene_loading.SHIPPED or path.parent.resolve() == Path.cwd()
@@ -223,9 +218,7 @@ class CalibrationAnswer:
     scene: str
     seed: int
     status: RunStatus
-    """Status of the run."""
     folder: Path
-    """Folder of the run."""
     skipped: tuple[str, ...] = ()
     """Skipped views and touches, with reasons."""
     unseen: tuple[str, ...] = ()
@@ -384,8 +377,7 @@ def calibrate(asked: CalibrationRequest, observers: Sequence[Observer] = ()) -> 
 
 
 def mission_text(target: str, cameras: Sequence[str], views: int, *, touch: bool, all_of_them: bool) -> str:
-    """Return the text of the mission that looks and touches. With `all_of_them` a camera may fail to see the
-    target."""
+    """Return the mission that looks and touches. Without `all_of_them` any camera may miss the target."""
     lines = ["picktree: 1", "kind: mission", "name: calibrate", 'goal: "total >= 0"', "trees:", "  Main:"]
     lines.append("    Sequence:")
     if touch:

@@ -61,8 +61,7 @@ class FingerMotion:
             if abs(own_high) + abs(own_low) == 0.0 or high == low:
                 continue
             straight = abs(own_low - low) + abs(own_high - high) <= abs(own_low + high) + abs(own_high + low)
-            by = 1.0 if straight else -1.0
-            ratios[name] = (by, 0.0)
+            ratios[name] = (1.0 if straight else -1.0, 0.0)
         return drive, ratios
 
     def _follow(self, ratios: dict[str, tuple[float, float]], name: str) -> bool:
@@ -98,30 +97,26 @@ class FingerMotion:
     def _finger_links(self) -> tuple[str, str]:
         """Return the two links furthest out that have geometry, on different branches of the hand."""
         joints = self._skeleton.joints
+        to_palm = len(self._skeleton.joints_to(self._hand.palm))
         moved = [
             link
             for link in self._skeleton.links
             if link in self._solids
-            and any(
-                name in self.ratios
-                for name in self._skeleton.joints_to(link)[len(self._skeleton.joints_to(self._hand.palm)) :]
-            )
+            and any(name in self.ratios for name in self._skeleton.joints_to(link)[to_palm:])
         ]
         inner = {joints[name].parent for name in self.ratios}
-        leaves = [
-            link for link in moved if not any(link in (p, *self._fixed_behind(p)) for p in inner)
-        ] or moved
+        inner |= {j.parent for j in joints.values() if j.child in inner and j.type not in MOVING}
+        leaves = [link for link in moved if link not in inner] or moved
         if len(leaves) < 2:
             self.refuse(
                 f"{len(leaves)} finger with geometry on {self._hand.palm!r}", "two fingers that both move"
             )
         start, end = self.limits(self.drive)
         middle = self.positions((start + end) / 2)
-        palm = self._skeleton.pose(self._hand.palm, {})
 
         def out(link: str) -> float:
-            pose = palm.inverse() @ self._skeleton.pose(link, middle)
-            return float(np.linalg.norm(pose.apply(self._solids[link].points), axis=1).max())
+            points = self.pose(link, middle).apply(self._solids[link].points)
+            return float(np.linalg.norm(points, axis=1).max())
 
         ranked = sorted(leaves, key=lambda link: (-round(out(link), 4), leaves.index(link)))
         one = ranked[0]
@@ -131,24 +126,20 @@ class FingerMotion:
             self.refuse("fingers that all hang on one joint", "two fingers that both move")
         return (one, other) if leaves.index(one) < leaves.index(other) else (other, one)
 
-    def _fixed_behind(self, link: str) -> tuple[str, ...]:
-        return tuple(
-            j.parent for j in self._skeleton.joints.values() if j.child == link and j.type not in MOVING
-        )
-
     def branch(self, link: str) -> str:
         """Return the first finger joint on the way to a link."""
         return next(name for name in self._skeleton.joints_to(link) if name in self.ratios)
 
+    def pose(self, link: str, positions: Mapping[str, float]) -> Pose:
+        """Return a link's pose in the palm's frame."""
+        return self._skeleton.pose(self._hand.palm, {}).inverse() @ self._skeleton.pose(link, positions)
+
     def points(self, link: str, drive: float) -> Array:
         """Return a link's points (n, 3) in the palm's frame, m, with the driven joint at `drive`."""
-        palm = self._skeleton.pose(self._hand.palm, {})
-        pose = palm.inverse() @ self._skeleton.pose(link, self.positions(drive))
-        return pose.apply(self._solids[link].points)
+        return self.pose(link, self.positions(drive)).apply(self._solids[link].points)
 
     def finger(self, n: int, drive: float, axes: Array) -> Array:
-        """Return the points (k, 3) of finger n in `axes` (3, 3), directions in the palm's frame by
-        columns."""
+        """Return the points (k, 3) of finger n in `axes` (3, 3), columns in the palm's frame."""
         return self.points(self.links[n], drive) @ axes
 
     def gap_at(self, drive: float) -> float:
@@ -218,8 +209,7 @@ class FingerMotion:
 
     def static(self, link: str) -> Array:
         """Return a static link's points (n, 3) in the palm's frame, m."""
-        palm = self._skeleton.pose(self._hand.palm, {})
-        return (palm.inverse() @ self._skeleton.pose(link, {})).apply(self._solids[link].points)
+        return self.pose(link, {}).apply(self._solids[link].points)
 
     def back(self, behind: tuple[str, ...]) -> Array:
         """Return a point (3,) behind the fingers in the palm's frame, m.
@@ -239,8 +229,7 @@ class FingerMotion:
                 return np.concatenate(points).mean(axis=0)
         if not above:
             return np.zeros(3)
-        palm = self._skeleton.pose(self._hand.palm, {})
-        return np.array((palm.inverse() @ self._skeleton.pose(above[0], {})).position)
+        return np.array(self.pose(above[0], {}).position)
 
     def refuse(self, found: str, missing: str, helps: str = "") -> NoReturn:
         """Raise UnsuitableUrdf; without `helps` it proposes another gripper."""
@@ -335,8 +324,7 @@ class _Level:
 
 
 class GripperMeter:
-    """Gripper meter: measures one hand. Raises UnsuitableUrdf when the hand is no gripper with two
-    fingers."""
+    """Gripper meter: measures one hand. Raises UnsuitableUrdf when it is no gripper with two fingers."""
 
     def __init__(
         self,
@@ -453,11 +441,10 @@ class GripperMeter:
         z = furthest - min(back, max((furthest - low) / 2, 0.002))
         y = (near.y + far.y) / 2
         comment, beyond = "Between the pads, measured on the meshes", ""
-        palm = self._skeleton.pose(self._hand.palm, {})
         for link in self._skeleton.below(self._hand.palm):
             if link in self._solids or any(n in self.ratios for n in self._skeleton.joints_to(link)):
                 continue
-            at = np.array((palm.inverse() @ self._skeleton.pose(link, {})).position) @ axes
+            at = np.array(self._motion.pose(link, {}).position) @ axes
             aligned = abs(at[0] - x) < 0.005 and abs(at[1] - y) < 0.005 and link != self._hand.palm
             if aligned and low <= at[2] <= furthest - spread - MIN_TCP_TIP_DISTANCE:
                 z, comment = float(at[2]), f"Where the URDF has its frame {link!r}, between the pads"
@@ -540,8 +527,7 @@ class GripperMeter:
         return float(points[between, 2].max()) if between.any() else -math.inf
 
     def _sliders(self, closed: float, opened: float, widths: list[float]) -> tuple[str, str] | None:
-        """Return the two sliding joints when the opening is the sum of their positions, which is the simpler
-        form; else None."""
+        """Return the two sliding joints when the opening is the sum of their positions; else None."""
         names = tuple(self.ratios)
         if len(names) != 2 or any(self._skeleton.joints[n].type != "prismatic" for n in names):
             return None
@@ -644,13 +630,9 @@ class GripperMeter:
     def _box(self, n: int, axes: Array, drive: float, low: Array, high: Array) -> tuple[Box, Pose]:
         """Return the box between two corners (3,) in the TCP's axes, in the frame of a finger link."""
         size: Vector3 = tuple((high - low).tolist())
-        return Box(size), self._in_finger(n, (low + high) / 2, axes, drive)
-
-    def _in_finger(self, n: int, centre: Array, axes: Array, drive: float) -> Pose:
-        """Return a place in the TCP's axes, with these axes, in the frame of a finger link."""
-        palm = self._skeleton.pose(self._hand.palm, {})
-        finger = palm.inverse() @ self._skeleton.pose(self.links[n], self._motion.positions(drive))
-        return finger.inverse() @ Pose.from_rotation(_clean(axes @ centre), axes)
+        finger = self._motion.pose(self.links[n], self._motion.positions(drive))
+        centre = Pose.from_rotation(_clean(axes @ ((low + high) / 2)), axes)
+        return Box(size), finger.inverse() @ centre
 
 
 def _clean(position: Array) -> Vector3:

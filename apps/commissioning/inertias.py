@@ -176,8 +176,7 @@ def rotor_inertias(
 
 
 def _read(link: ElementTree.Element) -> tuple[float, Vector3, Array] | None:
-    """Return mass, kg, centre, m, and inertia (3, 3), kg·m², in the axes of the link; None when one is
-    missing or no number."""
+    """Return mass, kg, centre, m, and inertia (3, 3), kg·m², in the link's axes; None without a number."""
     inertial = link.find("inertial")
     if inertial is None:
         return None

@@ -18,8 +18,7 @@ from picktree.world.robot_model import MOVING, RobotModel, urdf_parser
 from .link_geometry import UnsuitableUrdf
 
 MIN_ARM_JOINTS = 5
-"""Least number of joints of an arm that puts its tool upright at any place and turns it: three, one and
-one."""
+"""Least number of joints of an arm that puts its tool upright at any place and turns it."""
 MIN_LIMB_JOINTS = 3
 """Least number of joints of a chain that is reported as a limb."""
 _JAW = re.compile(r"jaw|gripper|finger|claw", re.IGNORECASE)
@@ -69,7 +68,14 @@ def find_groups(
         require_link(
             source, skeleton, name, f"a link {name!r}", "take --base and --tip from the names of its links"
         )
-    _refuse_floating(source, skeleton)
+    for name, joint in skeleton.joints.items():
+        if joint.type in ("floating", "planar"):
+            raise UnsuitableUrdf(
+                source,
+                f"the joint {name!r} is {joint.type}: the robot drives, flies or walks",
+                "an arm on a base that stands still",
+                f'make that joint type="fixed" in a copy of the URDF, if {joint.child!r} shall stand still',
+            )
     hands = tuple(_hands(skeleton))
     if tip is None and len(hands) == 0:
         arm = _only_chain(source, skeleton, base)
@@ -82,8 +88,7 @@ def find_groups(
 
 
 def find_hand(source: str, skeleton: urdf_parser.UrdfTree, link: str | None) -> tuple[HandGroup, str]:
-    """Return the hand of a gripper's URDF, and the link from which it is taken. Raises UnsuitableUrdf when it
-    has no such hand."""
+    """Return the hand of a gripper's URDF, and its first link. Raises UnsuitableUrdf without such a hand."""
     helps = "name the gripper's first link behind the colon of --gripper"
     require_link(source, skeleton, link, f"a link {link!r}", helps)
     hands = [h for h in _hands(skeleton) if link is None or _carries(skeleton, link, h.palm)]
@@ -128,36 +133,27 @@ def _hands(skeleton: urdf_parser.UrdfTree) -> Iterator[HandGroup]:
         for names in by_palm.values()
         if len(names) == 2 and len({skeleton.joints[name].type for name in names}) == 1
     ]
-    for group in _merged(skeleton, found):
+    together: dict[str, set[str]] = {}
+    for group in found:
+        if known := [name for name in skeleton.joints if name in group]:
+            together.setdefault(_common(skeleton, known), set()).update(known)
+    for group in together.values():
         known = [name for name in skeleton.joints if name in group and skeleton.joints[name].type in MOVING]
         drives = tuple(n for n in known if skeleton.joints[n].mimic is None)
-        palm = _common(skeleton, known)
-        if drives and len(known) >= 1:
-            yield HandGroup(palm, drives, tuple(n for n in known if n not in drives))
-
-
-def _merged(skeleton: urdf_parser.UrdfTree, groups: list[set[str]]) -> list[set[str]]:
-    """Merge groups on the same palm into one hand."""
-    by_palm: dict[str, set[str]] = {}
-    for group in groups:
-        known = [name for name in skeleton.joints if name in group]
-        if known:
-            by_palm.setdefault(_common(skeleton, known), set()).update(known)
-    return list(by_palm.values())
+        if drives:
+            yield HandGroup(_common(skeleton, known), drives, tuple(n for n in known if n not in drives))
 
 
 def _is_finger(skeleton: urdf_parser.UrdfTree, name: str) -> bool:
-    """Return whether a joint moves a leaf of the tree and is mounted on a link that other joints move, or
-    slides."""
+    """Return whether a joint moves a leaf of the tree, and slides or stands on a moved link."""
     joint = skeleton.joints[name]
     if joint.type not in ("prismatic", "revolute"):
         return False
     beyond = skeleton.below(joint.child)
     if any(j.parent in beyond and j.type in MOVING for j in skeleton.joints.values()):
         return False
-    return sum(skeleton.joints[above].type in MOVING for above in skeleton.above(name)) != 0 or (
-        joint.type == "prismatic"
-    )
+    carried = any(skeleton.joints[above].type in MOVING for above in skeleton.above(name))
+    return carried or joint.type == "prismatic"
 
 
 def _mount(skeleton: urdf_parser.UrdfTree, name: str) -> str:
@@ -172,12 +168,8 @@ def _mount(skeleton: urdf_parser.UrdfTree, name: str) -> str:
 
 def _common(skeleton: urdf_parser.UrdfTree, joints: list[str]) -> str:
     """Return the last link that carries all of these joints."""
-    chains: list[list[str]] = []
-    for name in joints:
-        above = [skeleton.joints[j].parent for j in (*skeleton.above(name), name)]
-        chains.append(above)
-    common = [link for link in chains[0] if all(link in chain for chain in chains[1:])]
-    return common[-1]
+    chains = [[skeleton.joints[j].parent for j in (*skeleton.above(name), name)] for name in joints]
+    return [link for link in chains[0] if all(link in chain for chain in chains[1:])][-1]
 
 
 def _carries(skeleton: urdf_parser.UrdfTree, link: str, other: str) -> bool:
@@ -214,23 +206,19 @@ def _arm_to(
             "which of them is meant",
             "choose by " + " or ".join(f"--tip {h.palm}" for h, _ in long),
         )
-    if not long:
-        hand, joints = max(fitting, key=lambda pair: len(pair[1]))
-        if len(joints) == 0:
-            raise UnsuitableUrdf(
-                source,
-                f"a gripper alone: {_listed(hand.joints)} on {hand.palm}",
-                "an arm that carries it",
-                f"take the arm's URDF, and this one by --gripper {source}:{hand.palm}",
-            )
-        return _arm_group(source, skeleton, joints, base, hand.palm)
-    hand, joints = long[0]
+    hand, joints = long[0] if long else max(fitting, key=lambda pair: len(pair[1]))
+    if not joints:
+        raise UnsuitableUrdf(
+            source,
+            f"a gripper alone: {_listed(hand.joints)} on {hand.palm}",
+            "an arm that carries it",
+            f"take the arm's URDF, and this one by --gripper {source}:{hand.palm}",
+        )
     return _arm_group(source, skeleton, joints, base, hand.palm)
 
 
 def _only_chain(source: str, skeleton: urdf_parser.UrdfTree, base: str | None) -> ArmGroup:
-    """Return the longest chain of joints as the arm. Raises UnsuitableUrdf when it is not clearly the only
-    one."""
+    """Return the longest chain of joints as the arm. Raises UnsuitableUrdf when others are as long."""
     parents = {joint.parent for joint in skeleton.joints.values()}
     leaves = [link for link in skeleton.links if link not in parents]
     chains = {_moving_to(skeleton, leaf, base): leaf for leaf in reversed(leaves)}
@@ -275,17 +263,6 @@ def _arm_group(
             "--base and --tip name links at its two ends, the base first",
         )
     return ArmGroup(joints, base or skeleton.joints[joints[0]].parent, tip)
-
-
-def _refuse_floating(source: str, skeleton: urdf_parser.UrdfTree) -> None:
-    for name, joint in skeleton.joints.items():
-        if joint.type in ("floating", "planar"):
-            raise UnsuitableUrdf(
-                source,
-                f"the joint {name!r} is {joint.type}: the robot drives, flies or walks",
-                "an arm on a base that stands still",
-                f'make that joint type="fixed" in a copy of the URDF, if {joint.child!r} shall stand still',
-            )
 
 
 def _refuse_mimics(source: str, skeleton: urdf_parser.UrdfTree, arm: ArmGroup) -> None:
@@ -337,7 +314,12 @@ def _refuse_unfit(source: str, skeleton: urdf_parser.UrdfTree, arm: ArmGroup, *,
             "joints with limits: this looks like wheels or a toy",
             'for the joints of an arm, type="revolute" with <limit lower=… upper=… effort=… velocity=…/>',
         )
-    unlimited = [n for n in arm.joints if not _usable(skeleton.joints[n])]
+    bounded = {name: joint for name in arm.joints if (joint := skeleton.joints[name]).type != "continuous"}
+    unlimited = [
+        name
+        for name, joint in bounded.items()
+        if not joint.limited or joint.lower is None or joint.upper is None or joint.lower >= joint.upper
+    ]
     if unlimited:
         raise UnsuitableUrdf(
             source,
@@ -345,12 +327,6 @@ def _refuse_unfit(source: str, skeleton: urdf_parser.UrdfTree, arm: ArmGroup, *,
             f"limits of {_listed(tuple(unlimited))}",
             '<limit lower="-3" upper="3" effort="50" velocity="2"/> inside of each such <joint>',
         )
-
-
-def _usable(joint: urdf_parser.UrdfJoint) -> bool:
-    if joint.type == "continuous":
-        return True
-    return joint.limited and joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
 
 
 def _joints(count: int) -> str:
@@ -362,8 +338,7 @@ def _listed(names: tuple[str, ...]) -> str:
 
 
 LIMIT_RESERVE = math.radians(2.0)
-"""Distance kept from a joint's limits where the URDF has no soft limits, rad; never more than
-RESERVE_SHARE."""
+"""Distance kept from limits where the URDF has no soft limits, rad; never more than RESERVE_SHARE."""
 RESERVE_SHARE = 0.01
 """Greatest distance kept from a joint's limits, as a share of its range."""
 CONTINUOUS_RANGE = 2 * math.pi

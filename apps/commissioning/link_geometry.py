@@ -19,8 +19,7 @@ from picktree.world.robot_model import UrdfError, gripper_mounting, link_shapes,
 
 
 class UnsuitableUrdf(PicktreeError):
-    """Error for a URDF from which no robot file can be made: what was found, what is missing, and what would
-    help."""
+    """Error for a URDF without a robot file: what was found, what is missing, and what would help."""
 
     def __init__(self, urdf: str, found: str, missing: str, helps: str) -> None:
         self.found, self.missing, self.helps = found, missing, helps
@@ -44,8 +43,7 @@ class UrdfSource:
 
 
 def find_source(text: str) -> UrdfSource:
-    """Find and read a URDF. Raises PicktreeError when there is no such file, UnsuitableUrdf when it is no
-    URDF."""
+    """Find and read a URDF. Raises PicktreeError when there is none, UnsuitableUrdf when it is no URDF."""
     named = _named(text)
     refuse_template(text, named.path)
     try:
@@ -170,8 +168,7 @@ def refuse_missing_meshes(source: str, urdf: Path) -> None:
 
 
 def read_solids(urdf: Path) -> Mapping[str, LinkGeometry]:
-    """Read the collision geometry by link; links without any are left out. Raises PicktreeError for unusable
-    geometry."""
+    """Read the collision geometry by link, where there is any. Raises PicktreeError for unusable geometry."""
     link_shapes(str(urdf))  # what cannot be used has its sentence there
     parts: dict[str, list[LinkGeometry]] = {}
     for element in urdf_parser.link_geometry(str(urdf), "collision"):
@@ -213,8 +210,7 @@ HAND_BOX_COUNT = 3
 def hand_boxes(
     static: list[Array], swept: list[Array], top: float, widest: float
 ) -> tuple[tuple[Box, Pose], ...]:
-    """Return boxes around the hand behind its palm, and around parts that protrude beside the open
-    fingers."""
+    """Return boxes around the hand behind its palm, and around parts that protrude beside open fingers."""
     boxes: list[tuple[Box, Pose]] = []
     below = [points[points[:, 2] <= top] for points in swept]
     points = (

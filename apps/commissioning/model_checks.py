@@ -150,14 +150,12 @@ def _home(tested: RobotUnderTest) -> Verdict:
         touching = checker.contacts(home)
         if touching:
             told = "; ".join(f"{c.a} and {c.b} are {_depth(c.distance)}" for c in touching[:3])
-            change = (
-                f"choose another 'home' under 'poses:' in {tested.file}; `picktree robot new` proposes one"
-            )
+            change = f"choose another 'home' under 'poses:' in {tested.file}"
+            change += "; `picktree robot new` proposes one"
             return Verdict("home", False, f"{told} at home, with {fingers} fingers", change)
     nearest = checker.nearest(home, 0.3, itself=True)
-    gap = (
-        "further than 300 mm apart" if nearest is None else f"{1000 * nearest.distance:.0f} mm apart or more"
-    )
+    gap = "further than 300 mm" if nearest is None else f"{1000 * nearest.distance:.0f} mm"
+    gap += " apart" if nearest is None else " apart or more"
     return Verdict("home", True, f"links that are checked are {gap}")
 
 

@@ -122,7 +122,6 @@ class PlanAnswer:
         return json.dumps(asdict(self), indent=2, default=str) + "\n"
 
     def to_text(self) -> str:
-        """Return the answer as text for a terminal."""
         lines = [
             f"{self.asked}, from {self.begins}",
             f"scene {self.scene}, robot {self.robot}, seed {self.seed}; everything is believed where it is",
@@ -154,15 +153,9 @@ class PlanAnswer:
         if found.itself is not None and found.itself_clearance is not None:
             a, b = found.itself
             yield "itself", f"{found.itself_clearance * 1000:.1f} mm: {a} to {b}"
-        yield (
-            "singularity",
-            f"smallest singular value {found.singular:.3f}, at {found.singular_at:.2f} s",
-        )
-        room = (
-            f"{found.joint_room * 1000:.1f} mm"
-            if found.joint_slides
-            else f"{degrees(found.joint_room):.1f} deg"
-        )
+        yield "singularity", f"smallest singular value {found.singular:.3f}, at {found.singular_at:.2f} s"
+        room = f"{degrees(found.joint_room):.1f} deg"
+        room = f"{found.joint_room * 1000:.1f} mm" if found.joint_slides else room
         yield "joint limits", f"{found.joint} comes within {room}, at {found.joint_room_at:.2f} s"
         if self.judged is not None:
             yield "judged", "free by the second checker" if not self.judged else "; ".join(self.judged)
@@ -208,11 +201,9 @@ def _table(rows: Iterator[tuple[str, str]] | list[tuple[str, str]]) -> list[str]
 
 
 START_COLOUR = (0.80, 0.86, 0.93)
-"""Colour of the arm at the start."""
 HAND_COLOUR = (0.90, 0.91, 0.84)
 """Colour of the hand between start and goal."""
 COLLISION_COLOUR = (0.85, 0.15, 0.12)
-"""Colour of a link in collision."""
 COPY_SCALE = (0.99, 0.99, 0.99)
 INTERMEDIATE_HANDS = 3
 """Number of hands that are drawn between start and goal."""
@@ -261,9 +252,10 @@ def plan_picture(
         q = outcome.trajectory.position
         robots.add("", world.robot.link_poses(q[-1], width))
         robots.add("start", _undrawn(world.robot.link_poses(q[0], width), robots.poses), START_COLOUR)
+        hand = {world.robot.description.tcp_link, *world.robot.description.gripper.fingers}
         for k in np.linspace(0, len(q) - 1, INTERMEDIATE_HANDS + 2).astype(int)[1:-1]:
-            hand = _hand(world, world.robot.link_poses(q[k], width))
-            robots.add(f"way {k}", hand, HAND_COLOUR)
+            poses = world.robot.link_poses(q[k], width).items()
+            robots.add(f"way {k}", {link: pose for link, pose in poses if link in hand}, HAND_COLOUR)
         path = tuple(world.robot.tcp(one).position for one in q[:: max(1, len(q) // 60)])
         caption = Caption(outcome.trajectory.duration, asked, f"by {outcome.planner}")
     elif isinstance(outcome, Failure):
@@ -313,13 +305,6 @@ class _Robots:
                 glb = binary_gltf.write_glb(other if colour is None else other.placed(Pose(), COPY_SCALE))
             self.meshes.append(log_records.LinkMesh(f"{name}/{link}", glb))
             self.poses[f"{name}/{link}"] = pose
-
-
-def _hand(world: World, links: dict[str, Pose]) -> dict[str, Pose]:
-    """Return the links of hand and fingers."""
-    gripper = world.robot.description.gripper
-    wanted = {world.robot.description.tcp_link, *gripper.fingers}
-    return {link: pose for link, pose in links.items() if link in wanted}
 
 
 def _failure_configuration(failure: Failure, start: Array) -> Array:
@@ -460,6 +445,7 @@ def plan_in_scene(asked: PlanQuery) -> PlanAnswer:
     )
     goal = parse_goal(world, asked.to, request, line=asked.line)
     tried = _first_success(world, goal)
+    rejected = Counter((*goal.rejected, *tried.rejected)).most_common()
     answer = PlanAnswer(
         asked.scene,
         world.robot.description.name,
@@ -467,7 +453,7 @@ def plan_in_scene(asked: PlanQuery) -> PlanAnswer:
         goal.words + _constraint_words(asked),
         asked.begin or HOME_POSE,
         grasp="" if tried.attempt is None else tried.attempt.name,
-        rejected=_counted((*goal.rejected, *tried.rejected)),
+        rejected=tuple(f"{count} × {reason}" for reason, count in rejected),
     )
     if isinstance(tried.outcome, MotionPlan):
         answer = replace(answer, found=plan_figures(world, tried.outcome))
@@ -491,8 +477,7 @@ def plan_in_scene(asked: PlanQuery) -> PlanAnswer:
 
 @dataclass(frozen=True, slots=True)
 class _Tried:
-    """Result of the attempts. `outcome`: the plan, or the failure of the first attempt; None: there was
-    nothing to attempt."""
+    """Result of the attempts. `outcome`: the plan, or the first failure; None: nothing was attempted."""
 
     attempt: GoalAttempt | None
     outcome: MotionPlan | Failure | None
@@ -513,21 +498,11 @@ def _first_success(world: World, goal: ParsedGoal) -> _Tried:
         except Failure as failure:
             failures.append((attempt, failure))
             continue
-        return _Tried(attempt, plan, _messages(failures))
+        return _Tried(attempt, plan, tuple(failure.message for _, failure in failures))
     if not failures:
         return _Tried(None, None, ())
-    attempt, failure = failures[0]
-    return _Tried(attempt, failure, _messages(failures[1:]))
-
-
-def _messages(failures: list[tuple[GoalAttempt, Failure]]) -> tuple[str, ...]:
-    return tuple(failure.message for _, failure in failures)
-
-
-def _counted(reasons: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the reasons with their counts, as `12 × the hand would touch red_block_1`, the most frequent
-    first."""
-    return tuple(f"{count} × {reason}" for reason, count in Counter(reasons).most_common())
+    (attempt, first), *others = failures
+    return _Tried(attempt, first, tuple(failure.message for _, failure in others))
 
 
 def _run_to_end(steps: Generator[None, None, T]) -> T:

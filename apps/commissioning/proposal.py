@@ -95,7 +95,6 @@ _REASON_TEXTS = {
 
 
 def robot_file_text(draft: RobotDraft) -> str:
-    """Return the text of the file."""
     return "\n".join(_lines(draft)) + "\n"
 
 
@@ -315,8 +314,7 @@ def find_mounting(
     link: str | None,
     to: str | None,
 ) -> gripper_mounting.GripperMount:
-    """Find the mounting of a gripper on an arm. Raises UnsuitableUrdf when the gripper is none, or the arm
-    has no such link."""
+    """Find the mounting of a gripper. Raises UnsuitableUrdf without a gripper, or without such a link."""
     _, first = find_hand(gripper.text, gripper.skeleton, link)
     carrier = to or _mount_flange(arm_source.skeleton, arm)
     skeleton = arm_source.skeleton
@@ -461,8 +459,8 @@ def _borne(draft: RobotDraft, wish: ProposalRequest) -> RobotDraft:
 def _find_draft(wish: ProposalRequest) -> RobotDraft:
     source = find_source(wish.urdf)
     refuse_missing_meshes(wish.urdf, source.urdf.path)
+    groups = find_groups(wish.urdf, source.skeleton, wish.base, wish.tip)
     if wish.gripper is None:
-        groups = find_groups(wish.urdf, source.skeleton, wish.base, wish.tip)
         if groups.hand is None:
             raise UnsuitableUrdf(
                 wish.urdf,
@@ -473,7 +471,6 @@ def _find_draft(wish: ProposalRequest) -> RobotDraft:
                 "--gripper pybullet_data:franka_panda/panda.urdf:panda_hand",
             )
         return _draft(wish, source, source.urdf.path, groups.arm, groups.hand, None, "")
-    groups = find_groups(wish.urdf, source.skeleton, wish.base, wish.tip)
     if groups.hand is not None and wish.mount is None:
         raise UnsuitableUrdf(
             wish.urdf,
@@ -555,8 +552,7 @@ def _draft(
 
 
 def _named(text: str, urdf: gripper_mounting.NamedUrdf, file: Path) -> str:
-    """Return a URDF's name in the robot file: `package:path` as given, else a path relative to the file's
-    folder."""
+    """Return a URDF's name in the robot file: `package:path` as given, else a path relative to the file."""
     if urdf.package:
         return text
     return Path(os.path.relpath(urdf.path.resolve(), file.resolve().parent)).as_posix()

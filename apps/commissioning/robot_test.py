@@ -24,12 +24,12 @@ from picktree.robot.perception import hidden_shares
 from picktree.robot.planning import InverseKinematics, NamedGoal
 from picktree.session import CellSession
 from picktree.skills import Grasp, Observe, Place
-from picktree.world import Array, BeliefObject, Failure, Pose, Trajectory, causes
+from picktree.world import Array, BeliefObject, Failure, Pose, causes
 from picktree.world.robot_model import GripperDescription, RobotDescription, RobotModel, load_robot
 from picktree.world.scene import MAX_HIDDEN_SHARE
 
 from .arm_poses import first_joint, reach
-from .base_pose import YAWS, TargetPlace, propose_base
+from .base_pose import HEIGHT_OVER_BIN, YAWS, TargetPlace, propose_base
 from .model_checks import RobotUnderTest, Verdict, check_model
 
 STYLE = """
@@ -60,7 +60,6 @@ class RobotTestResult:
 
     @property
     def good(self) -> bool:
-        """Whether all verdicts are good."""
         return all(verdict.good for verdict in self.verdicts)
 
     @property
@@ -84,8 +83,7 @@ class RobotTestResult:
         return json.dumps({**asdict(self), "good": self.good}, ensure_ascii=False)
 
     def write_page(self, robot: RobotDescription, file: Path) -> None:
-        """Write the page, with a picture of the robot at `home`. Raises PicktreeError when it cannot be
-        written."""
+        """Write the page, with the robot at `home`. Raises PicktreeError when it cannot be written."""
         with TemporaryDirectory() as folder:
             drawn = Path(folder) / "robot.png"
             draw_robot(robot, drawn)
@@ -235,8 +233,6 @@ def _names(message: str, name: str) -> bool:
 
 
 SCENE = "self_test"
-HEIGHT_OVER_BIN = 0.1
-"""Height of the tool over the rim of a bin when it lets go, m."""
 REST_TIME = 1.0
 """Time for which the arm is held at `home`, s."""
 MAX_UNEXPLAINED_SHARE, MIN_UNEXPLAINED = 0.02, 0.3
@@ -337,9 +333,8 @@ class Trials:
         if sag.max() > MAX_SAG:
             k = int(sag.argmax())
             told = f"{names[k]} sags by {1000 * sag[k]:.1f} mrad with {model.torque_limit[k]:g} Nm"
-            return Verdict(
-                "effort at rest", False, told, f"raise 'torque' of {names[k]} in {self._tested.file}"
-            )
+            change = f"raise 'torque' of {names[k]} in {self._tested.file}"
+            return Verdict("effort at rest", False, told, change)
         told = f"within {residual.max():.2f} Nm of gravity; held within {1000 * sag.max():.2f} mrad"
         return Verdict("effort at rest", True, told)
 
@@ -384,7 +379,8 @@ class Trials:
     def _brake(self, cell: CellSession) -> Verdict:
         world, model = cell.world, self._tested.model
         plan = cell.perform(world.plan.to(NamedGoal(self._other_pose()), node="brake"))
-        fastest = _fastest(plan.trajectory)
+        speeds = np.abs(plan.trajectory.velocity).max(axis=1)
+        fastest = float(plan.trajectory.times[int(speeds.argmax())])
 
         def braked() -> Generator[None, None, tuple[float, float]]:
             motion = world.move.along(plan.trajectory, node="brake")
@@ -410,9 +406,8 @@ class Trials:
         if not result:
             return self._failed("soft retreat", result.cause, result.message)
         left = np.abs(cell.world.control.state.position - self._tested.model.named("home")).max()
-        return Verdict(
-            "soft retreat", True, f"home after {result.seconds:.1f} s, within {1000 * left:.1f} mrad"
-        )
+        told = f"home after {result.seconds:.1f} s, within {1000 * left:.1f} mrad"
+        return Verdict("soft retreat", True, told)
 
     def _grip(self, cell: CellSession) -> Verdict:
         gripper, hand = self._tested.description.gripper, cell.world.gripper
@@ -435,9 +430,8 @@ class Trials:
             f"choose another 'home' under 'poses:' in {self._tested.file}: its arm stands before the camera, "
             "and nothing below it is seen"
         )
-        return Verdict(
-            "camera's view", good, f"{told} of the items' part of the table", "" if good else change
-        )
+        told += " of the items' part of the table"
+        return Verdict("camera's view", good, told, "" if good else change)
 
     def _grasp(self, cell: CellSession, kind: str) -> Verdict:
         """Grasp an item and put it into its bin. After a touch on the way it retreats and tries once more: a
@@ -478,16 +472,11 @@ _OWN = {"open and close": "'gripper:'", "camera's view": "'home' under 'poses:'"
 
 def cell_ticks(cell: CellSession, seconds: float) -> Generator[None]:
     """Let `seconds` of simulated time pass, and yield after each tick."""
-    until = cell.time + seconds
-    while cell.time < until - 1e-9:
-        cell.perform(_one_tick())
+
+    def one_tick() -> Generator[None]:
         yield
 
-
-def _one_tick() -> Generator[None]:
-    yield
-
-
-def _fastest(trajectory: Trajectory) -> float:
-    """Return the time at which a trajectory is fastest, s."""
-    return float(trajectory.times[int(np.abs(trajectory.velocity).max(axis=1).argmax())])
+    until = cell.time + seconds
+    while cell.time < until - 1e-9:
+        cell.perform(one_tick())
+        yield

@@ -101,7 +101,6 @@ class RobotSummary:
 
 
 def summary_of(robot: RobotDescription) -> RobotSummary:
-    """Return the summary of a robot file."""
     model = RobotModel(robot)
     return RobotSummary(
         robot.name,

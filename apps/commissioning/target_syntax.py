@@ -1,5 +1,4 @@
-"""Syntax of `--to` and `--from`: a named pose, an object, a bin, or numbers become requests to the
-planner."""
+"""Syntax of `--to` and `--from`: a pose, an object, a bin, or numbers become planning requests."""
 
 from __future__ import annotations
 
@@ -17,8 +16,8 @@ from picktree.robot.planning import LineGoal, NamedGoal, RegionGoal, Request, Ta
 from picktree.world import Array, BeliefObject, Pose
 from picktree.world.scene import Bin
 
-HEIGHT_OVER_BIN = 0.1
-"""Height of the tool above the rim of a bin, m."""
+from .base_pose import HEIGHT_OVER_BIN
+
 TOOL_DOWN_RPY = (math.pi, 0.0, 0.0)
 """Roll, pitch and yaw of a tool that points down, rad."""
 
@@ -34,8 +33,7 @@ class GoalAttempt:
 
 @dataclass(frozen=True, slots=True)
 class ParsedGoal:
-    """Goal of `--to`. `attempts` are in order of preference; `rejected`: why others were ruled out before any
-    planning."""
+    """Goal of `--to`. `attempts`: in order of preference; `rejected`: why others were ruled out before."""
 
     words: str
     attempts: tuple[GoalAttempt, ...]
@@ -43,8 +41,7 @@ class ParsedGoal:
 
 
 def parse_goal(world: World, text: str, request: Request, *, line: bool) -> ParsedGoal:
-    """Parse the goal of `--to`; `request` has the other settings of each motion. Raises PicktreeError for an
-    unknown goal."""
+    """Parse the goal of `--to`; `request` has all else of each motion. Raises PicktreeError."""
     if "," in text:
         numbers = text.split(",")
         pose = _pose(numbers)
@@ -70,8 +67,7 @@ def parse_goal(world: World, text: str, request: Request, *, line: bool) -> Pars
 
 
 def parse_start(world: World, text: str) -> Array:
-    """Parse the configuration (n,) of `--from`: a named pose, or a number for each joint. Raises
-    PicktreeError."""
+    """Parse the configuration (n,) of `--from`: a pose, or a number per joint. Raises PicktreeError."""
     named, names = world.robot.description.named, world.robot.description.joints
     if "," not in text:
         if text in named:

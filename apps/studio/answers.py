@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_left
 from collections.abc import Callable, Container, Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from secrets import token_hex
@@ -17,8 +17,7 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 from picktree.authoring import CHECKS, mission_chart
-from picktree.authoring.editor import Place, Proposal, Span, TextChange, document_faults, mission_outline
-from picktree.authoring.editor import Place as CursorPlace
+from picktree.authoring.editor import Edit, Place, Span, TextChange, document_faults, mission_outline
 from picktree.authoring.rehearsal import Rehearsal, rehearse_files, to_json
 from picktree.authoring.schema import node_reference
 from picktree.files import PicktreeError
@@ -30,20 +29,42 @@ from .context import MissionContext, MissionTexts, library_declarations, own_tre
 _WIDE = re.compile(r"[\U00010000-\U0010ffff]")
 
 
-class Places:
+class PageText:
     """Places of a text: in code points here, in UTF-16 units in the page."""
 
     def __init__(self, text: str) -> None:
+        self._text = text
         self._wide = [found.start() for found in _WIDE.finditer(text)]
         self._units = [at + number for number, at in enumerate(self._wide)]
 
     def units(self, place: int) -> int:
-        """Return a place in UTF-16 units."""
         return place + bisect_left(self._wide, place) if self._wide else place
 
     def points(self, place: int) -> int:
-        """Return a place in code points."""
         return place - bisect_left(self._units, place) if self._units else place
+
+    def place(self, at: Place) -> int:
+        """Return a place by line and character in code points."""
+        start = -1
+        for _ in range(at.line):
+            start = self._text.find("\n", start + 1)
+            if start < 0:
+                return len(self._text)
+        return min(start + 1 + at.character, len(self._text))
+
+    def range(self, span: Span) -> dict[str, Any]:
+        return {"from": self.units(self.place(span.start)), "to": self.units(self.place(span.end))}
+
+    def edit(self, edit: Edit) -> dict[str, Any]:
+        """Return a replacement as CodeMirror takes it."""
+        return {**self.range(edit.span), "insert": edit.text}
+
+    def changes(self, found: Iterable[TextChange]) -> list[dict[str, Any]]:
+        """Return replacements as CodeMirror takes them."""
+        return [
+            {"from": self.units(each.start), "to": self.units(each.end), "insert": each.text}
+            for each in found
+        ]
 
 
 class TreeAnswers:
@@ -60,7 +81,7 @@ class TreeAnswers:
         known: Container[str],
     ) -> list[dict[str, Any]]:
         """Return the trees of a text; of those whose `content` is among `known`, the place only."""
-        places, found = Places(text), list[dict[str, Any]]()
+        places, found = PageText(text), list[dict[str, Any]]()
         for tree in trees:
             body = self._kept.get(tree.body)
             if body is None:
@@ -72,7 +93,7 @@ class TreeAnswers:
         return found
 
 
-def _body(tree: mission_outline.OutlineTree, context: MissionContext, places: Places) -> dict[str, Any]:
+def _body(tree: mission_outline.OutlineTree, context: MissionContext, places: PageText) -> dict[str, Any]:
     """Return the content of a tree, with a name that no other content has."""
     body, start = tree.body, places.units(tree.start)
 
@@ -111,20 +132,7 @@ def _node(
 
 
 def _port(port: mission_outline.OutlinePort, units: Callable[[int], int]) -> dict[str, Any]:
-    return {
-        "key": port.key,
-        "text": port.text,
-        "start": units(port.start),
-        "end": units(port.end),
-    }
-
-
-def change_values(found: Iterable[TextChange], places: Places) -> list[dict[str, Any]]:
-    """Return replacements as CodeMirror takes them."""
-    return [
-        {"from": places.units(change.start), "to": places.units(change.end), "insert": change.text}
-        for change in found
-    ]
+    return {"key": port.key, "text": port.text, "start": units(port.start), "end": units(port.end)}
 
 
 def palette_values(
@@ -157,61 +165,23 @@ def _entry(entry: node_reference.NodeEntry) -> dict[str, Any]:
     }
 
 
-def common_entries() -> list[dict[str, Any]]:
-    """Return the keys that every node may have, in the form of its ports."""
-    return [
-        {
-            "key": key,
-            "doc": doc,
-            "type": "expression" if key.startswith("_") else "text",
-            "choices": ["before", "after"] if key == BREAKPOINT else [],
-        }
-        for key, doc in node_reference.COMMON_DOCS.items()
-    ]
-
-
 def faults(path: Path, text: str) -> list[dict[str, Any]]:
     """Return what `picktree check` says of a text, with places in UTF-16 units."""
-    places, lines = Places(text), LineStarts(text)
-    found: list[dict[str, Any]] = []
-    for each in document_faults(path, text, CHECKS):
-        fix = each.fix
-        found.append(
-            {
-                "from": places.units(lines.place(each.span.start)),
-                "to": places.units(lines.place(each.span.end)),
-                "line": each.fault.mark.line,
-                "column": each.fault.mark.column,
-                "where": each.fault.where,
-                "message": each.message,
-                "code": each.fault.code,
-                "severity": each.fault.severity,
-                "elsewhere": each.elsewhere,
-                "fix": None
-                if fix is None
-                else {
-                    "from": places.units(lines.place(fix.span.start)),
-                    "to": places.units(lines.place(fix.span.end)),
-                    "insert": fix.text,
-                },
-            }
-        )
-    return found
-
-
-@dataclass(frozen=True, slots=True)
-class LineStarts:
-    """Places of the lines of a text, in code points."""
-
-    text: str
-
-    def place(self, at: Place) -> int:
-        start = -1
-        for _ in range(at.line):
-            start = self.text.find("\n", start + 1)
-            if start < 0:
-                return len(self.text)
-        return min(start + 1 + at.character, len(self.text))
+    places = PageText(text)
+    return [
+        {
+            **places.range(each.span),
+            "line": each.fault.mark.line,
+            "column": each.fault.mark.column,
+            "where": each.fault.where,
+            "message": each.message,
+            "code": each.fault.code,
+            "severity": each.fault.severity,
+            "elsewhere": each.elsewhere,
+            "fix": None if each.fix is None else places.edit(each.fix),
+        }
+        for each in document_faults(path, text, CHECKS)
+    ]
 
 
 def rehearsal(path: Path, text: str, cases: Path | None, names: tuple[str, ...]) -> dict[str, Any]:
@@ -241,10 +211,17 @@ def _texts() -> MissionTexts:
 def palette(path: Path, text: str) -> dict[str, Any]:
     """Return the nodes and sub-trees that may be added, and the keys that each node may have."""
     context, _ = _texts().read(path, text)
-    return {
-        "nodes": palette_values(context, own_trees(path, text), library_declarations().values()),
-        "common": common_entries(),
-    }
+    common = [
+        {
+            "key": key,
+            "doc": doc,
+            "type": "expression" if key.startswith("_") else "text",
+            "choices": ["before", "after"] if key == BREAKPOINT else [],
+        }
+        for key, doc in node_reference.COMMON_DOCS.items()
+    ]
+    nodes = palette_values(context, own_trees(path, text), library_declarations().values())
+    return {"nodes": nodes, "common": common}
 
 
 def form(path: Path, text: str, node: str) -> dict[str, Any]:
@@ -280,22 +257,17 @@ def completion(path: Path, text: str, line: int, character: int) -> dict[str, An
         return None
     span, proposals = found
     includes = {each.include: file.include_edit(each.include) for each in proposals if each.include}
-    places, lines = Places(text), LineStarts(text)
-    values: list[dict[str, Any]] = []
-    for each in proposals:
-        value = _proposal(each)
-        more = includes.get(each.include)
-        if more is not None:
-            at = places.units(lines.place(more.span.start))
-            value["also"] = {"from": at, "to": at, "insert": more.text}
-        values.append(value)
-    return {**_range(text, span), "options": values}
+    places, values = PageText(text), [asdict(each) for each in proposals]
+    for value in values:
+        if (more := includes.get(value["include"])) is not None:
+            value["also"] = places.edit(more)
+    return {**places.range(span), "options": values}
 
 
 def documentation(path: Path, text: str, line: int, character: int) -> dict[str, Any] | None:
     """Return the documentation of what stands at a place as Markdown; None for nothing."""
     found = _texts().file(path, text).hover(_cursor(text, line, character))
-    return None if found is None else {**_range(text, found[0]), "text": found[1]}
+    return None if found is None else {**PageText(text).range(found[0]), "text": found[1]}
 
 
 def _scene_names(scene: str, path: Path) -> dict[Any, tuple[str, ...]]:
@@ -307,23 +279,8 @@ def _scene_names(scene: str, path: Path) -> dict[Any, tuple[str, ...]]:
         return {}
 
 
-def _cursor(text: str, line: int, character: int) -> CursorPlace:
+def _cursor(text: str, line: int, character: int) -> Place:
     lines = text.split("\n")
     if not 0 <= line < len(lines):
         raise PicktreeError(f"the text has no line {line + 1}")
-    return CursorPlace(line, Places(lines[line]).points(character))
-
-
-def _range(text: str, span: Span) -> dict[str, Any]:
-    places, lines = Places(text), LineStarts(text)
-    return {"from": places.units(lines.place(span.start)), "to": places.units(lines.place(span.end))}
-
-
-def _proposal(proposal: Proposal) -> dict[str, Any]:
-    return {
-        "label": proposal.label,
-        "kind": proposal.kind,
-        "snippet": proposal.snippet,
-        "doc": proposal.doc,
-        "include": proposal.include,
-    }
+    return Place(line, PageText(lines[line]).points(character))

@@ -9,21 +9,20 @@ import re
 import signal
 import sqlite3
 import time
-from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import closing, suppress
 from pathlib import Path, PurePath
 from typing import Annotated, Any, Final, Literal, TypeAlias, cast
 
 import orjson
 from pydantic import Field
-from starlette.routing import BaseRoute
 
 from picktree.files import PicktreeError
 from picktree.files.yaml import YamlNode, read
 
 from .calls import JsonValue, call, watch
 from .jobs import Job, command_answer, job_text
-from .slice import Studio
+from .slice import Slice, Studio
 from .workspace import Workspace
 
 PLAN_FILE: Final = "plan.json"
@@ -236,14 +235,9 @@ def with_key(text: str, key: str, value: JsonValue) -> str:
         return "".join([*lines[:first], *written, *lines[last:]])
     if lines and not lines[-1].endswith("\n"):
         lines[-1] += "\n"
-    place = max(
-        (_lines_of(root, each, lines)[1] for each in _before(key) if each in root.keys), default=len(lines)
-    )
+    before = [each for each in ("picktree", "kind", *KEYS[: KEYS.index(key)]) if each in root.keys]
+    place = max((_lines_of(root, each, lines)[1] for each in before), default=len(lines))
     return "".join([*lines[:place], *written, *lines[place:]])
-
-
-def _before(key: str) -> tuple[str, ...]:
-    return ("picktree", "kind", *KEYS[: KEYS.index(key)])
 
 
 def _lines_of(root: YamlNode, key: str, lines: list[str]) -> tuple[int, int]:
@@ -277,19 +271,13 @@ _AT_ONCE: Final = 2
 Workers = Annotated[int, Field(ge=1, le=256)]
 
 
-class BatchSlice:
+class BatchSlice(Slice):
     """Calls on plans and batches of the folder."""
 
     def __init__(self, studio: Studio) -> None:
         self._workspace = studio.workspace
         self._jobs = studio.jobs
         self._slots = asyncio.Semaphore(_AT_ONCE)
-
-    def routes(self) -> Sequence[BaseRoute]:
-        return ()
-
-    async def close(self) -> None:
-        pass
 
     # Plans.
 
@@ -356,18 +344,12 @@ class BatchSlice:
         """Yield the batches of the folder with their progress, the last written first, when one changes."""
         told: list[object] | None = None
         while True:
-            batches = await asyncio.to_thread(self._batches)
+            batches = await asyncio.to_thread(lambda: list(newest_first(batch_folders(self._workspace))))
             stamps: list[object] = [(str(each.place), each.stamp()) for each in batches]
             if stamps != told:
                 told = stamps
-                yield await asyncio.to_thread(self._rows, batches)
+                yield await asyncio.to_thread(lambda found: [self._row(each) for each in found], batches)
             await asyncio.sleep(3 * _PERIOD)
-
-    def _batches(self) -> list[BatchFolder]:
-        return list(newest_first(batch_folders(self._workspace)))
-
-    def _rows(self, batches: list[BatchFolder]) -> list[JsonValue]:
-        return [self._row(each) for each in batches]
 
     def _row(self, batch: BatchFolder) -> JsonValue:
         row: dict[str, JsonValue] = {"id": self._workspace.relative(batch.place)}

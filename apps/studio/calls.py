@@ -198,14 +198,8 @@ class Viewer:
         except Exception as error:  # noqa: BLE001 - the border to the page; the log has the lines
             _LOG.exception("a call failed")
             name = type(error).__name__
-            await self._send(
-                {
-                    "id": number,
-                    "error": {
-                        "message": f"internal error ({name}); the terminal of the studio has the lines"
-                    },
-                }
-            )
+            message = f"internal error ({name}); the terminal of the studio has the lines"
+            await self._send({"id": number, "error": {"message": message}})
 
     async def _send(self, message: Mapping[str, object]) -> None:
         data = orjson.dumps(message, default=str, option=orjson.OPT_NON_STR_KEYS | orjson.OPT_SERIALIZE_NUMPY)

@@ -76,13 +76,11 @@ class MissionContext:
 
     def symbol(self, identity: str) -> str:
         """Return the symbol of a node in pictures."""
-        found = self._symbols.get(identity)
-        if found is None:
+        if identity not in self._symbols:
             declaration = self.known(identity)
-            found = self._symbols[identity] = (
-                mission_chart.symbol_of(declaration) if declaration is not None else "unknown"
-            )
-        return found
+            symbol = mission_chart.symbol_of(declaration) if declaration is not None else "unknown"
+            self._symbols[identity] = symbol
+        return self._symbols[identity]
 
     def outline(self, source: Source) -> mission_outline.Outline:
         return outline(source, self.known)

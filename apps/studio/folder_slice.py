@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import shutil
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Final
 
-from starlette.routing import BaseRoute
-
 from picktree.files import PicktreeError, file_system
 
 from .calls import JsonValue, call
-from .slice import Studio
+from .slice import Slice, Studio
 
 EXAMPLES: Final = file_system.ROOT / "examples"
 EXAMPLE_FOLDERS: Final = ("", "cases", "faults", "plugins")
@@ -32,17 +29,11 @@ def example_files() -> list[Path]:
     ]
 
 
-class FolderSlice:
+class FolderSlice(Slice):
     """Calls on the folder as a whole, and on its text files."""
 
     def __init__(self, studio: Studio) -> None:
         self._workspace = studio.workspace
-
-    def routes(self) -> Sequence[BaseRoute]:
-        return ()
-
-    async def close(self) -> None:
-        pass
 
     @call("folder.state")
     async def state(self) -> JsonValue:

@@ -102,22 +102,9 @@ class RunPicture:
         nodes: list[JsonValue] = []
         for node in tree["nodes"]:
             known = self._registry.find(node["id"])
-            symbol = (
-                mission_chart.symbol_of(known.declaration)
-                if known
-                else "control"
-                if node["children"]
-                else "action"
-            )
-            nodes.append(
-                {
-                    "path": node["path"],
-                    "id": node["id"],
-                    "name": node["name"],
-                    "symbol": symbol,
-                    "children": list(node["children"]),
-                }
-            )
+            symbol = "control" if node["children"] else "action"
+            symbol = mission_chart.symbol_of(known.declaration) if known else symbol
+            nodes.append({key: node[key] for key in ("path", "id", "name", "children")} | {"symbol": symbol})
         kept = {node["path"] for node in tree["nodes"]}
         self._nodes = {path: state for path, state in self._nodes.items() if path in kept}
         self.set("tree", nodes)
@@ -155,8 +142,7 @@ class RunPicture:
             self._state[name] = value
             self._changed.add(name)
 
-    def stand(self, statuses: Mapping[str, str], blackboard: Mapping[str, JsonValue]) -> None:
-        """Take statuses and blackboard as they are at a stop."""
+    def take_stop(self, statuses: Mapping[str, str], blackboard: Mapping[str, JsonValue]) -> None:
         for path, status in statuses.items():
             before = self._nodes.get(path, ["", False, "", ""])
             self._put("nodes", self._nodes, path, [status, *before[1:]])
@@ -283,8 +269,7 @@ class FollowedRun:
     """
 
     def __init__(self, folder: Path) -> None:
-        """Raises PicktreeError when the run is not going on, or cannot be attached. It is connected by
-        `begin`."""
+        """Raises PicktreeError when the run cannot be attached. It is connected by `begin`."""
         self.folder = folder
         self.ended = False
         """Whether the connection has ended."""
@@ -296,8 +281,7 @@ class FollowedRun:
         self._leaving: asyncio.TimerHandle | None = None
 
     async def begin(self) -> None:
-        """Connect, and read what the log has of the time before. Raises PicktreeError as the constructor of a
-        socket does."""
+        """Connect, and read what the log has of the time before. Raises PicktreeError."""
         connection = await asyncio.to_thread(attach_socket.connect_to_run, self.folder)
         connection.setblocking(False)
         reader, self._writer = await asyncio.open_unix_connection(sock=connection, limit=_MAX_LINE)
@@ -362,7 +346,10 @@ class FollowedRun:
             self._writer.close()
         for task in self._tasks:
             task.cancel()
-        self._end_replies()
+        while self._replies:
+            reply = self._replies.popleft()
+            if not reply.done():
+                reply.set_exception(PicktreeError("the run has ended"))
         for viewer in self._viewers:
             viewer.arrived.set()
 
@@ -386,18 +373,11 @@ class FollowedRun:
     # The connection.
 
     def _start_picture(self, until: float, first: Sequence[_Received]) -> None:
-        """Make the picture before `until`, simulated s, and take what the run sent first.
+        """Make the picture of the last minutes of the log up to a time, simulated s, and take what the run
+        sent first.
 
-        The symbols of the tree's nodes need all modules of nodes, which take 0.1 s and more to import.
-        """
-        self._picture = self._first_picture(until)
-        for message, log in first:
-            self._take(message, log)
-
-    def _first_picture(self, until: float) -> RunPicture:
-        """Return a picture with the last minutes of the log up to a time, simulated s.
-
-        The log has each message within a second.
+        The log has each message within a second. The symbols of the tree's nodes need all modules of nodes,
+        which take 0.1 s and more to import.
         """
         for _ in range(_LOG_TRIES):
             with RunLog(log_files.find_log(self.folder)) as log:
@@ -409,7 +389,7 @@ class FollowedRun:
             with suppress(PicktreeError):
                 tcp = robot_file.read_tcp(log.attachment("robot.yaml").decode("utf-8", "replace"), log.path)
                 link = "" if tcp is None else tcp.link
-            picture = RunPicture(link)
+            self._picture = picture = RunPicture(link)
             info = log.run
             picture.set("run", {"mission": info.mission, "scene": info.scene, "robot": info.robot,
                                 "seed": info.seed, "backend": info.backend})  # fmt: skip
@@ -419,7 +399,8 @@ class FollowedRun:
             recent = log.messages(_HISTORY_TOPICS, begin, until)
             for message in itertools.chain(reversed(lines), recent):
                 picture.take((message.topic, message.time, message.data))
-        return picture
+        for received, messages in first:
+            self._take(received, messages)
 
     async def _read(self, reader: asyncio.StreamReader) -> None:
         """Take what the run sends, until it ends."""
@@ -460,7 +441,7 @@ class FollowedRun:
                 picture.set("stop", None)
                 picture.set("question", None)
             case {"statuses": statuses, "blackboard": blackboard}:
-                picture.stand(statuses, blackboard)
+                picture.take_stop(statuses, blackboard)
             case {"breakpoints": breakpoints}:
                 picture.set("breakpoints", breakpoints)
             case {"told": text, "time": now}:
@@ -471,12 +452,6 @@ class FollowedRun:
                 picture.set("status", status)
             case _:
                 pass
-
-    def _end_replies(self) -> None:
-        while self._replies:
-            reply = self._replies.popleft()
-            if not reply.done():
-                reply.set_exception(PicktreeError("the run has ended"))
 
     async def _publish(self) -> None:
         while True:

@@ -70,7 +70,6 @@ class Job:
     process: ProcessMark | None = None
     """Process of the command, which leads a session of its own; None: it ended as it began."""
     server: ProcessMark | None = None
-    """Server that watches it."""
     result: str = ""
     """Address in the page of what it makes, as `#/run/…` or `/files/…`; empty: none is known."""
     finish: str = ""
@@ -202,7 +201,6 @@ _CONTROL: Final = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
 
 def job_json(job: Job) -> dict[str, JsonValue]:
-    """Return a job as the page has it."""
     return {
         "number": job.number,
         "title": job.title,
@@ -350,7 +348,6 @@ class Jobs:
         task.add_done_callback(self._waiting.discard)
 
     async def ended(self, job: Job) -> Job:
-        """Wait for the end of a job."""
         while job.ended is None:
             await asyncio.sleep(0.05)
         return job

@@ -7,13 +7,12 @@ import os
 import socket
 import struct
 import time
-from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
-from starlette.routing import BaseRoute
 
 from picktree.files import PicktreeError
 from picktree.logs.mcap import is_written
@@ -25,7 +24,7 @@ from picktree.world.scene import scene_loading
 
 from .calls import JsonValue, call, watch
 from .jobs import Job, job_text
-from .slice import Studio
+from .slice import Slice, Studio
 from .workspace import Workspace
 
 if TYPE_CHECKING:
@@ -55,8 +54,7 @@ class RunOrder(BaseModel):
 
 
 def start_form(workspace: Workspace, mission: str) -> JsonValue:
-    """Return what a mission and the folder offer for a run. Raises PicktreeError, with the faults of the
-    file."""
+    """Return what a mission and the folder offer for a run. Raises PicktreeError with the file's faults."""
     loaded = load_mission(workspace.resolve(mission), NodeRegistry())
     files = workspace.files()
     return {
@@ -127,7 +125,7 @@ _MAX_DEPTH: Final = 3
 """Depth of folders below the studio's in which runs are looked for."""
 
 
-class LiveSlice:
+class LiveSlice(Slice):
     """Calls on runs that go on. They are found by the sockets in their folders, whoever started them."""
 
     def __init__(self, studio: Studio) -> None:
@@ -138,9 +136,6 @@ class LiveSlice:
         self._beginning: dict[str, asyncio.Lock] = {}
         self._over: set[str] = set()
         """Folders of runs that have ended."""
-
-    def routes(self) -> Sequence[BaseRoute]:
-        return ()
 
     async def close(self) -> None:
         for run in self._followed.values():
@@ -221,9 +216,8 @@ class LiveSlice:
         async with self._beginning.setdefault(id, asyncio.Lock()):
             known = self._followed.get(id)
             if known is None or known.ended:
-                from .followed_run import (
-                    FollowedRun,
-                )  # it loads analysis, which a page without runs needs not
+                # It loads analysis, which a page without runs does not need.
+                from .followed_run import FollowedRun
 
                 known = FollowedRun(self._workspace.resolve(id))
                 await known.begin()
@@ -273,7 +267,6 @@ def _began(folder: Path) -> float:
 
 
 def _is_of(folder: Path, process: int) -> bool:
-    """Whether the run of a folder is that of a process."""
     try:
         with attach_socket.connect_to_run(folder) as connection:
             size = struct.calcsize("3i")

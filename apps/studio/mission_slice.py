@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,29 +11,18 @@ from typing import Annotated, Any, Final, Literal, TypeAlias, TypeVar
 
 import yaml
 from pydantic import Field
-from starlette.routing import BaseRoute
 
-from picktree.authoring.editor import NotEditable, TextChange, changes, node_edits, source_of
+from picktree.authoring.editor import NotEditable, changes, node_edits, source_of
 from picktree.files import PicktreeError
-from picktree.files.yaml import file_text
+from picktree.files.yaml import file_text, scalar_text
 from picktree.trees import COMMON_KEYS, Node, NodeDeclaration, PortDeclaration
 
 from . import answers
-from .answers import Places, TreeAnswers, change_values
+from .answers import PageText, TreeAnswers
 from .calls import JsonValue, call
 from .context import MissionContext, MissionTexts, library_declarations, own_trees, read_text
-from .slice import Studio
+from .slice import Slice, Studio
 from .worker import Worker
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Place for a node among the children of a slot; `label`: key in the slot's table."""
-
-    parent: str
-    index: int = 0
-    slot: str = ""
-    label: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,41 +37,32 @@ class SetPort:
 @dataclass(frozen=True, slots=True)
 class AddNode:
     do: Literal["add"]
-    place: Place
+    place: node_edits.Target
     identity: str
     include: str = ""
     """File that the mission must include for it; empty: none."""
 
 
 @dataclass(frozen=True, slots=True)
-class RemoveNode:
-    do: Literal["remove"]
-    node: str
-
-
-@dataclass(frozen=True, slots=True)
 class MoveNode:
     do: Literal["move"]
     node: str
-    place: Place
+    place: node_edits.Target
 
 
 @dataclass(frozen=True, slots=True)
-class WrapNode:
-    do: Literal["wrap"]
-    node: str
-    identity: str
+class DropNode:
+    """Removal of a node with all below it, or of a node around its only child."""
 
-
-@dataclass(frozen=True, slots=True)
-class UnwrapNode:
-    do: Literal["unwrap"]
+    do: Literal["remove", "unwrap"]
     node: str
 
 
 @dataclass(frozen=True, slots=True)
-class ReplaceNode:
-    do: Literal["replace"]
+class ExchangeNode:
+    """New node around a node, or in its place."""
+
+    do: Literal["wrap", "replace"]
     node: str
     identity: str
 
@@ -94,7 +74,7 @@ class RenameTree:
     name: str
 
 
-Edit: TypeAlias = SetPort | AddNode | RemoveNode | MoveNode | WrapNode | UnwrapNode | ReplaceNode | RenameTree
+Edit: TypeAlias = SetPort | AddNode | MoveNode | DropNode | ExchangeNode | RenameTree
 Trees: TypeAlias = Mapping[str, NodeDeclaration]
 """Trees of a text as nodes that can be called, by name."""
 
@@ -113,17 +93,14 @@ def edited(text: str, edit: Edit, context: MissionContext, own: Trees) -> node_e
             port = declaration.port(key) if declaration is not None else None
             return editor.set_port(node, key, written(value, key, port))
         case AddNode(place=place, identity=identity):
-            return editor.add(_target(place), node_edits.new_node(*_new(identity, context, own)))
-        case RemoveNode(node=node):
-            return editor.remove(node)
+            return editor.add(place, node_edits.new_node(*_new(identity, context, own)))
         case MoveNode(node=node, place=place):
-            return editor.move(node, _target(place))
-        case WrapNode(node=node, identity=identity):
-            entries = node_edits.needed(*_new(identity, context, own))
-            return editor.wrap(node, identity, tuple(entries))
-        case UnwrapNode(node=node):
-            return editor.unwrap(node)
-        case ReplaceNode(node=node, identity=identity):
+            return editor.move(node, place)
+        case DropNode(do=do, node=node):
+            return editor.remove(node) if do == "remove" else editor.unwrap(node)
+        case ExchangeNode(do="wrap", node=node, identity=identity):
+            return editor.wrap(node, identity, tuple(node_edits.needed(*_new(identity, context, own))))
+        case ExchangeNode(node=node, identity=identity):
             return editor.replace(node, node_edits.new_node(*_new(identity, context, own)))
         case RenameTree(tree=tree, name=name):
             return editor.rename_tree(tree, name)
@@ -135,14 +112,10 @@ def needs_trees(edit: Edit, context: MissionContext, text: str) -> bool:
         case SetPort(node=node):
             found = node_edits.NodeEditor(text, context.known).outline.nodes().get(node)
             return found is not None and context.known(found.identity) is None
-        case AddNode(identity=identity) | WrapNode(identity=identity) | ReplaceNode(identity=identity):
+        case AddNode(identity=identity) | ExchangeNode(identity=identity):
             return context.known(identity) is None
         case _:
             return False
-
-
-def _target(place: Place) -> node_edits.Target:
-    return node_edits.Target(place.parent, place.index, place.slot, place.label)
 
 
 def _declared(identity: str, context: MissionContext, own: Trees) -> NodeDeclaration | None:
@@ -165,9 +138,9 @@ def written(value: str, key: str, port: PortDeclaration | None) -> str:
     if text[:1] in ('"', "'") and _reads(text):
         return text
     if text.startswith("{") or key in COMMON_KEYS:
-        return node_edits.scalar_of(text)
+        return scalar_text(text)
     textual = port is not None and port.type.name in _TEXTS and not port.type.many
-    return text if not textual and _reads(text) else node_edits.scalar_of(text)
+    return text if not textual and _reads(text) else scalar_text(text)
 
 
 _TEXTS = ("string", "object", "expression")
@@ -193,7 +166,7 @@ trees: {Main: {GoTo: {pose: home}}}
 """
 
 
-class MissionSlice:
+class MissionSlice(Slice):
     """Calls on the text of one mission, which the page sends along; nothing of it is kept here."""
 
     def __init__(self, studio: Studio) -> None:
@@ -204,9 +177,6 @@ class MissionSlice:
         self._thread = ThreadPoolExecutor(1, "missions")
         # Processes of their own, so that no edit waits for what may come later.
         self._helper, self._worker = Worker(), Worker()
-
-    def routes(self) -> Sequence[BaseRoute]:
-        return ()
 
     async def close(self) -> None:
         self._thread.shutdown(wait=False, cancel_futures=True)
@@ -307,16 +277,11 @@ class MissionSlice:
             own |= {name: tree for name, (tree, file) in library_declarations().items() if file == include}
         result = edited(text, edit, context, own)
         new = result.text
-        if include:
-            more = self._texts.file(path, new).include_edit(include)
-            if more is not None:
-                start, end = (
-                    answers.LineStarts(new).place(place) for place in (more.span.start, more.span.end)
-                )
-                new = f"{new[:start]}{more.text}{new[end:]}"
-        found: list[TextChange] = changes(text, new)
+        if include and (more := self._texts.file(path, new).include_edit(include)) is not None:
+            start, end = map(PageText(new).place, (more.span.start, more.span.end))
+            new = f"{new[:start]}{more.text}{new[end:]}"
         return {
-            "changes": change_values(found, Places(text)),
+            "changes": PageText(text).changes(changes(text, new)),
             "selected": result.selected,
             "tree": self._tree(path, new, known),
         }

@@ -29,7 +29,7 @@ from picktree.logs import RunLog, install_command, log_files, run_index
 from .calls import JsonValue, call, watch
 from .jobs import Job, command_answer, job_text
 from .security import SANDBOXED
-from .slice import Studio
+from .slice import Slice, Studio
 from .workspace import Workspace
 
 SORTS: Final[Mapping[str, Callable[[run_index.RunRow], Any]]] = {
@@ -170,9 +170,8 @@ class RunTable:
             condition, now = run_index.RunFilter.parse(query.where), time.time()
             rows = [row for row in rows if condition(row, now)]
         key = SORTS[query.sort]
-        keyed = [(key(row), row) for row in rows]
-        known = sorted((each for each in keyed if each[0] is not None), key=_first, reverse=query.descending)
-        answer = tuple(row for _, row in (*known, *(each for each in keyed if each[0] is None)))
+        known = sorted((row for row in rows if key(row) is not None), key=key, reverse=query.descending)
+        answer = (*known, *(row for row in rows if key(row) is None))
         if len(self._answers) > 50:
             self._answers.clear()
         self._answers[query] = (snapshot.version, answer)
@@ -187,10 +186,6 @@ class RunTable:
                 self._words.clear()
             self._words[id(row)] = known
         return known[1]
-
-
-def _first(pair: tuple[Any, run_index.RunRow]) -> Any:
-    return pair[0]
 
 
 MAX_KEPT: Final = 400_000_000
@@ -282,7 +277,7 @@ Count = Annotated[int, Field(ge=0, le=MAX_WINDOW)]
 Moment = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
 
-class RunSlice:
+class RunSlice(Slice):
     """Calls on the runs of the folder."""
 
     def __init__(self, studio: Studio) -> None:
@@ -453,7 +448,6 @@ class RunSlice:
         return self._workspace.resolve(path)
 
     def _runs(self) -> Path:
-        """Return where new runs are put."""
         root, folder = self._workspace.root, self._table.folder
         holds_runs = folder != root or any(root.glob("*/*.mcap")) or any(root.glob("*.mcap"))
         return folder if holds_runs else root / "runs"

@@ -5,12 +5,9 @@ from __future__ import annotations
 import asyncio
 import base64
 import math
-from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from starlette.routing import BaseRoute
 
 from picktree.authoring.editor import NotEditable, Source, changes, replace_value, scalar
 from picktree.files import PicktreeError
@@ -18,9 +15,9 @@ from picktree.files.yaml import read_document
 from picktree.world import COLOURS, Pose
 from picktree.world.scene import SceneDescription, load_scene, scene_loading
 
-from .answers import Places, change_values
+from .answers import PageText
 from .calls import JsonValue, call
-from .slice import Studio
+from .slice import Slice, Studio
 from .worker import Worker
 
 if TYPE_CHECKING:
@@ -128,15 +125,12 @@ def _mesh(mesh: triangle_meshes.Mesh) -> dict[str, Any]:
     }
 
 
-class SceneSlice:
+class SceneSlice(Slice):
     """Calls on scenes. They compute in a process of their own."""
 
     def __init__(self, studio: Studio) -> None:
         self._workspace = studio.workspace
         self._worker = Worker()
-
-    def routes(self) -> Sequence[BaseRoute]:
-        return ()
 
     async def close(self) -> None:
         await self._worker.close()
@@ -192,4 +186,4 @@ def _moved(text: str, fixture: str, x: float, y: float) -> JsonValue:
     new = text
     for index, value in ((1, y), (0, x)):
         new = replace_value(new, ("fixtures", fixture, "at", index), scalar(f"{round(value, 4):g}"))
-    return {"changes": change_values(changes(text, new), Places(text)), "text": new}
+    return {"changes": PageText(text).changes(changes(text, new)), "text": new}

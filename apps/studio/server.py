@@ -35,7 +35,7 @@ from .security import MAX_MESSAGE, SANDBOXED, Guard
 from .slice import Slice, Studio
 from .workspace import Workspace
 
-MAKERS: Final[tuple[Callable[[Studio], Slice], ...]] = (
+SLICES: Final[tuple[Callable[[Studio], Slice], ...]] = (
     FolderSlice,
     MissionSlice,
     SceneSlice,
@@ -43,13 +43,6 @@ MAKERS: Final[tuple[Callable[[Studio], Slice], ...]] = (
     LiveSlice,
     BatchSlice,
 )
-
-
-def slices(studio: Studio) -> tuple[Slice, ...]:
-    """Return the slices of a server."""
-    return tuple(make(studio) for make in MAKERS)
-
-
 HOST: Final = "127.0.0.1"
 FIRST_PORT: Final = 8420
 """Port that is tried first, so that a page finds a server that was started again."""
@@ -61,13 +54,11 @@ SHOWN: Final = frozenset({".gif", ".html", ".mp4", ".png", ".svg"})
 """Suffixes of files below the folder that the page may show."""
 
 
-def create_app(
-    workspace: Workspace, port: int, made: Callable[[Studio], tuple[Slice, ...]] = slices
-) -> ASGIApp:
+def create_app(workspace: Workspace, port: int) -> ASGIApp:
     """Return the application for a workspace, as it is served on a port of this machine."""
     workspace.apply_trust()
     jobs = Jobs(workspace)
-    parts = made(Studio(workspace, jobs))
+    parts = [make(Studio(workspace, jobs)) for make in SLICES]
     registry = Registry((jobs, *parts))
     viewers = set[Viewer]()
 
@@ -83,7 +74,7 @@ def create_app(
             viewers.discard(viewer)
 
     async def shown(request: Request) -> Response:
-        return shown_file(workspace, request.path_params["path"])
+        return _shown_file(workspace, request.path_params["path"])
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None]:
@@ -105,7 +96,7 @@ def create_app(
     return Guard(Starlette(routes=routes, lifespan=lifespan), workspace.state.token, port)
 
 
-def shown_file(workspace: Workspace, path: str) -> Response:
+def _shown_file(workspace: Workspace, path: str) -> Response:
     """Return a picture, a film or a page below the folder. A page has an origin of its own."""
     try:
         place = workspace.resolve(path)

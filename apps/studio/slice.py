@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from starlette.routing import BaseRoute
 
@@ -20,13 +19,12 @@ class Studio:
     jobs: Jobs
 
 
-class Slice(Protocol):
+class Slice:
     """Part of the studio. Its methods declared with `call` and `watch` are what the page uses."""
 
     def routes(self) -> Sequence[BaseRoute]:
         """Return the addresses that it serves over HTTP."""
-        ...
+        return ()
 
     async def close(self) -> None:
         """Release what it holds, when the server ends."""
-        ...

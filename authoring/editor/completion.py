@@ -164,7 +164,8 @@ def _values(cursor: Cursor, parts: list[Schema]) -> Iterator[Proposal]:
     for part in parts:
         for value in _examples(part):
             text = str(value) if quoted and isinstance(value, str) else _yaml(value)
-            yield Proposal(_label(value), "value", escaped(text), markdown_of([part]))
+            label = value if isinstance(value, str) else json.dumps(value)
+            yield Proposal(label, "value", escaped(text), markdown_of([part]))
 
 
 def _examples(part: Schema) -> list[object]:
@@ -185,10 +186,6 @@ def _examples(part: Schema) -> list[object]:
     for below in cast("list[object]", part.get("anyOf", [])):
         found += [value for value in _examples(schema(below)) if value not in found]
     return found
-
-
-def _label(value: object) -> str:
-    return value if isinstance(value, str) else json.dumps(value)
 
 
 def _yaml(value: object) -> str:
@@ -262,13 +259,9 @@ seeds: 0:20
 """Shortest useful file of each kind; a robot file is proposed by `picktree robot new`."""
 
 
-def _head() -> Schema:
-    keys = header(KINDS[0])
-    kind: Schema = {"enum": list(KINDS), "description": keys["kind"]["description"]}
-    return {"type": "object", "properties": keys | {"kind": kind}}
-
-
-_HEAD = SchemaWalk(_head())
+_KEYS = header(KINDS[0])
+_KIND: Schema = {"enum": list(KINDS), "description": _KEYS["kind"]["description"]}
+_HEAD = SchemaWalk({"type": "object", "properties": _KEYS | {"kind": _KIND}})
 _WORD = re.compile(r"[\w ]*")
 
 
@@ -283,13 +276,15 @@ def skeletons(text: str, place: Place) -> tuple[Span, list[Proposal]] | None:
     if content not in ([], [lines[place.line]]) or not _WORD.fullmatch(word):
         return None
     span = Span(Place(place.line, 0), Place(place.line, len(word)))
-    return span, list(_proposed())
-
-
-def _proposed() -> Iterator[Proposal]:
-    for kind, text in SKELETONS.items():
-        doc = f"Skeleton of a {kind} file.\n\n```yaml\n{text}```"
-        yield Proposal(f"picktree {kind}", "skeleton", f"{escaped(text)}$0", doc)
+    return span, [
+        Proposal(
+            f"picktree {kind}",
+            "skeleton",
+            f"{escaped(skeleton)}$0",
+            f"Skeleton of a {kind} file.\n\n```yaml\n{skeleton}```",
+        )
+        for kind, skeleton in SKELETONS.items()
+    ]
 
 
 def head_proposals(cursor: Cursor) -> list[Proposal]:

@@ -43,14 +43,11 @@ class _Repair:
         """Close all open brackets at the end of the last line with content."""
         closers = "".join(_CLOSERS[each.bracket] for each in reversed(self.open))
         self.open.clear()
-        at = next(
-            (n for n in reversed(range(len(self.lines))) if self.lines[n][: self.ends[n]].strip()), None
-        )
+        written = (n for n in reversed(range(len(self.lines))) if self.lines[n][: self.ends[n]].strip())
+        at = next(written, None)
         if at is not None and closers:
-            line, end = self.lines[at], self.ends[at]
-            self.lines[at] = (
-                line[:end].rstrip() + closers + " " + line[end:] if line[end:] else line + closers
-            )
+            line, comment = self.lines[at][: self.ends[at]], self.lines[at][self.ends[at] :]
+            self.lines[at] = f"{line.rstrip()}{closers} {comment}" if comment else line + closers
 
     def add(self, line: str) -> None:
         indent = len(line) - len(line.lstrip(" "))
@@ -114,11 +111,7 @@ def repaired(text: str) -> str:
     for line in text.split("\n"):
         repair.add(line)
     repair.close()
-    return "\n".join(_with_colons(repair.lines))
-
-
-def _with_colons(lines: list[str]) -> list[str]:
-    return [_with_colon(lines, number) for number in range(len(lines))]
+    return "\n".join(_with_colon(repair.lines, number) for number in range(len(repair.lines)))
 
 
 def _with_colon(lines: list[str], number: int) -> str:
@@ -233,7 +226,6 @@ class Cursor:
     """Text of the line behind the word."""
     place: Place
     line: str
-    """Line in which it stands."""
 
     @property
     def written(self) -> str:
@@ -248,25 +240,22 @@ def cursor_at(text: str, place: Place, file: str) -> Cursor | None:
         return None
     line = lines[place.line].rstrip("\r")
     before, behind = line[: place.character], line[place.character :]
-    start = _matched(_WORD_BEFORE.search(before))
-    end = _matched(_WORD_BEHIND.match(behind))
-    word = Span(
-        Place(place.line, len(before) - len(start)),
-        Place(place.line, len(before) + len(end)),
-    )
+    before_word, behind_word = _WORD_BEFORE.search(before), _WORD_BEHIND.match(behind)
+    start = before_word.start() if before_word else len(before)
+    end = behind_word.end() if behind_word else 0
+    word = Span(Place(place.line, start), Place(place.line, len(before) + end))
     lines[place.line] = f"{before}{CURSOR}{behind}"
-    marked = "\n".join(lines)
-    reading = read_repaired(marked, file)
+    reading = read_repaired("\n".join(lines), file)
     if reading is None:
         return None
     root = reading[0].root
-    found = next(_places(root), None)
+    found = next((each for each in _texts(root) if CURSOR in each[1]), None)
     if found is None:
         return None
-    path, scalar, parent = found
+    path, scalar, _, parent = found
     is_key = isinstance(parent.value, dict) and scalar in parent.keys
     opened = lines[parent.mark.line - 1][parent.mark.column - 1 :][:1]
-    head = before[: len(before) - len(start)]
+    head = before[:start]
     return Cursor(
         root,
         path,
@@ -278,7 +267,7 @@ def cursor_at(text: str, place: Place, file: str) -> Cursor | None:
         isinstance(parent.value, list),
         word,
         head,
-        behind[len(end) :],
+        behind[end:],
         place,
         line,
     )
@@ -291,7 +280,9 @@ def cursor_on(text: str, place: Place, file: str) -> Cursor | None:
     if reading is None or place.line >= len(lines):
         return None
     line = lines[place.line]
-    for path, written, mark, parent in _texts(reading[0].root, place.line + 1):
+    for path, written, mark, parent in _texts(reading[0].root):
+        if mark.line != place.line + 1:
+            continue
         start = mark.column - 1 + (line[mark.column - 1 : mark.column] in ("'", '"'))
         if start <= place.character <= start + len(written):
             is_key = isinstance(parent.value, dict) and parent.keys.get(written) == mark
@@ -314,38 +305,22 @@ def cursor_on(text: str, place: Place, file: str) -> Cursor | None:
     return None
 
 
-def _texts(root: YamlNode, line: int) -> Iterator[tuple[Location, str, Mark, YamlNode]]:
-    """Yield location, text, mark and parent of the keys and texts that begin in a line."""
-    todo: list[tuple[Location, YamlNode]] = [((), root)]
+def walk(root: YamlNode, above: Location = ()) -> Iterator[tuple[Location, YamlNode]]:
+    """Yield a value and all below it with their locations, in the order of the text."""
+    todo: list[tuple[Location, YamlNode]] = [(above, root)]
     while todo:
         path, node = todo.pop()
-        for key, child in node.entries.items():
-            if node.keys[key].line == line:
-                yield path, key, node.keys[key], node
-            todo.append(((*path, key), child))
-        todo += [((*path, index), child) for index, child in enumerate(node.items)]
+        yield path, node
+        below: list[tuple[str | int, YamlNode]] = [*node.entries.items(), *enumerate(node.items)]
+        todo += [((*path, step), child) for step, child in reversed(below)]
+
+
+def _texts(root: YamlNode) -> Iterator[tuple[Location, str, Mark, YamlNode]]:
+    """Yield location, text, mark and parent of all keys and texts."""
+    for path, node in walk(root):
+        for key in node.entries:
+            yield path, key, node.keys[key], node
         below: list[tuple[str | int, YamlNode]] = [*node.entries.items(), *enumerate(node.items)]
         for step, child in below:
-            if child.mark.line == line and isinstance(child.value, str):
+            if isinstance(child.value, str):
                 yield (*path, step), child.value, child.mark, node
-
-
-def _matched(found: re.Match[str] | None) -> str:
-    return found[0] if found else ""
-
-
-def _places(root: YamlNode) -> Iterator[tuple[Location, str, YamlNode]]:
-    """Yield location, text and parent of each key and value that contains CURSOR."""
-    todo: list[tuple[Location, YamlNode]] = [((), root)]
-    while todo:
-        path, node = todo.pop()
-        for key, child in node.entries.items():
-            if CURSOR in key:
-                yield path, key, node
-            if isinstance(child.value, str) and CURSOR in child.value:
-                yield (*path, key), child.value, node
-            todo.append(((*path, key), child))
-        for index, child in enumerate(node.items):
-            if isinstance(child.value, str) and CURSOR in child.value:
-                yield (*path, index), child.value, node
-            todo.append(((*path, index), child))

@@ -41,7 +41,6 @@ class OutlineNode:
     id: str
     """Path in its tree, as logs, faults and rehearsals have it."""
     loc: Location
-    """Location of the whole node."""
     identity: str
     name: str
     kind: OutlineKind
@@ -106,7 +105,6 @@ class Outline:
     trees: tuple[OutlineTree, ...]
 
     def nodes(self) -> Mapping[str, OutlineNode]:
-        """Return all nodes by ID."""
         return {node.id: node for tree in self.trees if tree.root for node in tree.root.iterate()}
 
 

@@ -21,6 +21,7 @@ from picktree.world.scene import scene_loading
 
 from .completion import is_expression
 from .cursor import Cursor, Place, Span
+from .cursor import walk as cursor_walk
 from .schema_walk import SchemaWalk, markdown_of, node_ids
 from .tree_keys import KeyPlace, key_places, places_of, tree_of
 
@@ -64,19 +65,19 @@ def _key_words(cursor: Cursor, walk: SchemaWalk, place: KeyPlace) -> str:
     port = next((each for each in every if each.kind == "port"), None)
     if port is not None:
         said = markdown_of(walk.at(port.path))
-        node = _node_at(cursor.root, (*port.path, "doc"))
-        doc = f": {node.value}" if node is not None and isinstance(node.value, str) else ""
+        about: YamlNode | None = cursor.root
+        for step in (*port.path, "doc"):
+            about = about.child(step) if about is not None else None
+        doc = f": {about.value}" if about is not None and isinstance(about.value, str) else ""
         lines.append(f"Port of the tree{doc}." if doc or said else "Port of the tree.")
     for each in every:
         if writes(each, walk):
             owner = next((str(step) for step in reversed(each.path[:-1]) if isinstance(step, str)), tree)
-            about = markdown_of(walk.at(each.path))
-            lines.append(f"Written by {owner}, line {each.mark.line}.\n\n{about}")
+            lines.append(f"Written by {owner}, line {each.mark.line}.\n\n{markdown_of(walk.at(each.path))}")
     return "\n\n".join(lines)
 
 
 def writes(place: KeyPlace, walk: SchemaWalk) -> bool:
-    """Whether a key is written at that place."""
     if place.kind == "reference":
         return _OUTPUT in markdown_of(walk.at(place.path))
     return place.kind == "assignment"
@@ -103,15 +104,11 @@ def rename(cursor: Cursor, walk: SchemaWalk, name: str, text: str) -> list[Edit]
         raise PicktreeError("there is no key of the blackboard here")
     if not IDENTIFIER.fullmatch(name):
         raise PicktreeError(f"{name!r} is no key: a letter or '_', then letters, digits and '_'")
-    tree, key = key_home(found)
+    tree, _ = key_home(found)
     if list(key_places_of(cursor, walk, tree, name)):
         raise PicktreeError(f"the tree {tree!r} has a key {name!r} already")
-    lines, every = text.split("\n"), list(key_places_of(cursor, walk, tree, key))
-    places = [(each.mark, each.at + len(each.key) - len(key)) for each in every]
-    if any(each.kind == "port" for each in every):
-        places += [(mark, 0) for mark in calls_with(cursor.root, tree, key)]
-    edits: list[Edit] = []
-    for mark, at in places:
+    lines, edits = text.split("\n"), list[Edit]()
+    for mark, at, key in key_references(cursor, walk) or ():
         span = written_span(mark, at, key, lines)
         if span is None:
             raise PicktreeError(f"line {mark.line}: write the text in one line and without escapes first")
@@ -126,19 +123,15 @@ def key_home(place: KeyPlace) -> tuple[str, str]:
 
 
 def key_places_of(cursor: Cursor, walk: SchemaWalk, tree: str, key: str) -> Iterator[KeyPlace]:
-    """Yield the occurrences of a key of a tree."""
     return places_of(cursor.root, key, tree, lambda path: is_expression(walk, path))
-
-
-def _keys_of(cursor: Cursor, walk: SchemaWalk) -> Iterator[KeyPlace]:
-    tree = tree_of(cursor.path)
-    if tree is not None:
-        yield from key_places(cursor.root, tree, lambda path: is_expression(walk, path))
 
 
 def key_at(cursor: Cursor, walk: SchemaWalk) -> KeyPlace | None:
     """Return the key of the blackboard under the cursor."""
-    for place in _keys_of(cursor, walk):
+    tree = tree_of(cursor.path)
+    if tree is None:
+        return None
+    for place in key_places(cursor.root, tree, lambda path: is_expression(walk, path)):
         if place.mark.line == cursor.word.start.line + 1 and _covers(place, cursor):
             return place
     return None
@@ -149,38 +142,30 @@ def _covers(place: KeyPlace, cursor: Cursor) -> bool:
         return cursor.is_key and (*cursor.path, cursor.written) == place.path
     if cursor.is_key or cursor.path != place.path:
         return False
-    word = cursor.word
-    quote = 1 if cursor.line[place.mark.column - 1 : place.mark.column] in ("'", '"') else 0
-    start = place.mark.column - 1 + quote + place.at
-    return start <= cursor.place.character <= start + len(place.key) and word.start.line == cursor.place.line
+    start = _text_start(place.mark, cursor.line) + place.at
+    within = start <= cursor.place.character <= start + len(place.key)
+    return within and cursor.word.start.line == cursor.place.line
+
+
+def _text_start(mark: Mark, line: str) -> int:
+    """Return where a text begins in its line, behind its quote."""
+    return mark.column - 1 + (line[mark.column - 1 : mark.column] in ("'", '"'))
 
 
 def written_span(mark: Mark, at: int, key: str, lines: list[str]) -> Span | None:
     """Return where a key stands in the text; None when it is not written as it reads."""
     line = lines[mark.line - 1]
-    start = mark.column - 1 + (1 if line[mark.column - 1 : mark.column] in ("'", '"') else 0) + at
+    start = _text_start(mark, line) + at
     if line[start : start + len(key)] != key:
         return None
     return Span(Place(mark.line - 1, start), Place(mark.line - 1, start + len(key)))
 
 
 def calls_with(root: YamlNode, tree: str, port: str) -> Iterator[Mark]:
-    """Yield the marks of a port where the tree is called."""
-    trees = root.entries.get("trees")
-    todo = [] if trees is None else list(trees.entries.values())
-    while todo:
-        node = todo.pop()
+    for path, node in cursor_walk(root):
         call = node.entries.get(tree)
-        if call is not None and port in call.keys:
+        if len(path) > 1 and path[0] == "trees" and call is not None and port in call.keys:
             yield call.keys[port]
-        todo += [*node.entries.values(), *node.items]
-
-
-def _node_at(root: YamlNode, path: tuple[str | int, ...]) -> YamlNode | None:
-    node: YamlNode | None = root
-    for step in path:
-        node = node.child(step) if node is not None else None
-    return node
 
 
 _FILE_KEYS: Final[Mapping[str, Mapping[str, Path | None]]] = {
@@ -190,8 +175,7 @@ _FILE_KEYS: Final[Mapping[str, Mapping[str, Path | None]]] = {
     "cases": {"mission": None},
     "plan": {"missions": None, "scenes": scene_loading.SHIPPED, "robots": robot_file.SHIPPED, "faults": None},
 }
-"""Keys at the top of each kind of file that name other files; the folder of shipped ones, None: there are
-none."""
+"""Keys at the top of each kind of file that name other files, with the folder of shipped ones."""
 
 
 def named_file(cursor: Cursor, document: Document) -> Mark | None:
@@ -263,7 +247,7 @@ def definition(
 
 def called_name(cursor: Cursor, walk: SchemaWalk) -> str | None:
     """Return the ID of the node or sub-tree that is called under the cursor."""
-    return cursor.written if any(cursor.written in node_ids(part) for part in walk.at(cursor.path)) else None
+    return cursor.written if _offers(walk, cursor.path, cursor.written) else None
 
 
 def tree_mark(name: str, files: Iterable[Document]) -> Mark | None:
@@ -291,16 +275,10 @@ def key_references(cursor: Cursor, walk: SchemaWalk) -> list[tuple[Mark, int, st
 
 def calls_of(root: YamlNode, walk: SchemaWalk, name: str) -> Iterator[Mark]:
     """Yield the marks at which a node or sub-tree of that name is called."""
-    trees = root.entries.get("trees")
-    todo: list[tuple[Location, YamlNode]] = [] if trees is None else [(("trees",), trees)]
-    while todo:
-        path, node = todo.pop()
-        if name in node.keys and _offers(walk, path, name):
-            yield node.keys[name]
-        if node.value == name and _offers(walk, path, name):
-            yield node.mark
-        todo += [((*path, key), child) for key, child in node.entries.items()]
-        todo += [((*path, index), child) for index, child in enumerate(node.items)]
+    for path, node in cursor_walk(root):
+        named = name in node.keys or node.value == name
+        if path[:1] == ("trees",) and named and _offers(walk, path, name):
+            yield node.keys.get(name, node.mark)
 
 
 def _offers(walk: SchemaWalk, path: Location, name: str) -> bool:

@@ -62,12 +62,11 @@ def needed(declaration: NodeDeclaration, node: type[Node] | None) -> list[tuple[
         port = declaration.port(key)
         given = body.child(key) if body is not None else None
         if port is not None:
-            piece = _value(port, source, body)
+            entries.append((key, _value(port, source, body)))
+        elif source is not None and given is not None:
+            entries.append((key, piece_of(source, given)))
         else:
-            piece = (
-                piece_of(source, given) if source is not None and given is not None else scalar(PLACEHOLDER)
-            )
-        entries.append((key, piece))
+            entries.append((key, scalar(PLACEHOLDER)))
     return entries
 
 
@@ -167,10 +166,8 @@ class NodeEditor:
             text = put_entry(self.text, node.body, name, value, slots)
         else:
             children = fragment(self._source, node.body)
-            block = children.block
-            text = replace_value(
-                self.text, node.body, mapping([(name, value), ("do", children)], block=block)
-            )
+            together = mapping([(name, value), ("do", children)], block=children.block)
+            text = replace_value(self.text, node.body, together)
         return self._done(text, node.loc, node.body)
 
     def remove_port(self, identifier: str, key: str) -> EditedText:
@@ -183,20 +180,10 @@ class NodeEditor:
             return self._done(self._put_node(node, scalar(node.identity)), node.loc)
         return self._done(remove_entry(self.text, node.body, key), node.loc, node.body)
 
-    def rename(self, identifier: str, name: str) -> EditedText:
-        """Name a node; an empty name takes its name away."""
-        return (
-            self.set_port(identifier, "name", scalar_of(name))
-            if name
-            else self.remove_port(identifier, "name")
-        )
-
     def rename_tree(self, name: str, new: str) -> EditedText:
-        """Rename a tree and its calls in this text."""
         if not IDENTIFIER.fullmatch(new):
             raise NotEditable(f"{new!r} is no name of a tree: a letter or '_', then letters, digits and '_'")
-        taken = any(tree.name == new for tree in self.outline.trees) or self.known(new) is not None
-        if taken:
+        if any(tree.name == new for tree in self.outline.trees) or self.known(new) is not None:
             raise NotEditable(f"the name {new!r} is taken")
         text = rename_key(self.text, ("trees", name), new)
         for node in reversed([*self._nodes.values()]):  # children before their parents
@@ -217,7 +204,6 @@ class NodeEditor:
         return self._done(text, loc)
 
     def remove(self, identifier: str) -> EditedText:
-        """Remove a node with all that is below it."""
         node = self.node(identifier)
         return self._checked(self._removed(node), identifier.rpartition("/")[0])
 
@@ -232,14 +218,9 @@ class NodeEditor:
             index -= 1
         text = self._removed(node)
         below = NodeEditor(text, self.known)
-        found = next(
-            (
-                each
-                for each in below._nodes.values()
-                if each.loc == _shifted(parent.loc, node) and each.identity == parent.identity
-            ),
-            None,
-        )
+        place = _shifted(parent.loc, node)
+        same = (n for n in below._nodes.values() if n.loc == place and n.identity == parent.identity)
+        found = next(same, None)
         if found is None:
             raise NotEditable(f"{node.name} cannot be moved there")
         text, loc = below._added(text, found, Target(found.id, index, target.slot, target.label), piece)
@@ -291,12 +272,10 @@ class NodeEditor:
             return replace_entry(self.text, node.loc, node.identity, piece)
         old = self._source.at(node.loc)
         parent = self._source.at(node.loc[:-1])
-        if old.kind == "scalar" and not old.empty and piece.inline is not None and not piece.block:
+        word = old.kind == "scalar" and not old.empty and piece.inline is not None and not piece.block
+        if word and parent.kind == "list" and not parent.flow and piece.kind == "mapping":
             # A word in a line: what stands behind it, as a comment, stays.
-            braceless = parent.kind == "list" and not parent.flow and piece.kind == "mapping"
-            if braceless:
-                written = piece.inline[1:-1]
-                return f"{self.text[: old.start]}{written}{self.text[old.end :]}"
+            return f"{self.text[: old.start]}{(piece.inline or '')[1:-1]}{self.text[old.end :]}"
         return replace_value(self.text, node.loc, piece)
 
     def _removed(self, node: OutlineNode) -> str:
@@ -334,12 +313,9 @@ class NodeEditor:
             return put_entry(text, at, "do", together), (*at, "do", min(target.index, 1))
         if body.kind != "mapping":
             if slot.key != "do":
-                children = ("do", fragment(source, at))
-                further = _new_body(slot, target.label, piece)
-                entries = [children, *further.entries]
-                return replace_value(text, at, mapping(entries, block=True)), self._first(
-                    parent, slot, target.label
-                )
+                entries = [("do", fragment(source, at)), *_new_body(slot, target.label, piece).entries]
+                first = self._first(parent, slot, target.label)
+                return replace_value(text, at, mapping(entries, block=True)), first
             return _joined(source, at, target.index, piece)
         place = (*at, slot.key)
         found = body.entry(slot.key)
@@ -448,16 +424,3 @@ def _shifted(loc: Location, removed: OutlineNode) -> Location:
         return loc
     step = loc[len(at) - 1]
     return (*at[:-1], step - 1, *loc[len(at) :]) if isinstance(step, int) and step > at[-1] else loc
-
-
-def scalar_of(text: str) -> str:
-    """Return a text as YAML writes it."""
-    from picktree.files.yaml import scalar_text
-
-    return scalar_text(text)
-
-
-def piece_from(text: str) -> Piece:
-    """Return a node that is written as YAML, as in an example of the reference."""
-    source = Source(text.rstrip("\n") + "\n")
-    return piece_of(source, source.root)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TypeAlias
 
@@ -87,8 +87,7 @@ class OpenFile:
 
     def include_edit(self, name: str) -> Edit | None:
         """Return the edit that includes a file; None where it is included, or has no place."""
-        reading = read_repaired(self._text, str(self._path))
-        root = reading[0].root if reading is not None else None
+        root = self._root
         if root is None or name in _included(root):
             return None
         lines = self._text.split("\n")
@@ -149,25 +148,21 @@ class OpenFile:
             if other._path != self._path and other.tree_home(name) == home:
                 found += other.calls_of(name)
         if declaration and home is not None:
-            word = Span(
-                Place(home.line - 1, home.column - 1), Place(home.line - 1, home.column - 1 + len(name))
-            )
+            start = Place(home.line - 1, home.column - 1)
+            word = Span(start, Place(start.line, start.character + len(name)))
             found.append(FileSpan(Path(home.file), word))
         return found
 
     def tree_home(self, name: str) -> Mark | None:
         """Return where a sub-tree of the mission is defined; None for a node, and for an unknown name."""
-        reading = read_repaired(self._text, str(self._path))
-        if reading is None:
-            return None
-        return tree_mark(name, mission_files(self._document(reading[0].root), self._files))
+        root = self._root
+        return tree_mark(name, mission_files(self._document(root), self._files)) if root is not None else None
 
     def calls_of(self, name: str) -> list[FileSpan]:
         """Return where a node or sub-tree is called in this mission."""
-        reading = read_repaired(self._text, str(self._path))
-        if reading is None or self._kind != "mission":
+        root = self._root
+        if root is None or self._kind != "mission":
             return []
-        root = reading[0].root
         return self._spans((mark, 0, name) for mark in calls_of(root, self._walk(root), name))
 
     def _spans(self, places: Iterable[tuple[Mark, int, str]]) -> list[FileSpan]:
@@ -179,11 +174,9 @@ class OpenFile:
         )
 
     def symbols(self) -> tuple[DocumentSymbol, ...]:
-        """Return the outline of the file."""
-        reading = read_repaired(self._text, str(self._path)) if self._kind else None
-        if reading is None:
+        root = self._root if self._kind else None
+        if root is None:
             return ()
-        root = reading[0].root
         nodes = self._walk(root).nodes if self._kind == "mission" else ()
         return document_symbols(root, self._text, nodes)
 
@@ -203,13 +196,18 @@ class OpenFile:
 
     def keys_of(self, tree: str) -> list[str]:
         """Return the keys of the blackboard that a tree of the text writes or reads, its ports first."""
-        reading = read_repaired(self._text, str(self._path))
-        if reading is None or self._kind != "mission":
+        root = self._root
+        if root is None or self._kind != "mission":
             return []
-        root = reading[0].root
         walk = self._walk(root)
         places = key_places(root, tree, lambda path: is_expression(walk, path))
         return list(dict.fromkeys(place.key for place in places if place.kind != "name"))
+
+    @cached_property
+    def _root(self) -> YamlNode | None:
+        """Text as far as it can be read; None: nothing of it."""
+        reading = read_repaired(self._text, str(self._path))
+        return reading[0].root if reading is not None else None
 
     def _on(self, place: Place) -> Cursor | None:
         return cursor_on(self._text, place, str(self._path)) if self._kind else None

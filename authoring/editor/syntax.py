@@ -104,7 +104,9 @@ class Source:
         node: Syntax | None = self.root
         for step in loc:
             if node is not None and node.kind == "alias":
-                raise NotEditable(_aliased(node))
+                raise NotEditable(
+                    f"what stands here is the alias *{node.text}: edit the value at its anchor &{node.text}"
+                )
             node = node.child(step) if node is not None else None
         if node is None:
             raise NotEditable(f"there is no {'.'.join(map(str, loc))} in the text")
@@ -184,10 +186,8 @@ class Source:
 
     def _line_above(self, node: Syntax) -> int:
         """Return the last line with content before a block collection."""
-        return self.line_of(len(self.text[: node.start].rstrip(" \n-")) - 1) if self._above(node) else -1
-
-    def _above(self, node: Syntax) -> bool:
-        return bool(self.text[: node.start].strip(" \n-"))
+        above = self.text[: node.start].rstrip(" \n-")
+        return self.line_of(len(above) - 1) if above else -1
 
     def _comment_column(self, line: int) -> int:
         """Return the column at which a line that is only a comment begins; -1 for other lines."""
@@ -212,10 +212,6 @@ def source_of(text: str) -> Source:
     return Source(text)
 
 
-def _aliased(node: Syntax) -> str:
-    return f"what stands here is the alias *{node.text}: edit the value at its anchor &{node.text}"
-
-
 @dataclass(slots=True)
 class _Open:
     node: Syntax
@@ -233,7 +229,6 @@ class _Open:
 
 
 def _parsed(text: str) -> tuple[Syntax, bool]:
-    """Return the syntax of a text, and whether it has an alias."""
     open_: list[_Open] = []
     anchors: dict[str, Syntax] = {}
     root: Syntax | None = None

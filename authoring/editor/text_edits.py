@@ -53,7 +53,6 @@ class Piece:
                 return [self.inline or ""]
 
     def item_lines(self, room: int, dash: str = "- ") -> list[str]:
-        """Return its lines as an item of a block list."""
         single = self.kind == "mapping" and len(self.entries) == 1
         if not single and self.kind != "raw" and self.inline is not None and len(self.inline) <= room - 2:
             lines = [self.inline]

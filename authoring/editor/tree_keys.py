@@ -14,7 +14,7 @@ from picktree.files import Location, Mark
 from picktree.files.yaml import YamlNode
 from picktree.trees import MAIN, POSTCONDITIONS, PRECONDITIONS, references
 
-from .cursor import CURSOR
+from .cursor import CURSOR, walk
 
 IsExpression: TypeAlias = Callable[[Location], bool]
 """Whether an expression may stand at a location."""
@@ -41,7 +41,6 @@ class KeyPlace:
 
 
 def tree_of(path: Location) -> str | None:
-    """Return the tree in which a location of a mission is."""
     return path[1] if len(path) > 1 and path[0] == "trees" and isinstance(path[1], str) else None
 
 
@@ -66,15 +65,15 @@ def key_places(root: YamlNode, tree: str, is_expression: IsExpression) -> Iterat
     for name, mark in (ports.keys if ports is not None else {}).items():
         if CURSOR not in name:
             yield KeyPlace(name, ("trees", tree, "ports", name), mark, 0, "port")
-    for path, node in _scalars(body, ("trees", tree)):
-        if path[2:3] == ("ports",):
+    for path, node in walk(body, ("trees", tree)):
+        text = node.value
+        if not isinstance(text, str) or CURSOR in text or path[2:3] == ("ports",):
             continue
-        text = str(node.value)
         reference = _REFERENCE.fullmatch(text)
         if reference is not None:
             yield KeyPlace(reference[1], path, node.mark, 1, "reference")
         elif text.startswith("{=") or (
-            not text.startswith("{") and (_is_condition(path) or is_expression(path))
+            not text.startswith("{") and (path[-1] in PRECONDITIONS or assigns(path) or is_expression(path))
         ):
             for found in _TOKEN.finditer(text):
                 if found["name"] and not found["dot"] and found["name"].lower() not in _WORDS:
@@ -85,19 +84,3 @@ def key_places(root: YamlNode, tree: str, is_expression: IsExpression) -> Iterat
 def assigns(path: Location) -> bool:
     """Whether assignments stand at a location of a mission."""
     return path[-1] in POSTCONDITIONS or path[-2:] == ("Script", "code")
-
-
-def _is_condition(path: Location) -> bool:
-    return path[-1] in PRECONDITIONS or assigns(path)
-
-
-def _scalars(root: YamlNode, above: Location) -> Iterator[tuple[Location, YamlNode]]:
-    todo: list[tuple[Location, YamlNode]] = [(above, root)]
-    while todo:
-        path, node = todo.pop()
-        if isinstance(node.value, str):
-            if CURSOR not in node.value:
-                yield path, node
-            continue
-        todo += reversed([((*path, key), child) for key, child in node.entries.items()])
-        todo += reversed([((*path, index), child) for index, child in enumerate(node.items)])

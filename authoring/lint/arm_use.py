@@ -106,7 +106,9 @@ def at_the_same_time(survey: LintModel) -> Iterator[Diagnostic]:
         said: set[int] = set()
         for first, second in combinations(spec.children, 2):
             mine, others = users(survey, first), users(survey, second)
-            shared = next((one for one in mine if one in others and not _both(one, mine, others)), None)
+            # Two may use it at once where one of them leaves it to others all the while.
+            contested = (one for one in mine if one in others and not _shares(others[one], one))
+            shared = next((one for one in contested if not _shares(mine[one], one)), None)
             if shared is None or id(second) in said:
                 continue
             said.add(id(second))
@@ -144,11 +146,6 @@ def cleaning_arm(survey: LintModel) -> Iterator[Diagnostic]:
             message = f"a halt ticks {user.name} once, when others have the {resource} that it uses"
             hint = "move in what comes after the TryCatch, as in a Recover around it"
             yield survey.fault(spec.children[-1], message, hint, code="P334", error=True)
-
-
-def _both(resource: Resource, mine: Users, others: Users) -> bool:
-    """Whether two branches may use it at once: one of them leaves it to others all the while."""
-    return any(_shares(users[resource], resource) for users in (mine, others))
 
 
 def _shares(spec: NodeSpec, resource: Resource) -> bool:

@@ -79,7 +79,6 @@ class ChildWalk:
             _ = self._own_reasons
 
     def outcomes(self, entry: FlowState) -> Outcomes:
-        """Return the outcomes of the node."""
         flow, ends = self._flow, self._ends
         match flow:
             case control_flow.Once():
@@ -130,7 +129,6 @@ class ChildWalk:
         return self._own_reasons if self._node.causes else NO_REPORT
 
     def _begun(self, starts: States) -> States:
-        """Return the states in which the first child starts."""
         flow, spec = self._flow, self._spec
         if not isinstance(flow, control_flow.Loop | control_flow.Recovery):
             return starts
@@ -465,7 +463,6 @@ class ParallelWalk:
             self._wanted = self._total - self._tolerated + 1
 
     def outcomes(self) -> Outcomes:
-        """Return the outcomes of the node."""
         effects = [NOTHING] * self._total
         while True:
             parts = self._started(effects)
@@ -561,7 +558,6 @@ class ParallelWalk:
 def clean_up_outcomes(
     spec: NodeSpec, flow: control_flow.CleanUp, entry: FlowState, walk: FlowWalk
 ) -> Outcomes:
-    """Return the outcomes of the node that starts in one state."""
     *tried, last = spec.children
     ends, failed, before = Outcomes(), Outcomes(), ""
     halted: States = NONE

@@ -79,7 +79,6 @@ class NodeContext:
     beside: bool = False
 
     def below(self, spec: NodeSpec, child: NodeSpec, survey: LintModel) -> NodeContext:
-        """Return the context of a child."""
         stopped = self.stopped or "_while" in spec.preconditions
         if spec.node is None:
             return NodeContext(stopped, self.beside)

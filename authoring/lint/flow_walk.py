@@ -128,7 +128,6 @@ class FlowWalk(ABC):
         return None if port is None or isinstance(port.default, Required) else port.default
 
     def number(self, spec: NodeSpec, key: str) -> float | None:
-        """As `literal`, of a number."""
         value = self.literal(spec, key)
         return value if isinstance(value, int | float) else None
 
@@ -153,7 +152,6 @@ class FlowWalk(ABC):
         return self.all_bits(bound.key for bound in wired if isinstance(bound, references.Reference))
 
     def all_bits(self, keys: Iterable[str]) -> int:
-        """Return the bits that stand for the keys."""
         return reduce(int.__or__, map(self.bits, keys), 0)
 
     def flags(self, spec: NodeSpec) -> tuple[int, ...]:
@@ -265,7 +263,6 @@ class FlowWalk(ABC):
         return state.written(bits) if told else state.in_doubt(), self._missing_input, 0
 
     def note_read(self, spec: NodeSpec, place: str, key: str, state: FlowState, *, missing: bool) -> None:
-        """Note that the key is read at that place, in that state."""
         layout, bits = self._frame.layout, self.bits(key)
         if bits & layout.inputs:
             # Whether an input is written is for the user of the sub-tree to see to.
@@ -283,8 +280,7 @@ class FlowWalk(ABC):
     def child(
         self, spec: NodeSpec, states: Iterable[FlowState], meanwhile: ConcurrentEffect = NOTHING
     ) -> Outcomes:
-        """The ends of a child that starts in any of these states; `meanwhile`: what others may do between
-        its ticks."""
+        """The ends of a child that starts in any of the states; `meanwhile`: changes between its ticks."""
         if meanwhile != NOTHING and any(self.node_outcomes(spec, state).running for state in states):
             flow = self.child(spec, tidy(meanwhile.on(state) for state in states))
             shared = any(state.hand & SHARED for state in states)

@@ -55,7 +55,6 @@ class KeyBits:
     """Shift and layout of each use of a sub-tree, by `id` of the spec."""
     size: int
     inputs: int
-    """The bits of its input ports."""
     rooted: int
     """The bits of keys that other trees write, too: when they are written is not followed."""
     usage: KeyUsage

@@ -82,7 +82,6 @@ class FailureReasons:
         return self.loud | self.quiet
 
     def only(self, mask: int) -> FailureReasons:
-        """Those of the mask."""
         if self.any & ~mask == 0:
             return self
         return FailureReasons(self.loud & mask, self.quiet & mask, inner=(self,), keep=mask)
@@ -130,7 +129,6 @@ NO_REPORT = FailureReasons(UNREPORTED, 0)
 
 
 def joined(parts: Iterable[FailureReasons]) -> FailureReasons:
-    """The reasons of all of them."""
     distinct = tuple({id(part): part for part in parts}.values())
     if len(distinct) == 1:
         return distinct[0]
@@ -148,8 +146,7 @@ KEPT = 2
 OUTER = 4
 """Bit of `FlowState.hand`, in a sub-tree: an object taken by any node of its users is held still."""
 SHARED = 8
-"""Bit of `FlowState.hand`: a concurrent node may change the held object at any time, so that no change is
-final."""
+"""Bit of `FlowState.hand`: a concurrent node may change the held object, so that no change is final."""
 FIRST_FILLER = 16
 """First bit of `FlowState.hand` for single nodes: the object that the node took is held still."""
 LIMIT = 6
@@ -317,7 +314,6 @@ class Outcomes:
                 self.running = self.running.union(states)
 
     def fail(self, failures: Failures) -> None:
-        """Add failures."""
         for state, reasons in failures.items():
             at = state if reasons.loud else state.in_doubt()
             known = self.failure.get(at)
@@ -392,5 +388,4 @@ def narrowed(failures: Failures, mask: int) -> Failures:
 
 
 def together(failures: Failures) -> Failures:
-    """The failures, each with the reasons of all."""
     return dict.fromkeys(tidy(failures), joined(failures.values())) if failures else failures

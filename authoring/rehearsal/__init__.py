@@ -1,5 +1,4 @@
-"""Rehearsal of missions without physics: leaves answer as a case defines, and its expectations are
-checked."""
+"""Rehearsal of missions without physics: leaves answer by cases, whose expectations are checked."""
 
 import lazy_loader
 

@@ -327,13 +327,47 @@ class CaseFile:
     cases: tuple[RehearsalCase, ...]
 
 
-class ExpectationReader:
-    """Reader of the mappings `expect` of one document."""
-
+class _Reader:
     def __init__(self, check: DocumentChecker) -> None:
         self._check, self._document = check, check.document
 
-    def expectation(self, case: Location, entry: CaseEntry) -> Expectation:
+    def read(self) -> CaseFile:
+        check = self._check
+        check.keys([field.alias or name for name, field in CasesFile.model_fields.items()])
+        if not self._document.data.get("cases"):
+            check.fault((), "the file has no cases", "'cases:' holds them by name", code="P701", key=True)
+        ignored = {name for name in self._document.data if name not in CasesFile.model_fields}
+        top = check.read(_Top, ignore={*ignored, "cases"})
+        scripts = self._scripts(())
+        many = self._document.data.get("cases")
+        if isinstance(many, dict) and len(many) > MAX_CASES:
+            message = f"at most {MAX_CASES} cases are wanted in a file, not {len(many)}"
+            check.fault(("cases",), message, code="P110", key=True)
+            return CaseFile(self._document, None, ())
+        given = check.each(CaseEntry, "cases")
+        cases = tuple(self._case(name, entry, top, scripts) for name, entry in given.items())
+        mission = or_else(lambda: top.mission, None)
+        return CaseFile(self._document, self._document.path.parent / mission if mission else None, cases)
+
+    def _case(
+        self, name: str, entry: CaseEntry, top: CasesFile, scripts: tuple[LeafScript, ...]
+    ) -> RehearsalCase:
+        loc: Location = ("cases", name)
+        return RehearsalCase(
+            name,
+            loc,
+            or_else(lambda: entry.doc, ""),
+            {**or_else(lambda: top.parameters, {}), **or_else(lambda: entry.parameters, {})},
+            entries(or_else(lambda: top.objects, {})) | entries(or_else(lambda: entry.objects, {})),
+            {**or_else(lambda: top.facts, {}), **or_else(lambda: entry.facts, {})},
+            (*self._scripts(loc), *scripts),
+            or_else(lambda: entry.halt_after, None),
+            self._expectation(loc, entry),
+        )
+
+    # Expectations.
+
+    def _expectation(self, case: Location, entry: CaseEntry) -> Expectation:
         loc: Location = (*case, "expect")
         try:
             expect = entry.expect
@@ -405,14 +439,9 @@ class ExpectationReader:
         except file_models.UnreadPart:
             return None
 
+    # Answers.
 
-class AnswerReader:
-    """Reader of the mappings `leaves` of one document."""
-
-    def __init__(self, check: DocumentChecker) -> None:
-        self._check, self._document = check, check.document
-
-    def scripts(self, above: Location) -> tuple[LeafScript, ...]:
+    def _scripts(self, above: Location) -> tuple[LeafScript, ...]:
         """Return the scripts under `leaves` of the mapping at `above`, as far as they can be read."""
         loc: Location = (*above, "leaves")
         value = self._document.get(loc)
@@ -427,7 +456,10 @@ class AnswerReader:
             case list():
                 return LeafScript(loc, pattern, self._answers(body, loc))
             case {"answers": list(answers)}:
-                self._keys(TurnsFile, loc)
+                known = [field.alias or name for name, field in TurnsFile.model_fields.items()]
+                for key in (key for key in body if key not in known):
+                    message, hint = f"unknown key {describe(key)}", suggest_name(key, known)
+                    self._check.fault((*loc, key), message, hint, code="P104", key=True)
                 last = self._answer((*loc, "else")) if "else" in body else None
                 return LeafScript(loc, pattern, self._answers(answers, (*loc, "answers")), last)
             case {"answers": _}:
@@ -475,22 +507,9 @@ class AnswerReader:
         if entry.then and status == "RUNNING":
             message = "what never ends has no 'then'"
             self._check.fault((*loc, "then"), message, code="P710", key=True)
-        return LeafAnswer(
-            loc, status, entry.cause or "", entry.ticks, entry.message, entry.outputs, _effects(entry.then)
-        )
-
-    def _keys(self, model: type[TurnsFile], loc: Location) -> None:
-        """Report keys that the model does not have."""
-        known = [field.alias or name for name, field in model.model_fields.items()]
-        value = self._document.get(loc)
-        for key in value if isinstance(value, dict) else ():
-            if key not in known:
-                message = f"unknown key {describe(key)}"
-                self._check.fault((*loc, key), message, suggest_name(key, known), code="P104", key=True)
-
-
-def _effects(then: EffectsFile | None) -> Effects:
-    return Effects() if then is None else Effects(then.facts, entries(then.objects), then.hand)
+        then = entry.then
+        effects = Effects() if then is None else Effects(then.facts, entries(then.objects), then.hand)
+        return LeafAnswer(loc, status, entry.cause or "", entry.ticks, entry.message, entry.outputs, effects)
 
 
 MAX_CASES = 500
@@ -500,59 +519,6 @@ MAX_CASES = 500
 def read_cases(check: DocumentChecker) -> CaseFile:
     """Return the readable part of the checker's document; the checker collects the format errors."""
     return _Reader(check).read()
-
-
-@dataclass(frozen=True, slots=True)
-class _Common:
-    """Settings for all cases of the file."""
-
-    parameters: Mapping[str, object]
-    objects: Objects
-    facts: Mapping[str, object]
-    scripts: tuple[LeafScript, ...]
-
-
-class _Reader:
-    def __init__(self, check: DocumentChecker) -> None:
-        self._check, self._document = check, check.document
-        self._answers, self._expectations = AnswerReader(check), ExpectationReader(check)
-
-    def read(self) -> CaseFile:
-        check = self._check
-        check.keys([field.alias or name for name, field in CasesFile.model_fields.items()])
-        if not self._document.data.get("cases"):
-            check.fault((), "the file has no cases", "'cases:' holds them by name", code="P701", key=True)
-        ignored = {name for name in self._document.data if name not in CasesFile.model_fields}
-        top = check.read(_Top, ignore={*ignored, "cases"})
-        common = _Common(
-            or_else(lambda: top.parameters, {}),
-            entries(or_else(lambda: top.objects, {})),
-            or_else(lambda: top.facts, {}),
-            self._answers.scripts(()),
-        )
-        many = self._document.data.get("cases")
-        if isinstance(many, dict) and len(many) > MAX_CASES:
-            message = f"at most {MAX_CASES} cases are wanted in a file, not {len(many)}"
-            check.fault(("cases",), message, code="P110", key=True)
-            return CaseFile(self._document, None, ())
-        given = check.each(CaseEntry, "cases")
-        cases = tuple(self._case(name, entry, common) for name, entry in given.items())
-        mission = or_else(lambda: top.mission, None)
-        return CaseFile(self._document, self._document.path.parent / mission if mission else None, cases)
-
-    def _case(self, name: str, entry: CaseEntry, common: _Common) -> RehearsalCase:
-        loc: Location = ("cases", name)
-        return RehearsalCase(
-            name,
-            loc,
-            or_else(lambda: entry.doc, ""),
-            {**common.parameters, **or_else(lambda: entry.parameters, {})},
-            {**common.objects, **entries(or_else(lambda: entry.objects, {}))},
-            {**common.facts, **or_else(lambda: entry.facts, {})},
-            (*self._answers.scripts(loc), *common.scripts),
-            or_else(lambda: entry.halt_after, None),
-            self._expectations.expectation(loc, entry),
-        )
 
 
 class _Top(CasesFile):

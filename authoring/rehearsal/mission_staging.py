@@ -28,7 +28,7 @@ from picktree.world.scene import SceneDescription, load_scene
 
 from .cases import LeafAnswer, RehearsalCase
 from .rehearsal_world import Contradiction, MissingOutput, RehearsalWorld
-from .trace import NodeRoles, ScriptedAnswers, Trace, follows_from_belief, is_stubbed, roles_of
+from .trace import NodeRole, ScriptedAnswers, Trace, follows_from_belief, is_stubbed, roles_of
 
 DEFAULT_MAX_TICKS = 10_000
 """Default limit of a case, ticks."""
@@ -149,7 +149,6 @@ class NodeSpy(Node, abstract=True):
 
 @cache
 def leaf_stub(node: type[Node]) -> type[Node]:
-    """Return the stub class of a leaf."""
     kept = {name: getattr(node, name) for name in ("declaration", "kind", "causes", "uses", "hand_after")}
     return _node_class(node.__name__, (LeafStub,), {**kept, "stands_for": node})
 
@@ -192,7 +191,7 @@ class StubbedMission:
 
     mission: Mission
     """Mission that is built: the author's, with stub and spy classes."""
-    roles: NodeRoles
+    roles: tuple[NodeRole, ...]
     """Roles of the nodes of the author's mission."""
     scene: SceneDescription | None
     expressions: Mapping[str, Mapping[str, CoveredExpression]]
@@ -205,7 +204,7 @@ def stub_mission(mission: Mission, scene: SceneDescription | None) -> StubbedMis
     watched: _Watched = defaultdict(dict)
     trees = {name: _tree(tree, watched) for name, tree in mission.trees.items()}
     roles = roles_of(mission)
-    texts = {role.path: role.text for role in roles.all}
+    texts = {role.path: role.text for role in roles}
     return StubbedMission(replace(mission, trees=trees), roles, scene, watched, texts)
 
 
@@ -214,7 +213,7 @@ def play_case(staging: StubbedMission, case: RehearsalCase) -> tuple[BehaviourTr
 
     Raises PicktreeError for a parameter that is unknown, missing or of the wrong type.
     """
-    played = (role.path for role in staging.roles.all if role.played)
+    played = (role.path for role in staging.roles if role.played)
     world = RehearsalWorld(staging.scene, ScriptedAnswers(case.scripts), Trace(played))
     world.belief.change(case.objects)
     world.belief.pin(case.facts)
@@ -233,8 +232,7 @@ def play_case(staging: StubbedMission, case: RehearsalCase) -> tuple[BehaviourTr
 
 
 def scene_of(mission: Mission) -> SceneDescription | None:
-    """Return the mission's scene, None when it names none. Raises PicktreeError (FileError) for a faulty
-    one."""
+    """Return the mission's scene; None when it names none. Raises PicktreeError for a faulty one."""
     if mission.scene is None:
         return None
     return load_scene(mission.scene, mission.document.path.parent)
@@ -265,7 +263,7 @@ def _node(spec: NodeSpec, above: str, watched: _Watched) -> NodeSpec:
     }
     return replace(
         spec,
-        node=_class(spec.node),
+        node=spec.node and (leaf_stub(spec.node) if played else node_spy(spec.node)),
         ports={key: binding(key, bound) for key, bound in spec.ports.items()},
         slots=slots,
         preconditions={key: watch(key, value) for key, value in spec.preconditions.items()},
@@ -277,9 +275,3 @@ def _node(spec: NodeSpec, above: str, watched: _Watched) -> NodeSpec:
         },
         breakpoint=None,
     )
-
-
-def _class(node: type[Node] | None) -> type[Node] | None:
-    if node is None:
-        return None
-    return leaf_stub(node) if is_stubbed(node) else node_spy(node)

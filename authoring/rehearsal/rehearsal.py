@@ -4,7 +4,6 @@ values, text, JSON and JUnit.
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -45,7 +44,7 @@ from .trace import (
     NoteTaken,
     Trace,
 )
-from .verdict import CaseOutcome, ExpectationMiss, differences
+from .verdict import ExpectationMiss, differences
 
 PointKind: TypeAlias = Literal["node", "branch", "expression", "answer"]
 
@@ -142,7 +141,7 @@ class CoverageRecord:
 
 def coverage(staging: StubbedMission, reached: CoverageRecord) -> Coverage:
     """Return the coverage of all points; trees that are never called do not count."""
-    roles = {role.text: role for role in staging.roles.all}
+    roles = {role.text: role for role in staging.roles}
     points = [point for role in roles.values() for point in _points(staging, reached, role)]
     causes = [cause for role in roles.values() if role.played for cause in _causes(reached, role)]
     return Coverage(tuple(sorted(points, key=lambda p: p.mark)), tuple(causes))
@@ -242,11 +241,6 @@ def to_json(rehearsal: Rehearsal) -> dict[str, Plain]:
     }
 
 
-def to_json_text(rehearsal: Rehearsal) -> str:
-    """Return one JSON object with a trailing newline."""
-    return json.dumps(to_json(rehearsal), ensure_ascii=False, indent=2, allow_nan=False) + "\n"
-
-
 def _case_json(case: CaseResult) -> dict[str, Plain]:
     return {
         "name": case.name,
@@ -263,20 +257,19 @@ def _case_json(case: CaseResult) -> dict[str, Plain]:
             for d in case.differences
         ],
         "unused_answers": [_place(mark) for mark in case.unused],
-        "leaves": [_run(run) for run in case.runs],
+        "leaves": [
+            {
+                "node": run.path,
+                "tick": run.tick,
+                "last": run.last,
+                "outcome": run.outcome,
+                "cause": run.cause or None,
+                "message": run.message,
+            }
+            for run in case.runs
+        ],
         "handled": [_handled(one) for one in case.handled],
         "events": [_event(event) for event in case.events],
-    }
-
-
-def _run(run: LeafRun) -> dict[str, Plain]:
-    return {
-        "node": run.path,
-        "tick": run.tick,
-        "last": run.last,
-        "outcome": run.outcome,
-        "cause": run.cause or None,
-        "message": run.message,
     }
 
 
@@ -295,13 +288,8 @@ def _event(event: Event) -> dict[str, Plain]:
         case LeafStarted(tick, run):
             return {"tick": tick, "kind": "started", "node": run.path}
         case LeafEnded(tick, run):
-            return {
-                "tick": tick,
-                "kind": "ended",
-                "node": run.path,
-                "outcome": run.outcome,
-                "cause": run.cause or None,
-            }
+            ended = {"outcome": run.outcome, "cause": run.cause or None}
+            return {"tick": tick, "kind": "ended", "node": run.path, **ended}
         case ConditionAnswered(tick, path, status):
             return {"tick": tick, "kind": "answered", "node": path, "outcome": status.value}
         case KeyWritten(tick, path, key, value):
@@ -390,7 +378,7 @@ def rehearse(mission: Mission, cases: CaseFile, names: Collection[str] = ()) -> 
         for case in cases.cases
         if not names or case.name in names
     )
-    short = short_names([mission.main.name, *(role.path for role in staging.roles.all)])
+    short = short_names([mission.main.name, *(role.path for role in staging.roles)])
     return Rehearsal(
         mission.name,
         cases.document.path,
@@ -405,12 +393,10 @@ def rehearse(mission: Mission, cases: CaseFile, names: Collection[str] = ()) -> 
 def rehearse_case(
     staging: StubbedMission, case: RehearsalCase, document: Document, reached: CoverageRecord
 ) -> CaseResult:
-    """Rehearse one case, and add its coverage to `reached`."""
     tree, world = play_case(staging, case)
     trace = world.trace
     if trace.tick == case.halt_after and tree.status is NodeStatus.RUNNING:
         trace.flush(tree.halt().writes)
-    outcome = CaseOutcome(trace.tick, tree.status, tree.failure, tree, world)
     reached.take(staging, trace)
     return CaseResult(
         name=case.name,
@@ -421,7 +407,7 @@ def rehearse_case(
         message=tree.failure.message if tree.failure else "",
         ticks=trace.tick,
         seconds=round(trace.tick * TICK_PERIOD, 9),
-        differences=differences(document, case, outcome),
+        differences=differences(document, case, tree, world),
         runs=tuple(trace.runs),
         handled=tuple(trace.handled),
         events=tuple(trace.events),
@@ -447,66 +433,45 @@ def trace_lines(events: tuple[Event, ...], names: Mapping[str, str]) -> list[str
 
 def _rows(events: tuple[Event, ...]) -> Iterator[tuple[str, str, str]]:
     """Yield (tick or ticks, path of the node, action) for each line."""
-    for index, event in enumerate(events):
-        if isinstance(event, LeafStarted):
-            written, after = _writes(events, index + 1, event.run)
-            ended = events[after] if after < len(events) else None
-            if isinstance(ended, LeafEnded) and ended.run is event.run:
-                yield _ticks(event.run), event.run.path, _ending(event.run, written)
-                continue
-            yield f"{event.tick}", event.run.path, "starts"
-        elif isinstance(event, LeafEnded):
-            if not _in_one_line(events, index):
-                yield f"{event.tick}", event.run.path, _ending(event.run, {})
-        elif isinstance(event, KeyWritten):
-            if not _told_with_its_run(events, index):
-                yield f"{event.tick}", event.path, f"{event.key.rpartition('/')[2]} = {show(event.value)}"
-        elif isinstance(event, ConditionAnswered):
-            yield f"{event.tick}", event.path, event.status.value
-        elif isinstance(event, ControlFailed):
-            yield f"{event.tick}", event.path, f"FAILURE {event.cause}: {event.message}"
-        elif isinstance(event, FailureHandled):
-            handler = f" with '{event.handler}'" if event.handler else ""
-            yield f"{event.tick}", event.by, f"takes up {event.cause}{handler}"
-        else:
-            yield f"{event.tick}", event.path, event.message
-
-
-def _writes(events: tuple[Event, ...], index: int, run: LeafRun) -> tuple[dict[str, Plain], int]:
-    """Return a leaf's writes right after its start, and the index of the event after them."""
-    written: dict[str, Plain] = {}
+    index = 0
     while index < len(events):
         event = events[index]
-        if not isinstance(event, KeyWritten) or event.path != run.path:
-            break
-        written[event.key.rpartition("/")[2]] = event.value
         index += 1
-    return written, index
+        match event:
+            case LeafStarted(tick, run):
+                written: list[KeyWritten] = []
+                for after in events[index:]:
+                    if not isinstance(after, KeyWritten) or after.path != run.path:
+                        break
+                    written.append(after)
+                if events[index + len(written) :][:1] == (LeafEnded(run.last or 0, run),):
+                    ticks = f"{run.tick}" if run.last in (None, run.tick) else f"{run.tick}–{run.last}"
+                    outputs = ", ".join(map(_assignment, written))
+                    yield ticks, run.path, f"{_ending(run)}  {outputs}".rstrip()
+                    index += len(written) + 1
+                else:
+                    yield f"{tick}", run.path, "starts"
+            case LeafEnded(tick, run):
+                yield f"{tick}", run.path, _ending(run)
+            case KeyWritten(tick, path):
+                yield f"{tick}", path, _assignment(event)
+            case ConditionAnswered(tick, path, status):
+                yield f"{tick}", path, status.value
+            case ControlFailed(tick, path, cause, message):
+                yield f"{tick}", path, f"FAILURE {cause}: {message}"
+            case FailureHandled():
+                handler = f" with '{event.handler}'" if event.handler else ""
+                yield f"{event.tick}", event.by, f"takes up {event.cause}{handler}"
+            case NoteTaken():
+                yield f"{event.tick}", event.path, event.message
 
 
-def _in_one_line(events: tuple[Event, ...], index: int) -> bool:
-    """Whether an end shares the line of its start."""
-    ended = events[index]
-    while index > 0 and isinstance(events[index - 1], KeyWritten):
-        index -= 1
-    before = events[index - 1] if index > 0 else None
-    return isinstance(ended, LeafEnded) and isinstance(before, LeafStarted) and before.run is ended.run
+def _ending(run: LeafRun) -> str:
+    return f"FAILURE {run.cause}: {run.message}" if run.cause else run.outcome
 
 
-def _told_with_its_run(events: tuple[Event, ...], index: int) -> bool:
-    while index < len(events) and isinstance(events[index], KeyWritten):
-        index += 1
-    return index < len(events) and isinstance(events[index], LeafEnded) and _in_one_line(events, index)
-
-
-def _ticks(run: LeafRun) -> str:
-    return f"{run.tick}" if run.last in (None, run.tick) else f"{run.tick}–{run.last}"
-
-
-def _ending(run: LeafRun, written: Mapping[str, Plain]) -> str:
-    what = f"FAILURE {run.cause}: {run.message}" if run.cause else run.outcome
-    outputs = ", ".join(f"{key} = {show(value)}" for key, value in written.items())
-    return f"{what}  {outputs}" if outputs else what
+def _assignment(write: KeyWritten) -> str:
+    return f"{write.key.rpartition('/')[2]} = {show(write.value)}"
 
 
 def show(value: Plain) -> str:
@@ -569,7 +534,11 @@ def _coverage_lines(coverage: Coverage, *, causes: bool) -> list[str]:
     raised = sum(cause.raised for cause in coverage.causes)
     lines.append(f"causes    {raised} of {len(coverage.causes)} that leaves declare are raised by some case")
     if causes:
-        lines += [_never_raised(cause) for cause in coverage.causes if not cause.raised]
+        lines += [
+            f"    {cause.mark}: {cause.node}: never fails with {cause.cause}"
+            for cause in coverage.causes
+            if not cause.raised
+        ]
     return lines
 
 
@@ -587,16 +556,11 @@ def _missed(missed: tuple[CoveragePoint, ...]) -> list[str]:
 
 
 def _head(point: CoveragePoint, starts: Collection[str]) -> str | None:
-    """Return the uppermost ancestor that never starts; for points about a result, the node itself counts,
-    too."""
+    """Return the uppermost ancestor that never starts; of points about a result also the node itself."""
     parts = point.node.split("/")
     most = len(parts) if point.kind in _STARTS else len(parts) + 1
     ends = ("/".join(parts[:n]) for n in range(1, most))
     return next((end for end in ends if end in starts), None)
-
-
-def _never_raised(cause: CauseRaised) -> str:
-    return f"    {cause.mark}: {cause.node}: never fails with {cause.cause}"
 
 
 def to_junit(rehearsal: Rehearsal, gaps: Iterable[str] = ()) -> str:

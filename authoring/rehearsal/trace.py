@@ -62,19 +62,9 @@ def follows_from_belief(port: PortDeclaration, uses: tuple[Resource, ...]) -> bo
     return Resource.CAMERA in uses and port.type.name == "object" and port.type.many
 
 
-@dataclass(frozen=True, slots=True)
-class NodeRoles:
-    """All nodes of a mission, parents first."""
-
-    all: tuple[NodeRole, ...]
-
-    def fitting(self, pattern: str) -> tuple[NodeRole, ...]:
-        return tuple(role for role in self.all if node_matches(pattern, role.path))
-
-
-def roles_of(mission: Mission) -> NodeRoles:
-    """Return the roles of all nodes of the built tree, without `Main` itself."""
-    return NodeRoles(tuple(_walk(mission, mission.main.root, mission.main.name, mission.main.name, "")))
+def roles_of(mission: Mission) -> tuple[NodeRole, ...]:
+    """Return the roles of all nodes of the built tree, parents first, without `Main` itself."""
+    return tuple(_walk(mission, mission.main.root, mission.main.name, mission.main.name, ""))
 
 
 def _walk(
@@ -146,7 +136,6 @@ class LeafRun:
     """One run of a leaf, from its start to its end."""
 
     tick: int
-    """Tick of the start, from 1."""
     path: str
     last: int | None = None
     """Tick of the end; None while the leaf runs."""
@@ -299,8 +288,7 @@ class Trace:
         self._add(ControlFailed(self.tick, report.node, report.cause.name, report.message))
 
     def took_up(self, by: str, report: FailureReport, *, by_handlers: bool) -> None:
-        """Record that `by` did not fail although a node below did; `by_handlers`: only with a known
-        handler."""
+        """Record that `by` did not fail although a node below did; `by_handlers`: only with a handler."""
         self.flush()
         handler = self._handlers.pop(by, "")
         if by_handlers and not handler:

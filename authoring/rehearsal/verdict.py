@@ -9,7 +9,7 @@ from typing import cast
 from picktree.files import Location, Mark, node_matches, where
 from picktree.files.yaml import Document
 from picktree.trees import BehaviourTree, Namespace, NodeStatus, references, runner, show
-from picktree.world import FailureReport, matches
+from picktree.world import matches
 
 from .cases import ANY_LEAVES, OUTCOMES, Expectation, ExpectedHandling, ExpectedStart, RehearsalCase
 from .rehearsal_world import RehearsalWorld
@@ -47,8 +47,7 @@ def compare_order(
 
 
 def _stretches(order: Sequence[ExpectedStart]) -> list[tuple[ExpectedStart, ...]]:
-    """Return the entries before the first `...`, between two, and after the last; the outer ones may be
-    empty."""
+    """Return the entries before the first `...`, between two, and after the last; outer ones may be empty."""
     parts: list[list[ExpectedStart]] = [[]]
     for turn in order:
         if turn.pattern == ANY_LEAVES:
@@ -149,33 +148,26 @@ class ExpectationMiss:
         return f"{self.mark}: {self.where}: {self.message}{when}"
 
 
-@dataclass(frozen=True, slots=True)
-class CaseOutcome:
-    """End of a case."""
-
-    ticks: int
-    status: NodeStatus
-    failure: FailureReport | None
-    tree: BehaviourTree
-    world: RehearsalWorld
-
-
-def differences(document: Document, case: RehearsalCase, outcome: CaseOutcome) -> tuple[ExpectationMiss, ...]:
+def differences(
+    document: Document, case: RehearsalCase, tree: BehaviourTree, world: RehearsalWorld
+) -> tuple[ExpectationMiss, ...]:
     """Return all differences from the case's expectation; impossible answers come first."""
-    return tuple(_Comparison(document, case, outcome).all())
+    return tuple(_Comparison(document, case, tree, world).all())
 
 
 class _Comparison:
-    def __init__(self, document: Document, case: RehearsalCase, outcome: CaseOutcome) -> None:
-        self._document, self._case, self._outcome = document, case, outcome
-        self._trace = outcome.world.trace
+    def __init__(
+        self, document: Document, case: RehearsalCase, tree: BehaviourTree, world: RehearsalWorld
+    ) -> None:
+        self._document, self._case, self._tree, self._world = document, case, tree, world
+        self._trace = world.trace
 
     def all(self) -> Iterator[ExpectationMiss]:
-        expect, outcome = self._case.expect, self._outcome
-        for found in outcome.world.contradictions:
-            yield self._at(self._case.loc, f"this cannot be: {found.path}: {found}", outcome.ticks)
+        expect, ticks = self._case.expect, self._trace.tick
+        for found in self._world.contradictions:
+            yield self._at(self._case.loc, f"this cannot be: {found.path}: {found}", ticks)
         for sentence in dict.fromkeys(self._trace.faults):
-            yield self._at(self._case.loc, f"a fault of the program: {sentence}", outcome.ticks)
+            yield self._at(self._case.loc, f"a fault of the program: {sentence}", ticks)
         yield from self._end(expect)
         if expect.order is not None:
             found = compare_order(expect.order, self._trace.runs, (*expect.loc, "order"))
@@ -195,7 +187,7 @@ class _Comparison:
 
     def _unknown_traits(self) -> str:
         """Return which item is still to be done because the case does not give what rules ask for."""
-        for item, traits in self._outcome.world.belief.misplaced_for_want_of():
+        for item, traits in self._world.belief.misplaced_for_want_of():
             cure = f"then: {{objects: {{{item.id}: {{{traits[0]}: …}}}}}}"
             return (
                 f"; {item.id} lies in {item.place} and is still to be done: the scene's rules ask for its "
@@ -207,17 +199,17 @@ class _Comparison:
         return ExpectationMiss(self._document.mark(loc), where(loc[2:]) or self._case.name, message, tick)
 
     def _end(self, expect: Expectation) -> Iterator[ExpectationMiss]:
-        outcome, failure = self._outcome, self._outcome.failure
-        if expect.status is not None and outcome.status.value != expect.status:
+        status, failure, ticks = self._tree.status, self._tree.failure, self._trace.tick
+        if expect.status is not None and status.value != expect.status:
             why = f": {failure.cause} at {failure.node}: {failure.message}" if failure else ""
-            message = f"{expect.status} is expected, but the mission is {outcome.status.value}{why}"
-            yield self._at((*expect.loc, "status"), message, outcome.ticks)
+            message = f"{expect.status} is expected, but the mission is {status.value}{why}"
+            yield self._at((*expect.loc, "status"), message, ticks)
         if expect.cause is not None and (failure is None or not matches(expect.cause, failure.cause)):
-            got = f"it fails with {failure.cause}" if failure else f"it is {outcome.status.value}"
-            got += " without a cause" if outcome.status is NodeStatus.FAILURE and failure is None else ""
-            yield self._at((*expect.loc, "cause"), f"{expect.cause} is expected, but {got}", outcome.ticks)
-        if expect.ticks is not None and expect.status is None and outcome.status is NodeStatus.RUNNING:
-            yield self._at((*expect.loc, "ticks"), "the mission still runs", outcome.ticks)
+            got = f"it fails with {failure.cause}" if failure else f"it is {status.value}"
+            got += " without a cause" if status is NodeStatus.FAILURE and failure is None else ""
+            yield self._at((*expect.loc, "cause"), f"{expect.cause} is expected, but {got}", ticks)
+        if expect.ticks is not None and expect.status is None and status is NodeStatus.RUNNING:
+            yield self._at((*expect.loc, "ticks"), "the mission still runs", ticks)
 
     def _handled(self, wanted: ExpectedHandling) -> Iterator[ExpectationMiss]:
         of_cause = [h for h in self._trace.handled if matches(wanted.cause, h.cause)]
@@ -241,13 +233,13 @@ class _Comparison:
             yield self._at(wanted.loc, message, other.tick if other else None)
 
     def _facts(self, wanted: Mapping[str, object], loc: Location) -> Iterator[ExpectationMiss]:
-        facts = self._outcome.world.facts()
+        facts = self._world.facts()
         for name, value in wanted.items():
             if not _same(facts.get(name), value):
                 yield self._at((*loc, name), f"it is {show(facts.get(name))}, not {show(value)}")
 
     def _objects(self, expect: Expectation, loc: Location) -> Iterator[ExpectationMiss]:
-        scene = self._outcome.world.scene
+        scene = self._world.scene
         for name, entry in expect.objects.items():
             known = scene.find(name)
             if entry is None or known is None:
@@ -262,12 +254,12 @@ class _Comparison:
 
     def _blackboard(self, key: str, wanted: object, loc: Location) -> Iterator[ExpectationMiss]:
         owner, _, name = key.rpartition("/")
-        spaces = namespaces(self._outcome.tree, owner)
+        spaces = namespaces(self._tree, owner)
         written = [space for space in spaces if space.has(name)]
         if not written:
             yield self._at(loc, f"nothing has written {name!r}")
         for space in written:
-            value = space.read(references.Reference(name), self._outcome.world.scene)
+            value = space.read(references.Reference(name), self._world.scene)
             if not _same(value, wanted):
                 yield self._at(loc, f"it is {show(value)}, not {show(wanted)}")
                 return

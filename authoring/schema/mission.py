@@ -44,18 +44,15 @@ def causes_schema(causes: Iterable[Cause], patterns: Iterable[str], *, closed: b
     properties: dict[str, Schema] = {}
     for pattern in patterns:
         cause = known.get(pattern)
-        properties[pattern] = _handler(cause_markdown(cause) if cause else _family(pattern, known))
+        properties[pattern] = _handler(
+            f"{cause.sentence} First remedy: {cause.remedy}." if cause else _family(pattern, known)
+        )
     found: Schema = {"type": "object", "minProperties": 1, "properties": properties}
     if closed:
         return found | {"additionalProperties": False}
     own = "|".join(map(escaped, OUR_PREFIXES))
     foreign = rf"^(?!(?:{own})\.)[a-z][A-Za-z0-9_]*(?:\.[a-z][A-Za-z0-9_]*)*(?:\.\*)?(?![\s\S])"
     return found | {"patternProperties": {foreign: ref("child")}, "additionalProperties": False}
-
-
-def cause_markdown(cause: Cause) -> str:
-    """Return the cause in a sentence, and its first remedy."""
-    return f"{cause.sentence} First remedy: {cause.remedy}."
 
 
 def _family(pattern: str, known: Iterable[str]) -> str:

@@ -71,15 +71,11 @@ def type_words(port: PortDeclaration) -> str:
         words = (_LIST_TYPE_WORDS if port.type.many else _TYPE_WORDS)[port.type.name]
     if port.unit:
         words += f" in {port.unit}"
-        words += f', or as "{unit_example(port.unit)}"' if port.direction == "in" else ""
+        shown = "2 s" if port.unit == "ms" else example(port.unit)
+        words += f', or as "{shown}"' if port.direction == "in" else ""
     elif port.type.name == "float" and not port.type.many and port.direction == "in":
         words += ', or as "50 %"'
     return f"{words}, or null" if port.type.optional else words
-
-
-def unit_example(unit: str) -> str:
-    """Return an example of a quantity with a unit, where a bare number is in `unit`."""
-    return "2 s" if unit == "ms" else example(unit)
 
 
 def default_words(port: PortDeclaration) -> str:
@@ -151,7 +147,8 @@ def required_one_of(node: type[Node]) -> RequiredOneOf | None:
         return None
     cures = tuple(key for key in optional if not _key_error(node, (*required, key)))
     others = [key for key in optional if key not in cures]
-    if cures and all(_key_error(node, (*required, *some)) for some in _subsets(others)):
+    subsets = chain.from_iterable(combinations(others, size) for size in range(len(others) + 1))
+    if cures and all(_key_error(node, (*required, *some)) for some in subsets):
         return RequiredOneOf(cures, sentence)
     return None
 
@@ -160,10 +157,6 @@ def _key_error(node: type[Node], keys: Collection[str]) -> str:
     """Return the node's error when just these keys are given; empty when there is none."""
     found = node.check_ports(PortValues(frozenset(keys)))
     return next((wrong for wrong in found if isinstance(wrong, str)), "")
-
-
-def _subsets(keys: list[str]) -> Iterable[tuple[str, ...]]:
-    return chain.from_iterable(combinations(keys, size) for size in range(len(keys) + 1))
 
 
 TITLES: Final[Mapping[Kind, str]] = {
@@ -248,8 +241,7 @@ class NodeEntry:
 
 
 def node_entry(node: NodeDeclaration, causes: Iterable[Cause], of: type[Node] | None = None) -> NodeEntry:
-    """Return a node's entry. `causes`: all known causes, for families. `of`: its class; None for a
-    sub-tree."""
+    """Return a node's entry. `causes`: all known ones, for families. `of`: its class; None: a sub-tree."""
     needed = required_one_of(of) if of is not None else None
     known = tuple(causes)
     doc = unwrapped(node.doc)
@@ -320,6 +312,12 @@ def _first_sentence(doc: str) -> str:
     return found[0] if found else doc.partition("\n")[0]
 
 
+def _by_title(nodes: tuple[NodeEntry, ...]) -> Iterator[tuple[str, list[NodeEntry]]]:
+    for kind, title in TITLES.items():
+        if found := [node for node in nodes if node.kind == kind]:
+            yield title, found
+
+
 TEXT_WIDTH = 100
 
 
@@ -328,11 +326,9 @@ def table(nodes: Iterable[NodeEntry]) -> str:
     entries = tuple(nodes)
     width = max((len(node.id) for node in entries), default=0)
     lines: list[str] = []
-    for kind, title in TITLES.items():
-        of_kind = [node for node in entries if node.kind == kind]
-        if of_kind:
-            lines += ["", title] if lines else [title]
-            lines += [f"  {node.id:<{width}}  {node.summary}" for node in of_kind]
+    for title, of_kind in _by_title(entries):
+        lines += ["", title] if lines else [title]
+        lines += [f"  {node.id:<{width}}  {node.summary}" for node in of_kind]
     return "\n".join(lines) + "\n"
 
 
@@ -416,17 +412,13 @@ def markdown(nodes: Iterable[NodeEntry], causes: Iterable[Cause]) -> str:
     """Return the whole reference as Markdown."""
     entries = tuple(nodes)
     lines = ["\n\n".join(_HEAD), ""]
-    for kind, title in TITLES.items():
-        of_kind = [node for node in entries if node.kind == kind]
-        if of_kind:
-            lines += [f"**{title}**: " + ", ".join(f"[{n.id}](#{n.id.lower()})" for n in of_kind), ""]
+    for title, of_kind in _by_title(entries):
+        lines += [f"**{title}**: " + ", ".join(f"[{n.id}](#{n.id.lower()})" for n in of_kind), ""]
     lines += ["## Every node", "", "What may stand under any node, sub-trees included.", ""]
     lines += ["| key | what it is |", "|---|---|"]
     lines += [f"| `{key}` | {_cell(doc)} |" for key, doc in COMMON_DOCS.items()]
-    for kind, title in TITLES.items():
-        of_kind = [node for node in entries if node.kind == kind]
-        if of_kind:
-            lines += ["", f"## {title}"]
+    for title, of_kind in _by_title(entries):
+        lines += ["", f"## {title}"]
         for node in of_kind:
             lines += ["", *_node(node)]
     lines += ["", "## Causes", "", *_causes(cause_entry(cause) for cause in causes)]

@@ -87,7 +87,10 @@ def port_markdown(port: PortDeclaration) -> str:
 
 def _input(port: PortDeclaration, known: ProposedNames) -> Schema:
     kind = port.type.name
-    literal = _list(port, known) if port.type.many else _literal(port, known)
+    if port.type.many:
+        literal = reference() | {"type": ["string", "array"], "items": _item(port, _choices(port, known))}
+    else:
+        literal = _literal(port, known)
     if "anyOf" in literal:
         return literal
     if port.type.optional and "type" in literal:
@@ -119,11 +122,11 @@ def _literal(port: PortDeclaration, known: ProposedNames) -> Schema:
         case "string" | "object":
             return text_or_reference()
         case "float" if port.unit:
-            unit = "s" if port.unit == "ms" else port.unit
-            said = {"patternErrorMessage": f"a {type_words(port)}, or a reference"}
-            return quantity(unit, or_reference=True) | said | bounds(port.within)
+            return _number(port, or_reference=True) | {
+                "patternErrorMessage": f"a {type_words(port)}, or a reference"
+            }
         case "float":
-            return share(or_reference=True) | bounds(port.within)
+            return _number(port, or_reference=True)
         case "int":
             return _or_reference("integer", "a whole number, or a reference") | bounds(port.within)
         case "bool":
@@ -135,11 +138,6 @@ def _literal(port: PortDeclaration, known: ProposedNames) -> Schema:
             return {"pattern": text["pattern"], "patternErrorMessage": text["patternErrorMessage"]}
 
 
-def _list(port: PortDeclaration, known: ProposedNames) -> Schema:
-    item = _item(port, _choices(port, known))
-    return reference() | {"type": ["string", "array"], "items": item}
-
-
 def _item(port: PortDeclaration, choices: Sequence[Plain] | None) -> Schema:
     """Return the schema of a list's element, which is no reference."""
     if choices is not None:
@@ -147,11 +145,8 @@ def _item(port: PortDeclaration, choices: Sequence[Plain] | None) -> Schema:
     match port.type.name:
         case "string" | "object":
             return {"type": "string"}
-        case "float" if port.unit:
-            unit = "s" if port.unit == "ms" else port.unit
-            return quantity(unit) | bounds(port.within)
         case "float":
-            return share() | bounds(port.within)
+            return _number(port)
         case "int":
             return {"type": "integer"} | bounds(port.within)
         case "bool":
@@ -160,6 +155,12 @@ def _item(port: PortDeclaration, choices: Sequence[Plain] | None) -> Schema:
             return {"type": ["string", "boolean", "number"]}
         case "any":
             return {}
+
+
+def _number(port: PortDeclaration, *, or_reference: bool = False) -> Schema:
+    unit = "s" if port.unit == "ms" else port.unit
+    found = quantity(unit, or_reference=or_reference) if unit else share(or_reference=or_reference)
+    return found | bounds(port.within)
 
 
 def _or_reference(kind: str, said: str) -> Schema:

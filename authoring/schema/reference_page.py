@@ -34,8 +34,10 @@ class KeySection:
 def file_reference(kind: str, root: Schema) -> FileReference:
     """Return the keys of a kind of file with their examples. `root`: its schema."""
     reference = FileReference(root)
-    for document in example_documents(kind):
-        reference.take(document)
+    # A wheel has the files of scenes and robots only.
+    for pattern in (*EXAMPLES[kind], f"examples/reference/{kind}.yaml"):
+        for path in sorted(file_system.ROOT.glob(pattern)):
+            reference.take(read_document(path, kind))
     return reference
 
 
@@ -66,7 +68,6 @@ class FileReference:
         self._visit(document.root, self._top, "")
 
     def page(self, kind: str) -> str:
-        """Return the page in Markdown."""
         return "\n".join(self._lines(kind)) + "\n"
 
     def _lines(self, kind: str) -> Iterator[str]:
@@ -162,13 +163,6 @@ EXAMPLES: Mapping[str, tuple[str, ...]] = {
     "plan": ("examples/plan_*.yaml",),
 }
 """Files from which the examples are taken by kind, besides those of `examples/reference`."""
-
-
-def example_documents(kind: str) -> Iterator[Document]:
-    """Yield the files with examples of a kind. A wheel has those of scenes and robots only."""
-    for pattern in (*EXAMPLES[kind], f"examples/reference/{kind}.yaml"):
-        for path in sorted(file_system.ROOT.glob(pattern)):
-            yield read_document(path, kind)
 
 
 def example_text(key: str, value: Value) -> str:

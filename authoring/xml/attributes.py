@@ -23,8 +23,7 @@ CONDITIONS = (*PRECONDITIONS, *POSTCONDITIONS)
 
 @dataclass(slots=True)
 class NodeDraft:
-    """Node under construction. `keys`: keys of the node's class; a child with such an ID must be under
-    `do:`."""
+    """Node under construction. `keys`: those of the node's class; a child of such an ID is under `do:`."""
 
     id: str
     mark: Mark
@@ -40,18 +39,24 @@ class NodeDraft:
     def put(self, key: str, value: MarkedValue | Scalar, mark: Mark | None = None) -> None:
         self.body.put(key, value, mark)
 
-    def guarded(self, key: str, condition: str, mark: Mark) -> NodeDraft:
-        """Return the node with one more condition, evaluated before its own."""
+    @classmethod
+    def around(cls, identity: str, mark: Mark, *children: NodeDraft) -> NodeDraft:
+        """Return a node with these nodes in a list under `do`."""
+        outer = cls.of(identity, mark)
+        outer.put("do", MarkedValue(mark, items=[child.written() for child in children]))
+        return outer
+
+    def guarded(self, conditions: Mapping[str, tuple[str, Mark]]) -> NodeDraft:
+        """Return the node with more conditions, evaluated before its own."""
+        guarded = self
         if any(self.body.get(known) for known in CONDITIONS):
-            outer = NodeDraft.of("Sequence", self.mark)
-            outer.put(key, condition, mark)
-            outer.put("do", MarkedValue(self.mark, items=[self.written()]))
-            return outer
-        entries = self.body.entries or []
-        self.body.entries = [entry for entry in entries if entry.key == "name"]
-        self.put(key, condition, mark)
-        self.body.entries += [entry for entry in entries if entry.key != "name"]
-        return self
+            guarded = NodeDraft.around("Sequence", self.mark, self)
+        entries = guarded.body.entries or []
+        guarded.body.entries = [entry for entry in entries if entry.key == "name"]
+        for key, (condition, mark) in conditions.items():
+            guarded.put(key, condition, mark)
+        guarded.body.entries += [entry for entry in entries if entry.key != "name"]
+        return guarded
 
     def written(self) -> MarkedValue:
         """Return the node in the shortest form that a mission allows."""
@@ -211,11 +216,8 @@ class ElementReader(ABC):
             if code:
                 draft.put(key, code, element.place(key))
         if btcpp_vocabulary.BREAKPOINT in element.attributes:
-            draft.put(
-                "breakpoint",
-                element.get(btcpp_vocabulary.BREAKPOINT),
-                element.place(btcpp_vocabulary.BREAKPOINT),
-            )
+            mark = element.place(btcpp_vocabulary.BREAKPOINT)
+            draft.put("breakpoint", element.get(btcpp_vocabulary.BREAKPOINT), mark)
         draft.body.entries += own
 
     def _name(self, element: Element, trail: str) -> str:

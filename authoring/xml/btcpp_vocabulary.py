@@ -93,7 +93,6 @@ CHECK: Final = "CheckExpression"
 GUARDED: Final = "Guarded"
 """Decorator for conditions of its child that scripts cannot express."""
 REPEAT_WHILE: Final = "RepeatWhile"
-"""Name of Repeat with `while`."""
 ASSIGN: Final = "AssignExpressions"
 """Action leaf for a Script with expressions that scripts cannot express."""
 OURS: Final = (CHECK, GUARDED, REPEAT_WHILE, ASSIGN)

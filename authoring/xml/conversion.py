@@ -18,13 +18,8 @@ from .source import XmlText
 _TREES = re.compile(r"<BehaviorTree\b|<TreeNodesModel\b")
 
 
-def convert(path: Path, registry: NodeRegistry | None = None) -> str:
-    """Convert a mission file to XML, or an XML file to a mission. Raises FileError with all its errors."""
-    return convert_text(file_text.read_text(path), path, registry)
-
-
 def convert_text(text: str, path: Path, registry: NodeRegistry | None = None) -> str:
-    """Convert a text as `convert` converts a file."""
+    """Convert a mission to XML, or XML to a mission. Raises FileError with all errors of the text."""
     if is_xml(text):
         return import_xml([XmlText(text, path)], registry).text
     reading = examine(read_document(path, "mission", text), registry)

@@ -105,7 +105,6 @@ class KeyFlow:
         return self._uses[tree].writes if tree in self._uses else set()
 
     def group(self, tree: str, key: str) -> KeyGroup:
-        """Return the group of one tree's key."""
         return self._groups.setdefault(self._root(tree, key), KeyGroup())
 
     def _in_order(self) -> Iterator[tuple[str, Element]]:
@@ -139,12 +138,8 @@ class KeyFlow:
         for key, text in element.attributes.items():
             mark = element.place(key)
             if not ours and (_SCRIPTS.get(identity) == key or key in (*PRECONDITIONS, *POSTCONDITIONS)):
-                self._script(
-                    tree,
-                    text,
-                    mark,
-                    asked=key not in (*POSTCONDITIONS, "code") or identity == "ScriptCondition",
-                )
+                asked = key not in (*POSTCONDITIONS, "code") or identity == "ScriptCondition"
+                self._script(tree, text, mark, asked=asked)
             elif identity == "SetBlackboard" and key == "output_key":
                 self._write(tree, text)
                 if is_pointer(element.get("value")):
@@ -186,12 +181,9 @@ class KeyFlow:
         except ScriptError:
             return
         for part in (each for each in parts if asked or each.key):
-            for name in (
-                each.name
-                for each in expression_syntax.walk(part.value)
-                if isinstance(each, expression_syntax.Name)
-            ):
-                self._read(tree, name, mark)
+            for each in expression_syntax.walk(part.value):
+                if isinstance(each, expression_syntax.Name):
+                    self._read(tree, each.name, mark)
             for name in _compared_with_text(part.value):
                 self.group(tree, name).compared_with_text = True
             if part.key:

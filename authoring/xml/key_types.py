@@ -43,7 +43,6 @@ class KeyTypes:
     """A fault for each key that two of BehaviorTree.CPP's own nodes want as different types."""
     _loose: Loose = frozenset()
     _uses: dict[str, dict[str, list[_KeyUse]]] = field(default_factory=dict[str, dict[str, list[_KeyUse]]])
-    """Uses of each key, by tree."""
     _order: dict[str, list[tuple[str, _KeyUse]]] = field(default_factory=dict[str, list[tuple[str, _KeyUse]]])
     """The same in the order in which BehaviorTree.CPP makes the nodes."""
 

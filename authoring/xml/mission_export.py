@@ -130,14 +130,14 @@ class XmlExporter:
         self._switches = TruthSwitches(mission)
 
     def root(self) -> Element:
-        """Return the root element of the file."""
         comments = self._comments.at_the_top()
         for key in ("kind", "name", "scene", "goal", "include", "plugins", "library", "trees"):
             if key in self._mission.document.data:
                 comments += self._comments.above(self._mission.document.key_mark((key,)).line)
         trees = tuple(self.tree(tree) for tree in self._mission.trees.values())
         trees, below = with_loose_comments(trees, self._comments.rest())
-        parts = (*trees, Element("TreeNodesModel", {}, (*self._tree_models(), *self._node_models())))
+        models = [*self._tree_models(), *(self._models[identity] for identity in sorted(self._models))]
+        parts = (*trees, Element("TreeNodesModel", {}, tuple(models)))
         attributes = {"BTCPP_format": btcpp_vocabulary.XML_FORMAT}
         if MAIN in self._mission.trees:
             attributes["main_tree_to_execute"] = MAIN
@@ -163,16 +163,9 @@ class XmlExporter:
     def _tree_models(self) -> Iterable[Element]:
         for index, tree in enumerate(self._mission.trees.values()):
             fields = tree_nodes_model.head(self._mission) if index == 0 else []
-            if self.included(tree):
+            if not self._is_own(tree.mark):
                 fields.append({tree_nodes_model.INCLUDED: "true"})
             yield tree_nodes_model.tree_model(tree, fields, self._default)
-
-    def included(self, tree: TreeSpec) -> bool:
-        """Whether the tree is in another file."""
-        return tree.mark.file != str(self._mission.document.path)
-
-    def _node_models(self) -> Iterable[Element]:
-        return (self._models[identity] for identity in sorted(self._models))
 
     def _use(self, identity: str, model: Callable[[], Element]) -> None:
         if identity not in self._models:
@@ -199,13 +192,10 @@ class XmlExporter:
             case "Switch":
                 return self._switch(spec, trail)
             case "Repeat" if "while" in spec.ports:
-                self._use(
-                    btcpp_vocabulary.REPEAT_WHILE,
-                    lambda: tree_nodes_model.repeat_while_model(
-                        node.declaration, self._types.loose(btcpp_vocabulary.REPEAT_WHILE)
-                    ),
-                )
-                return self._plain(spec, node, btcpp_vocabulary.REPEAT_WHILE, trail)
+                identity = btcpp_vocabulary.REPEAT_WHILE
+                loose = self._types.loose(identity)
+                self._use(identity, lambda: tree_nodes_model.repeat_while_model(node.declaration, loose))
+                return self._plain(spec, node, identity, trail)
             case identity if identity in btcpp_vocabulary.SHARED_NODES:
                 return self._plain(spec, node, identity, trail)
             case identity:
@@ -244,9 +234,9 @@ class XmlExporter:
             hint = f'set a key before, as "{{{port.key}}}" by SetBlackboard, and give the key'
             self._fault(mark, trail, message, hint, code="P929")
             return ""
-        text = (
-            value_text(bound.value, port.type) if spec.node else self._given(bound.value, port, spec, trail)
-        )
+        text = value_text(bound.value, port.type)
+        if spec.node is None:
+            text = self._literal(spec.id, port, bound.value, spec.mark_at(port.key), trail)
         self._check_text(text, f"port {port.key!r}", mark, trail)
         kind = btcpp_vocabulary.PORT_TYPES.get(port.key, "")
         if spec.id in btcpp_vocabulary.SHARED_NODES and not fits(kind, bound.value):
@@ -257,20 +247,20 @@ class XmlExporter:
             self._fault(mark, trail, message, code="P923")
         return text
 
-    def _given(self, value: object, port: PortDeclaration, spec: NodeSpec, trail: str) -> str:
-        """Return the literal of a sub-tree's port."""
-        text = self._types.literal(spec.id, port, value)
+    def _literal(self, tree: str, port: PortDeclaration, value: object, mark: Mark, trail: str) -> str:
+        """Return a literal or default of a sub-tree's port. BehaviorTree.CPP stores some texts as numbers."""
+        text = self._types.literal(tree, port, value)
         if text is None:
-            self._fault(spec.mark_at(port.key), trail, *_a_number(port.key, value), code="P926")
+            message = (
+                f"port {port.key!r}: BehaviorTree.CPP takes {value!r} for a number, and a node reads a text"
+            )
+            hint = "write a text that is no number, or set a key with SetBlackboard and give that"
+            self._fault(mark, trail, f"{message}, and a node reads a text from it", hint, code="P926")
         return text or ""
 
     def _default(self, tree: TreeSpec, port: PortDeclaration) -> str:
-        """Return the default of a tree's port."""
-        text = self._types.literal(tree.name, port, port.default)
-        if text is None:
-            mark = tree.places.get(port.key, tree.mark)
-            self._fault(mark, f"trees.{tree.name}", *_a_number(port.key, port.default), code="P926")
-        return text or ""
+        mark = tree.places.get(port.key, tree.mark)
+        return self._literal(tree.name, port, port.default, mark, f"trees.{tree.name}")
 
     def _named(self, spec: NodeSpec, identity: str) -> dict[str, str]:
         """Return the attribute `name` if the node's name differs from its ID, else nothing."""
@@ -285,14 +275,11 @@ class XmlExporter:
         bound = cast("references.Constant", spec.ports["if"])
         expression = cast("Expression", bound.value)
         try:
-            return Element(
-                "ScriptCondition", {**self._named(spec, "ScriptCondition"), "code": script(expression)}
-            )
+            identity, said = "ScriptCondition", {"code": script(expression)}
         except NotExpressible:
-            self._use(btcpp_vocabulary.CHECK, tree_nodes_model.check_model)
-            return Element(
-                btcpp_vocabulary.CHECK, {**self._named(spec, btcpp_vocabulary.CHECK), "if": expression.text}
-            )
+            identity, said = btcpp_vocabulary.CHECK, {"if": expression.text}
+            self._use(identity, tree_nodes_model.check_model)
+        return Element(identity, self._named(spec, identity) | said)
 
     def _set_blackboard(self, spec: NodeSpec, trail: str) -> Element:
         """Export a SetBlackboard. Numbers and truth values keep their type in a Script only."""
@@ -300,9 +287,8 @@ class XmlExporter:
         named = self._named(spec, "SetBlackboard")
         if isinstance(bound, references.PortExpression):
             with suppress(NotExpressible):
-                return Element(
-                    "Script", {**named, "code": assignments_script([references.Assignment(key, bound.value)])}
-                )
+                code = assignments_script([references.Assignment(key, bound.value)])
+                return Element("Script", {**named, "code": code})
             port = cast("type[Node]", spec.node).declaration.port("value")
             assert port is not None
             text = self._bound(bound, port, spec, trail)
@@ -321,11 +307,11 @@ class XmlExporter:
     def _script(self, spec: NodeSpec) -> Element:
         given = spec.postconditions["code"]
         try:
-            return Element("Script", {**self._named(spec, "Script"), "code": assignments_script(given)})
+            identity, code = "Script", assignments_script(given)
         except NotExpressible:
-            self._use(btcpp_vocabulary.ASSIGN, tree_nodes_model.assign_model)
-            named = self._named(spec, btcpp_vocabulary.ASSIGN)
-            return Element(btcpp_vocabulary.ASSIGN, {**named, "code": _assignments(given)})
+            identity, code = btcpp_vocabulary.ASSIGN, _assignments(given)
+            self._use(identity, tree_nodes_model.assign_model)
+        return Element(identity, self._named(spec, identity) | {"code": code})
 
     def _switch(self, spec: NodeSpec, trail: str) -> Element:
         cases = spec.slots["cases"]
@@ -353,8 +339,10 @@ class XmlExporter:
 
     def _above(self, mark: Mark) -> tuple[str, ...]:
         """Return the comments above a line of the mission's own file."""
-        own = mark.file == str(self._mission.document.path)
-        return self._comments.above(mark.line) if own else ()
+        return self._comments.above(mark.line) if self._is_own(mark) else ()
+
+    def _is_own(self, mark: Mark) -> bool:
+        return mark.file == str(self._mission.document.path)
 
     # Sub-trees.
 
@@ -398,8 +386,7 @@ class XmlExporter:
     # Conditions.
 
     def _conditioned(self, spec: NodeSpec, element: Element) -> Element:
-        """Return the element with conditions as attributes, or within a Guarded where scripts cannot express
-        all."""
+        """Return the element with conditions as attributes, or in a Guarded where scripts cannot say them."""
         after = {key: spec.postconditions[key] for key in POSTCONDITIONS if key in spec.postconditions}
         if not spec.preconditions and not after:
             return element
@@ -447,12 +434,6 @@ def _with(element: Element, attributes: Mapping[str, str]) -> Element:
 
 def _assignments(assignments: Iterable[references.Assignment]) -> str:
     return "; ".join(f"{a.key} {':=' if a.new else '='} {expression_text(a.value.root)}" for a in assignments)
-
-
-def _a_number(key: str, value: object) -> tuple[str, str]:
-    """Return message and hint of a text that BehaviorTree.CPP stores as a number."""
-    message = f"port {key!r}: BehaviorTree.CPP takes {value!r} for a number, and a node reads a text from it"
-    return message, "write a text that is no number, or set a key with SetBlackboard and give that"
 
 
 def _whole(value: object) -> bool:

@@ -144,13 +144,8 @@ class _Importer:
         fill_in_wires(self._source)
         rename_trees(self._source, self._registry, self._faults)
         rename_keys(self._source, self._faults)
-        finder = StubFinder(
-            self._source,
-            self._registry,
-            self._faults,
-            self._options.enums,
-            lenient=bool(self._options.stubs),
-        )
+        enums, lenient = self._options.enums, bool(self._options.stubs)
+        finder = StubFinder(self._source, self._registry, self._faults, enums, lenient=lenient)
         stubs, flow = finder.find()
         ports = PortsOfTrees(self._source, flow, self._faults).find()
         context = ImportContext(

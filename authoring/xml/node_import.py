@@ -4,7 +4,7 @@ not have.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -57,9 +57,7 @@ class Translations:
         return self._ways.get(identity)
 
     def _script_condition(self, element: Element, trail: str) -> NodeDraft:
-        self._reader.only(element, ("code",), trail)
-        self._reader.count(element, element.identity, 0, 0, trail)
-        draft = NodeDraft.of("Condition", element.mark)
+        draft = self._leaf("Condition", element, ("code",), trail)
         if not self._reader.needed(element, "code", trail):
             return draft
         assigned = self._assigned_before(element)
@@ -67,13 +65,14 @@ class Translations:
             draft.put("if", self._reader.condition(element, "code", trail), element.place("code"))
             return draft
         statements, condition = assigned
-        mark = element.place("code")
-        script = NodeDraft.of("Script", element.mark)
-        script.put("code", "; ".join(statement.text() for statement in statements), mark)
-        draft.put("if", expression_text(condition), mark)
-        both = NodeDraft.of("Sequence", element.mark)
-        both.put("do", MarkedValue(element.mark, items=[script.written(), draft.written()]))
-        return both
+        draft.put("if", expression_text(condition), element.place("code"))
+        return NodeDraft.around("Sequence", element.mark, _script_of(element, statements), draft)
+
+    def _leaf(self, identity: str, element: Element, ports: tuple[str, ...], trail: str) -> NodeDraft:
+        """Return a node without children; report attributes that are none of the ports, and children."""
+        self._reader.only(element, ports, trail)
+        self._reader.count(element, element.identity, 0, 0, trail)
+        return NodeDraft.of(identity, element.mark)
 
     def _assigned_before(
         self, element: Element
@@ -89,40 +88,28 @@ class Translations:
 
     def _script(self, element: Element, trail: str) -> NodeDraft:
         """Translate a Script; one constant or copy that the export has marked is a SetBlackboard."""
-        self._reader.only(element, ("code", btcpp_vocabulary.SETS), trail)
-        self._reader.count(element, element.identity, 0, 0, trail)
+        draft = self._leaf("SetBlackboard", element, ("code", btcpp_vocabulary.SETS), trail)
         code, mark = self._reader.needed(element, "code", trail), element.place("code")
         try:
             statements = self._reader.statements(element, "code", trail) if code else ()
         except ScriptError as error:
             self._reader.script_fault(element, "code", error, trail)
             return NodeDraft.of("AlwaysSuccess", element.mark)
-        first = (
-            statements[0] if len(statements) == 1 and btcpp_vocabulary.SETS in element.attributes else None
-        )
-        constant = first.constant() if first is not None else None
-        if first is not None and constant is not None:
-            draft = NodeDraft.of("SetBlackboard", element.mark)
+        marked = len(statements) == 1 and btcpp_vocabulary.SETS in element.attributes
+        constant = statements[0].constant() if marked else None
+        if constant is not None:
             draft.put("value", MarkedValue(mark, constant), mark)
-            draft.put("output_key", f"{{{first.key}}}", mark)
+            draft.put("output_key", f"{{{statements[0].key}}}", mark)
             return draft
-        if not statements:
-            return NodeDraft.of("AlwaysSuccess", element.mark)
-        draft = NodeDraft.of("Script", element.mark)
-        draft.put("code", "; ".join(statement.text() for statement in statements), mark)
-        return draft
+        return _script_of(element, statements) if statements else NodeDraft.of("AlwaysSuccess", element.mark)
 
     def _assign(self, element: Element, trail: str) -> NodeDraft:
-        self._reader.only(element, ("code",), trail)
-        self._reader.count(element, element.identity, 0, 0, trail)
-        draft = NodeDraft.of("Script", element.mark)
+        draft = self._leaf("Script", element, ("code",), trail)
         draft.put("code", self._reader.needed(element, "code", trail), element.place("code"))
         return draft
 
     def _set_blackboard(self, element: Element, trail: str) -> NodeDraft:
-        self._reader.only(element, ("value", "output_key"), trail)
-        self._reader.count(element, element.identity, 0, 0, trail)
-        draft = NodeDraft.of("SetBlackboard", element.mark)
+        draft = self._leaf("SetBlackboard", element, ("value", "output_key"), trail)
         self._reader.needed(element, "value", trail)
         key = self._reader.needed(element, "output_key", trail)
         if is_pointer(key):
@@ -141,15 +128,14 @@ class Translations:
         status = element.get("else", "FAILURE")
         if status not in _ELSE:
             message = f"'else': {status!r} has no counterpart"
-            self._reader.fault(
-                element.place("else"), trail, message, "FAILURE, SUCCESS or SKIPPED", code="P907"
-            )
+            hint = "FAILURE, SUCCESS or SKIPPED"
+            self._reader.fault(element.place("else"), trail, message, hint, code="P907")
         condition = self._negated(element, trail)
         child = self._child(element, trail)
         if child is None:
             return NodeDraft.of("AlwaysSuccess", element.mark)
-        guarded = child.guarded(_ELSE.get(status, "_failureIf"), condition, element.place("if"))
-        return self._apart(element, guarded)
+        guard = _ELSE.get(status, "_failureIf")
+        return self._apart(element, child.guarded({guard: (condition, element.place("if"))}))
 
     def _negated(self, element: Element, trail: str) -> str:
         try:
@@ -168,11 +154,7 @@ class Translations:
     def _apart(self, element: Element, child: NodeDraft) -> NodeDraft:
         """Return the child in place of a decorator that vanishes; attributes of the decorator need a node."""
         own = [key for key in element.attributes if key in COMMON and key not in btcpp_vocabulary.IGNORED]
-        if not own:
-            return child
-        outer = NodeDraft.of("Sequence", element.mark)
-        outer.put("do", MarkedValue(element.mark, items=[child.written()]))
-        return outer
+        return NodeDraft.around("Sequence", element.mark, child) if own else child
 
     def _for_each(self, element: Element, trail: str) -> NodeDraft:
         """Translate the ForEach of MoveIt Pro."""
@@ -189,10 +171,13 @@ class Translations:
         self._reader.needed(element, "out", trail)
         self._reader.port(draft, "in", PortType("any", many=True), element, "vector_in", trail)
         self._reader.port(draft, "out", _ANY, element, "out", trail)
+        return self._repeated(draft, element, trail)
+
+    def _repeated(self, loop: NodeDraft, element: Element, trail: str) -> NodeDraft:
         child = self._child(element, trail)
         if child is not None:
-            draft.put("do", alone(child.written()))
-        return draft
+            loop.put("do", alone(child.written()))
+        return loop
 
     def _loop(self, element: Element, trail: str) -> NodeDraft:
         self._reader.only(element, ("queue", "if_empty", "value"), trail)
@@ -201,10 +186,7 @@ class Translations:
         self._reader.needed(element, "value", trail)
         self._reader.port(draft, "in", LOOPS[element.identity], element, "queue", trail)
         self._reader.port(draft, "out", _ANY, element, "value", trail)
-        child = self._child(element, trail)
-        if child is not None:
-            draft.put("do", alone(child.written()))
-        return self._ended(element, draft, trail)
+        return self._ended(element, self._repeated(draft, element, trail), trail)
 
     def _ended(self, element: Element, loop: NodeDraft, trail: str) -> NodeDraft:
         """Return the loop so that it ends as `if_empty` says, which it does behind the last element, too."""
@@ -217,8 +199,7 @@ class Translations:
             case "SKIPPED":
                 skipped = NodeDraft.of("AlwaysSuccess", element.mark)
                 skipped.put("_skipIf", True)
-                outer = NodeDraft.of("IfThenElse", element.mark)
-                outer.put("do", MarkedValue(element.mark, items=[loop.written(), skipped.written()]))
+                outer = NodeDraft.around("IfThenElse", element.mark, loop, skipped)
             case other:
                 message = f"'if_empty' is SUCCESS, FAILURE or SKIPPED, not {other!r}"
                 self._reader.fault(element.place("if_empty"), trail, message, code="P911")
@@ -237,25 +218,20 @@ class Translations:
         for case, child in zip(cases, element.children, strict=False):
             label = self._reader.needed(element, case, trail)
             if table.get(label) is not None:
-                self._reader.fault(
-                    element.place(case), trail, f"the case {label!r} is given twice", code="P911"
-                )
+                message = f"the case {label!r} is given twice"
+                self._reader.fault(element.place(case), trail, message, code="P911")
             table.put(label, self._reader.slot_value(child, label, trail), child.mark)
         draft.put("cases", table)
         self.switches[element.mark] = table
-        if (
-            len(element.children) > count
-            and btcpp_vocabulary.NO_CASE not in element.children[count].attributes
-        ):
-            draft.put("default", self._reader.slot_value(element.children[count], "default", trail))
+        for last in element.children[count : count + 1]:
+            if btcpp_vocabulary.NO_CASE not in last.attributes:
+                draft.put("default", self._reader.slot_value(last, "default", trail))
         return draft
 
     # Nodes of the export for inexpressible scripts.
 
     def _check(self, element: Element, trail: str) -> NodeDraft:
-        self._reader.only(element, ("if",), trail)
-        self._reader.count(element, element.identity, 0, 0, trail)
-        draft = NodeDraft.of("Condition", element.mark)
+        draft = self._leaf("Condition", element, ("if",), trail)
         draft.put("if", self._reader.needed(element, "if", trail), element.place("if"))
         return draft
 
@@ -264,20 +240,18 @@ class Translations:
         child = self._child(element, trail)
         if child is None:
             return NodeDraft.of("AlwaysSuccess", element.mark)
-        given = {key: port for key, port in btcpp_vocabulary.GUARDS.items() if port in element.attributes}
-        if any(child.body.get(key) for key in btcpp_vocabulary.GUARDS):
-            outer = NodeDraft.of("Sequence", element.mark)
-            outer.put("do", MarkedValue(element.mark, items=[child.written()]))
-            child = outer
-        entries = child.body.entries
-        assert entries is not None
-        own = entries[:]
-        named = [entry for entry in own if entry.key == "name"]
-        child.body.entries = named
-        for key, port in given.items():
-            child.put(key, element.get(port), element.place(port))
-        child.body.entries += [entry for entry in own if entry.key != "name"]
-        return self._apart(element, child)
+        conditions = {
+            key: (element.get(port), element.place(port))
+            for key, port in btcpp_vocabulary.GUARDS.items()
+            if port in element.attributes
+        }
+        return self._apart(element, child.guarded(conditions))
+
+
+def _script_of(element: Element, statements: Iterable[Statement]) -> NodeDraft:
+    draft = NodeDraft.of("Script", element.mark)
+    draft.put("code", "; ".join(statement.text() for statement in statements), element.place("code"))
+    return draft
 
 
 @dataclass(slots=True)
@@ -326,24 +300,19 @@ class XmlNodeReader(ElementReader):
         """Keys that the import has made."""
 
     def literal_type(self, tree: str, key: str, declared: PortType) -> PortType:
-        """Return the type with which a literal for a key of a tree is read."""
         return declared if self._context.ours else literal_type(self._context.flow, tree, key, declared)
 
     def is_read(self, key: str) -> bool:
-        """Whether anything reads a key of the present tree."""
         return self._context.flow.group(self.tree, key).read is not None
 
     def is_created(self, key: str) -> bool:
-        """Whether anything makes a key of the present tree."""
         return self._context.ours or self._context.flow.group(self.tree, key).created
 
     def tree_root(self, name: str, element: Element) -> NodeDraft:
-        """Read the root node of a tree."""
         self.tree = name
         return self.node(element.children[0], self._context.source.called(name))
 
     def node(self, element: Element, above: str) -> NodeDraft:
-        """Read one element and its descendants."""
         identity = element.identity
         if not identity:
             message = f"<{element.name}> needs the attribute 'ID'"
@@ -517,9 +486,8 @@ class XmlNodeReader(ElementReader):
         if identity not in self._trees:
             hint = suggest_name(identity, self._trees) if self._trees else ""
             if not hint.startswith("did"):
-                hint = f"{hint}; give its file or folder, too, or take it for a node with --stubs".lstrip(
-                    "; "
-                )
+                more = "give its file or folder, too, or take it for a node with --stubs"
+                hint = "; ".join(filter(None, (hint, more)))
             self.fault(element.place("ID"), trail, f"there is no tree {identity!r}", hint, code="P913")
             return NodeDraft.of("AlwaysSuccess", element.mark)
         ports = {port.key: port for port in self._trees[identity]}
@@ -595,6 +563,4 @@ def _begun(call: NodeDraft, begins: list[MarkedValue]) -> NodeDraft:
     once = NodeDraft.of("RunOnce", call.mark)
     once.put("then_skip", False)
     once.put("do", begins[0] if len(begins) == 1 else MarkedValue(call.mark, items=begins))
-    both = NodeDraft.of("IfThenElse", call.mark)
-    both.put("do", MarkedValue(call.mark, items=[once.written(), call.written()]))
-    return both
+    return NodeDraft.around("IfThenElse", call.mark, once, call)

@@ -105,7 +105,12 @@ def script(expression: Expression) -> str:
 
 def assignments_script(assignments: Iterable[references.Assignment]) -> str:
     """Return assignments as `a := 1; b = a + 1`. Raises NotExpressible."""
-    return "; ".join(_assignment(assignment) for assignment in assignments)
+    parts: list[str] = []
+    for assignment in assignments:
+        _check_name(assignment.key)
+        operator = ":=" if assignment.new else "="
+        parts.append(f"{assignment.key} {operator} {script(assignment.value)}")
+    return "; ".join(parts)
 
 
 def constant_script(key: str, value: object) -> str:
@@ -135,11 +140,6 @@ def _literal(value: str | int | float | bool | None) -> str:
             raise NotExpressible("there is no null")
 
 
-def _assignment(assignment: references.Assignment) -> str:
-    _check_name(assignment.key)
-    return f"{assignment.key} {':=' if assignment.new else '='} {script(assignment.value)}"
-
-
 def _text(part: expression_syntax.Part) -> str:
     match part:
         case expression_syntax.LiteralValue(value=value):
@@ -148,13 +148,13 @@ def _text(part: expression_syntax.Part) -> str:
             _check_name(name)
             return name
         case expression_syntax.Not(operand=operand):
-            return f"!{_atom(operand)}"
+            return f"!{_operand(operand)}"
         case expression_syntax.Sign(symbol="-", operand=operand):
-            return f"-{_atom(operand)}"
+            return f"-{_operand(operand)}"
         case expression_syntax.Arithmetic(symbol="+", left=left, right=right) if _is_text(part):
-            return f"{_atom(left)} .. {_atom(right)}"
+            return f"{_operand(left)} .. {_operand(right)}"
         case expression_syntax.Arithmetic(symbol="+" | "-" | "*" | "/" as symbol, left=left, right=right):
-            return f"{_left_operand(symbol, left)} {symbol} {_operand(symbol, right)}"
+            return _arithmetic(symbol, left, right)
         case expression_syntax.ComparisonChain(first=first, rest=rest):
             words = [_compared(first)]
             for related in rest:
@@ -188,54 +188,27 @@ def _check_name(name: str) -> None:
         raise NotExpressible(f"{name!r} begins like a constant")
 
 
-def _bracketed(part: expression_syntax.Part) -> str:
-    return f"({_text(part)})"
+def _operand(part: expression_syntax.Part, *plain: type[expression_syntax.Part]) -> str:
+    """Return an operand in brackets, unless it is a constant, a name or one of the `plain` parts."""
+    bare = isinstance(part, (expression_syntax.LiteralValue, expression_syntax.Name, *plain))
+    return _text(part) if bare else f"({_text(part)})"
 
 
-def _atom(part: expression_syntax.Part) -> str:
-    return (
-        _text(part)
-        if isinstance(part, expression_syntax.LiteralValue | expression_syntax.Name)
-        else _bracketed(part)
-    )
-
-
-def _operand(symbol: str, part: expression_syntax.Part) -> str:
-    """Return a right operand, in brackets if it could be read as part of the operator's chain."""
-    tighter = (
-        symbol in ("+", "-") and isinstance(part, expression_syntax.Arithmetic) and part.symbol in ("*", "/")
-    )
-    return _text(part) if tighter else _atom(part)
-
-
-def _left_operand(symbol: str, part: expression_syntax.Part) -> str:
-    """Return a left operand; operators of the same kind are evaluated in order, without brackets."""
-    same = isinstance(part, expression_syntax.Arithmetic) and (
-        symbol in ("+", "-") or part.symbol in ("*", "/")
-    )
-    return _text(part) if same else _atom(part)
+def _arithmetic(symbol: str, left: expression_syntax.Part, right: expression_syntax.Part) -> str:
+    """Return a sum or product. A chain of one kind is evaluated in order, and products before sums."""
+    additive = symbol in ("+", "-")
+    first = isinstance(left, expression_syntax.Arithmetic) and (additive or left.symbol in ("*", "/"))
+    second = additive and isinstance(right, expression_syntax.Arithmetic) and right.symbol in ("*", "/")
+    texts = [_text(part) if bare else _operand(part) for part, bare in ((left, first), (right, second))]
+    return f" {symbol} ".join(texts)
 
 
 def _compared(part: expression_syntax.Part) -> str:
-    return (
-        _text(part)
-        if isinstance(part, expression_syntax.Arithmetic | expression_syntax.Not | expression_syntax.Sign)
-        else _atom(part)
-    )
+    return _operand(part, expression_syntax.Arithmetic, expression_syntax.Not, expression_syntax.Sign)
 
 
 def _in_logic(part: expression_syntax.Part) -> str:
-    return (
-        _text(part)
-        if isinstance(
-            part,
-            expression_syntax.ComparisonChain
-            | expression_syntax.Arithmetic
-            | expression_syntax.Not
-            | expression_syntax.Sign,
-        )
-        else _atom(part)
-    )
+    return _text(part) if isinstance(part, expression_syntax.ComparisonChain) else _compared(part)
 
 
 MAX_SCRIPT_LENGTH: Final = 4000
@@ -453,11 +426,8 @@ class _Parser:
         at = self._token.at
         while self._is("==", "!=", "<", "<=", ">", ">="):
             token = self._take()
-            rest.append(
-                expression_syntax.ComparisonLink(
-                    token.at, cast("expression_syntax.Relation", token.text), self._sum()
-                )
-            )
+            relation = cast("expression_syntax.Relation", token.text)
+            rest.append(expression_syntax.ComparisonLink(token.at, relation, self._sum()))
         if self._is(*_NO_COUNTERPART):
             self._unexpected("")
         return expression_syntax.ComparisonChain(at, first, tuple(rest)) if rest else first
@@ -466,18 +436,16 @@ class _Parser:
         left = self._product()
         while self._is("+", "-", ".."):
             token = self._take()
-            left = expression_syntax.Arithmetic(
-                token.at, "-" if token.text == "-" else "+", left, self._product()
-            )
+            symbol = "-" if token.text == "-" else "+"
+            left = expression_syntax.Arithmetic(token.at, symbol, left, self._product())
         return left
 
     def _product(self) -> expression_syntax.Part:
         left = self._prefixed()
         while self._is("*", "/"):
             token = self._take()
-            left = expression_syntax.Arithmetic(
-                token.at, "*" if token.text == "*" else "/", left, self._prefixed()
-            )
+            symbol = "*" if token.text == "*" else "/"
+            left = expression_syntax.Arithmetic(token.at, symbol, left, self._prefixed())
         return left
 
     def _prefixed(self) -> expression_syntax.Part:
@@ -486,11 +454,9 @@ class _Parser:
             self._deeper()
             operand = self._prefixed()
             self._depth -= 1
-            return (
-                expression_syntax.Sign(token.at, "-", operand)
-                if token.text == "-"
-                else expression_syntax.Not(token.at, operand)
-            )
+            if token.text == "-":
+                return expression_syntax.Sign(token.at, "-", operand)
+            return expression_syntax.Not(token.at, operand)
         return self._value()
 
     def _value(self) -> expression_syntax.Part:
@@ -508,9 +474,8 @@ class _Parser:
                 return expression_syntax.LiteralValue(token.at, int(token.text, 16))
             case "number":
                 whole = token.text.isdigit() and len(token.text) < 20
-                return expression_syntax.LiteralValue(
-                    token.at, int(token.text) if whole else float(token.text)
-                )
+                number = int(token.text) if whole else float(token.text)
+                return expression_syntax.LiteralValue(token.at, number)
             case "text":
                 return expression_syntax.LiteralValue(token.at, token.text[1:-1])
             case _:

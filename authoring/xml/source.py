@@ -38,13 +38,11 @@ class ImportFaults:
         known = first or Diagnostic(mark, trail, message, hint, code, "warning")
         self._notes[mark.file, code, message] = known, count + 1
 
-    def add(self, diagnostic: Diagnostic) -> None:
-        """Add a diagnostic as it is."""
-        self._faults.append(diagnostic)
+    def add(self, *diagnostics: Diagnostic) -> None:
+        self._faults += diagnostics
 
     @property
     def errors(self) -> bool:
-        """Whether there is any error."""
         return any(fault.severity == "error" for fault in self._faults)
 
     def all(self) -> tuple[Diagnostic, ...]:
@@ -129,7 +127,7 @@ class _Reader:
         for place, file in self._texts.items():
             if place not in self._known:
                 self._known[place] = None
-                self._given(file)
+                self._read(file.text, file.path, (file.path.name,))
         if not self._roots:
             raise FileError(self._faults.all())
         self._source.root = self._roots[0]
@@ -138,17 +136,18 @@ class _Reader:
             self._reachable()
         return self._source
 
-    def _given(self, file: XmlText) -> None:
+    def _read(self, text: str | None, path: Path, trail: tuple[str, ...]) -> None:
+        """Read a file; without a text it is one that another file includes."""
         try:
-            read = read_xml(file.text, str(file.path), strict=self._faults.strict)
+            given = file_text.read_text(path) if text is None else text
+            read = read_xml(given, str(path), strict=self._faults.strict)
         except FileError as error:
-            for fault in error.faults:
-                self._faults.add(fault)
+            self._faults.add(*error.faults)
             return
-        for note in read.notes:
-            self._faults.add(note)
-        self._roots.append(read.root)
-        self._file(read.root, file.path, (file.path.name,))
+        self._faults.add(*read.notes)
+        if text is not None:
+            self._roots.append(read.root)
+        self._file(read.root, path, trail)
 
     def _file(self, root: Element, path: Path, trail: tuple[str, ...]) -> None:
         if root.name != "root":
@@ -283,37 +282,19 @@ class _Reader:
             self._faults.note(at, "root", f"there is no file {name!r} beside this one", code="P912")
         elif place not in self._known:
             self._known[place] = None
-            self._follow(found, (*trail, relative))
-
-    def _follow(self, path: Path, trail: tuple[str, ...]) -> None:
-        try:
-            read = read_xml(file_text.read_text(path), str(path), strict=self._faults.strict)
-        except FileError as error:
-            for fault in error.faults:
-                self._faults.add(fault)
-            return
-        for note in read.notes:
-            self._faults.add(note)
-        self._file(read.root, path, trail)
+            self._read(None, found, (*trail, relative))
 
     # First tree of the mission.
 
     def _main(self) -> str:
         trees = self._source.trees
-        if self._asked:
-            if self._asked not in trees and not self._faults.errors:
-                hint = suggest_name(self._asked, trees)
-                self._faults.fault(
-                    self._roots[0].mark, "root", f"there is no tree {self._asked!r}", hint, code="P914"
-                )
-            return self._asked
         named = {root.get("main_tree_to_execute"): root for root in reversed(self._roots)}
         named.pop("", None)
-        if len(named) == 1:
-            main, root = next(iter(named.items()))
+        if self._asked or len(named) == 1:
+            main = self._asked or next(iter(named))
             if main not in trees and not self._faults.errors:
+                mark = self._roots[0].mark if self._asked else named[main].place("main_tree_to_execute")
                 hint = suggest_name(main, trees)
-                mark = root.place("main_tree_to_execute")
                 self._faults.fault(mark, "root", f"there is no tree {main!r}", hint, code="P914")
             return main
         if any(said.value == "true" for said in self._source.said("library")):

@@ -273,7 +273,7 @@ class StubFinder:
             return StubPort(name, key, "out", kind, doc)
         default = model.attributes.get("default") if model is not None else None
         kind = kind if all(_reads(text, kind) for text in literals) else PortType("any")
-        template = any(map(_has_references, literals))
+        template = any(map(references.REFERENCE_IN_TEXT.search, literals))
         kind = PortType("string") if template else kind
         remapped, value = "", REQUIRED
         if default is not None and is_pointer(default):
@@ -337,10 +337,6 @@ def _reads(text: str, kind: PortType) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _has_references(text: str) -> bool:
-    return references.REFERENCE_IN_TEXT.search(text) is not None
 
 
 def stub_class(stub: StubNode) -> type[Node]:

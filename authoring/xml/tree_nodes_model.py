@@ -37,20 +37,18 @@ def node_model(declaration: NodeDeclaration, loose: Collection[str] = ()) -> Ele
 
 def check_model() -> Element:
     text = "an expression of picktree, which scripts cannot say"
-    return Element("Condition", {"ID": btcpp_vocabulary.CHECK}, (_port("input_port", "if", _TEXT, "", text),))
+    return _text_model("Condition", btcpp_vocabulary.CHECK, {"if": text})
 
 
 def assign_model() -> Element:
     text = "assignments of picktree, which scripts cannot say"
-    return Element("Action", {"ID": btcpp_vocabulary.ASSIGN}, (_port("input_port", "code", _TEXT, "", text),))
+    return _text_model("Action", btcpp_vocabulary.ASSIGN, {"code": text})
 
 
 def guarded_model() -> Element:
-    ports = [
-        _port("input_port", port, _TEXT, "", f"{condition} of the child, in the words of picktree")
-        for condition, port in btcpp_vocabulary.GUARDS.items()
-    ]
-    return Element("Decorator", {"ID": btcpp_vocabulary.GUARDED}, tuple(ports))
+    said = "of the child, in the words of picktree"
+    ports = {port: f"{condition} {said}" for condition, port in btcpp_vocabulary.GUARDS.items()}
+    return _text_model("Decorator", btcpp_vocabulary.GUARDED, ports)
 
 
 def repeat_while_model(declaration: NodeDeclaration, loose: Collection[str] = ()) -> Element:
@@ -61,8 +59,13 @@ def repeat_while_model(declaration: NodeDeclaration, loose: Collection[str] = ()
 def switch_model(cases: int) -> Element:
     """Return the model of SwitchNode<cases>; BehaviorTree.CPP registers only those for 2 to 6 cases."""
     keys = ["variable", *(f"case_{index}" for index in range(1, cases + 1))]
-    ports = tuple(_port("input_port", key, _TEXT, "", "") for key in keys)
-    return Element("Control", {"ID": f"Switch{cases}"}, ports)
+    return _text_model("Control", f"Switch{cases}", dict.fromkeys(keys, ""))
+
+
+def _text_model(kind: str, identity: str, ports: Mapping[str, str]) -> Element:
+    """Return the model of a node with inputs that are texts. `ports`: descriptions by name."""
+    inputs = tuple(_port("input_port", key, _TEXT, "", text) for key, text in ports.items())
+    return Element(kind, {"ID": identity}, inputs)
 
 
 def tree_model(
@@ -123,8 +126,7 @@ def _has_default(port: PortDeclaration) -> bool:
 
 
 def _tree_port(port: PortDeclaration, default: str) -> Element:
-    """Return a port of a tree. BehaviorTree.CPP reads `default` and `description`; the import reads the
-    rest."""
+    """Return a port of a tree. BehaviorTree.CPP reads `default` and `description`, the import the rest."""
     what = "output_port" if port.direction == "out" else "input_port"
     attributes = {"name": port.key, "type": type_text(port.type)}
     if _has_default(port):

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from picktree.authoring.editor import Source, changes, outline, scalar
 from picktree.authoring.editor.mission_outline import Outline, OutlineNode
-from picktree.authoring.editor.node_edits import EditedText, NodeEditor, Target, piece_from
+from picktree.authoring.editor.node_edits import EditedText, NodeEditor, Target
+from picktree.authoring.editor.text_edits import call, mapping
 from picktree.files import Mark
 from picktree.files.yaml import from_value, mission_text, read_document
 from picktree.trees import LIBRARY, NodeDeclaration
@@ -210,7 +211,7 @@ def check_list(editor: NodeEditor, chance: random.Random) -> None:
     before, behind = part.children[:first], part.children[first + len(inside) :]
     order = [shaped.parts[child.id] for child in inside]
     at = chance.randrange(len(inside) + 1)
-    added = editor.add(Target(node.id, at), piece_from("Log: {message: here}"))
+    added = editor.add(Target(node.id, at), call("Log", mapping([("message", scalar("here"))])))
     new = Shape("Log", inside[0].slot, "", (("message", "here"),))
     grown = replace(part, children=(*before, *order[:at], new, *order[at:], *behind))
     assert shaped.after(added, editor) == shaped.whole.with_exchanged(part, grown)

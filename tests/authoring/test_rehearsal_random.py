@@ -10,7 +10,7 @@ import pytest
 
 from picktree.authoring.rehearsal import Rehearsal, rehearse
 from picktree.authoring.rehearsal.case_checks import examine_cases
-from picktree.authoring.rehearsal.rehearsal import to_json_text, to_text
+from picktree.authoring.rehearsal.rehearsal import to_json, to_text
 from picktree.files.yaml import read_document
 from picktree.trees.loading import examine
 
@@ -55,7 +55,7 @@ def test_a_checked_mission_never_breaks_in_a_rehearsal(seed: int) -> None:
         assert 1 <= it.ticks <= 40
         assert all(run.last is not None or run.outcome == "RUNNING" for run in it.runs)
         assert to_text(rehearsal).splitlines()[-1].startswith("mission: ")
-        assert json.loads(to_json_text(rehearsal))["cases"][0]["ticks"] == it.ticks
+        assert to_json(rehearsal)["cases"][0]["ticks"] == it.ticks
     # The samples are worth something: most are rehearsed, and they end in every way.
     assert sum(ends[status] for status in ("SUCCESS", "FAILURE", "RUNNING")) > MISSIONS / 2, ends
     assert min(ends[status] for status in ("SUCCESS", "FAILURE")) > 0, ends
@@ -64,7 +64,7 @@ def test_a_checked_mission_never_breaks_in_a_rehearsal(seed: int) -> None:
 def test_a_rehearsal_is_the_same_each_time() -> None:
     def told(seed: int) -> str:
         rehearsal = played(Author(seed))
-        return rehearsal if isinstance(rehearsal, str) else to_json_text(rehearsal)
+        return rehearsal if isinstance(rehearsal, str) else json.dumps(to_json(rehearsal))
 
     assert [told(seed) for seed in range(15)] == [told(seed) for seed in range(15)]
 

@@ -11,7 +11,7 @@ from typing import cast
 import pytest
 from rich.console import Console
 
-from picktree.apps.cli.progress import LinesDisplay, LiveDisplay, deepest_running
+from picktree.apps.cli.progress import LinesDisplay, LiveDisplay, deepest_running, node_states
 from picktree.apps.cli.state_text import tree_rows
 from picktree.logs import RunResult
 from picktree.session import Execution, RunCounters
@@ -71,7 +71,7 @@ RETREATING = report(
 
 
 def test_rows_show_what_runs_and_what_is_beside_it() -> None:
-    assert [row.plain for row in tree_rows(STRUCTURE, RETREATING.nodes, 20)] == [
+    assert [row.plain for row in tree_rows(node_states(STRUCTURE, RETREATING.nodes), 20)] == [
         "▶ Sequence Main",
         "  ✓ Observe",
         "  ▶ Recover careful",
@@ -82,7 +82,7 @@ def test_rows_show_what_runs_and_what_is_beside_it() -> None:
 
 
 def test_rows_that_run_are_kept_when_there_is_little_room() -> None:
-    assert [row.plain for row in tree_rows(STRUCTURE, RETREATING.nodes, 4)] == [
+    assert [row.plain for row in tree_rows(node_states(STRUCTURE, RETREATING.nodes), 4)] == [
         "▶ Sequence Main",
         "  ▶ Recover careful",
         "    ✗ Grasp  grasp.missed: the fingers hold nothing",
@@ -95,14 +95,14 @@ def test_the_leaf_that_has_just_failed_is_kept_with_what_is_above_it() -> None:
     failed = report("RUNNING", "SUCCESS", "RUNNING", "FAILURE", "IDLE", "IDLE", "IDLE", cause="grasp.missed")
     leaf = STRUCTURE[3].path
     for room in (3, 2, 1):
-        rows = [row.plain.strip() for row in tree_rows(STRUCTURE, failed.nodes, room, {leaf})]
+        rows = [row.plain.strip() for row in tree_rows(node_states(STRUCTURE, failed.nodes), room, {leaf})]
         assert rows[-1] == "✗ Grasp  grasp.missed: the fingers hold nothing"
     assert rows == ["✗ Grasp  grasp.missed: the fingers hold nothing"]
 
 
 def test_rows_of_a_tree_that_does_not_run() -> None:
     idle = report(*["IDLE"] * 7)
-    assert [row.plain for row in tree_rows(STRUCTURE, idle.nodes, 4)] == ["· Sequence Main"]
+    assert [row.plain for row in tree_rows(node_states(STRUCTURE, idle.nodes), 4)] == ["· Sequence Main"]
     assert deepest_running(idle.nodes) == "nothing"
 
 

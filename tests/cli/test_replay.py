@@ -13,7 +13,6 @@ import pytest
 from picktree.analysis import Cursor, Run
 from picktree.apps.cli import answer
 from picktree.apps.cli.replay_prompt import ReplayPrompt
-from picktree.apps.cli.replay_screen import KEYS
 from picktree.logs.log_records import TransitionRecord, WriteRecord
 from picktree.world import (
     CandidateEntry,
@@ -266,16 +265,11 @@ def test_words_are_completed(log: Path) -> None:
 PAGE = (Path(__file__).parents[2] / "docs" / "replay.md").read_text(encoding="utf-8")
 
 
-def test_its_page_names_all_commands_and_keys(log: Path) -> None:
-    keys, commands = PAGE.split("## Commands")
+def test_its_page_names_all_commands(log: Path) -> None:
     with Run(log) as run:
         names = [name.strip() for name in ReplayPrompt(Cursor(run), input, io.StringIO()).completions("")]
-    listed = "\n".join(line for line in commands.splitlines() if line.startswith("|"))
+    listed = "\n".join(line for line in PAGE.splitlines() if line.startswith("|"))
     assert [name for name in names if not re.search(rf"`{name}[ `]", listed)] == []
-    drawn = {"right": "→", "left": "←", "pagedown": "PgDn", "pageup": "PgUp", "down": "↓", "up": "↑"}
-    drawn |= {"home": "Home", "end": "End"}
-    wanted = [drawn.get(key, key) for key in KEYS if key not in ("n", "p")]  # these are ↓ and ↑, too
-    assert [key for key in wanted if f"`{key}`" not in keys] == []
 
 
 def test_the_python_of_its_page_runs(
@@ -325,40 +319,23 @@ def test_what_is_no_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
     assert capsys.readouterr().err == f"{tmp_path}/none.mcap: there is no such log\n"
 
 
-def at_a_terminal(log: Path, kind: str = "xterm") -> Terminal:
-    return Terminal(["replay", str(log)], kind)
-
-
-def test_at_a_terminal_there_are_keys(log: Path) -> None:
-    terminal = at_a_terminal(log)
-    assert "0.00 s, tick 0 of 0 … 12" in terminal.until("? help")
-    terminal.press(b"f")
-    assert "✗ Grasp ends in FAILURE" in terminal.until("? help")
-    terminal.press(b"\x1b[D")
-    assert "0.20 s, tick 4 of 0 … 12" in terminal.until("? help")
-    terminal.press(b":")
+def test_at_a_terminal_there_is_a_prompt(log: Path) -> None:
+    terminal = Terminal(["replay", str(log)])
     terminal.until("(picktree) ")
+    terminal.press(b"failure\n")
+    assert "0.25 s, tick 5 of 0 … 12" in terminal.until("passed over")
     terminal.press(b"to Pla\t\n")
-    assert "0.40 s, tick 8 of 0 … 12" in terminal.until("? help")
-    terminal.press(b"?")
-    assert "pagedown     step 20" in terminal.until("space: the rest, 2 lines")
-    terminal.press(b" ")
-    assert "a line with any command" in terminal.until("? help")
-    terminal.press(b"q")
+    assert "0.40 s, tick 8 of 0 … 12" in terminal.until("Place begins")
+    terminal.press(b"back\n")
+    terminal.until("tick 7 of")
+    terminal.press(b"\n")
+    terminal.until("tick 6 of")
+    terminal.press(b"quit\n")
     assert terminal.end() == 0
 
 
 def test_ctrl_c_ends_it_as_everywhere(log: Path) -> None:
-    terminal = at_a_terminal(log)
-    terminal.until("? help")
+    terminal = Terminal(["replay", str(log)])
+    terminal.until("(picktree) ")
     terminal.press(b"\x03")
     assert terminal.end() == 130
-
-
-def test_at_a_terminal_without_a_screen_there_is_a_prompt(log: Path) -> None:
-    terminal = at_a_terminal(log, "dumb")
-    terminal.until("(picktree) ")
-    terminal.press(b"failure\n")
-    assert "0.25 s, tick 5 of 0 … 12" in terminal.until("passed over")
-    terminal.press(b"quit\n")
-    assert terminal.end() == 0

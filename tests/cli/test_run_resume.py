@@ -8,7 +8,7 @@ from contextlib import nullcontext
 import pytest
 
 from picktree.apps.cli import answer
-from picktree.apps.cli.operator_prompt import PersonAtTerminal
+from picktree.apps.cli.progress import PersonAtTerminal
 from picktree.robot.operator_desk import OperatorQuestion
 
 QUESTION = OperatorQuestion("Main/Ask", "the can slips", ("go on", "give up"), "can_1", "the hand is empty")

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from picktree.apps.studio.answers import Places
+from picktree.apps.studio.answers import PageText
 from picktree.apps.studio.mission_slice import written
 from picktree.files.file_system import ROOT
 from picktree.trees import PortDeclaration, PortType
@@ -51,7 +51,7 @@ def test_the_picture_has_the_places_of_the_text_also_behind_wide_letters(served:
     start = len(wide[: wide.index("\n  SortOne:\n") + 3].encode("utf-16-le")) // 2
     span = units[2 * (start + found[GRASP]["start"]) : 2 * (start + found[GRASP]["end"])].decode("utf-16-le")
     assert span == 'Grasp: {object: "{item}"}'
-    assert [Places(wide).points(Places(wide).units(at)) for at in (0, 90, 900)] == [0, 90, 900]
+    assert [PageText(wide).points(PageText(wide).units(at)) for at in (0, 90, 900)] == [0, 90, 900]
 
 
 def test_trees_that_the_page_has_are_not_sent_again(served: Served) -> None:
