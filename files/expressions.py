@@ -264,6 +264,10 @@ def _of_several(function: Callable[[Iterable[Never]], object]) -> Callable[..., 
     return choose
 
 
+def _absolute(value: object) -> object:
+    return abs(_number(value))
+
+
 def _rounded(value: object, digits: object = None) -> object:
     number = _number(value)
     if digits is None:
@@ -316,7 +320,7 @@ _FUNCTIONS: Mapping[str, Callable[..., object]] = {
     "len": _length,
     "min": _of_several(cast("Callable[[Iterable[Never]], object]", min)),
     "max": _of_several(cast("Callable[[Iterable[Never]], object]", max)),
-    "abs": lambda value: abs(_number(value)),
+    "abs": _absolute,
     "round": _rounded,
 }
 

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable
 from copy import copy
 from dataclasses import dataclass, field, fields
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from picktree.logs import episode_counts, item_episodes
 from picktree.world import Entry, JournalEvent, event_types
@@ -70,11 +70,10 @@ class RunCounters:
 
     def state(self) -> RunCounters:
         """Return a copy for a checkpoint, from which the count may go on."""
-        values = {each.name: copy(getattr(self, each.name)) for each in fields(self)}
+        values: dict[str, Any] = {each.name: copy(getattr(self, each.name)) for each in fields(self)}
         counts, following = self._counts, self._tracker.state()
-        return RunCounters(
-            **values | {"episodes": EpisodeCountersState(counts.cures, counts.planted, following)}
-        )
+        values["episodes"] = EpisodeCountersState(counts.cures, counts.planted, following)
+        return RunCounters(**values)
 
     @classmethod
     def resumed(cls, state: RunCounters) -> RunCounters:

@@ -75,12 +75,14 @@ class Executor(Protocol):
     @property
     def slots(self) -> int:
         """Maximum number of concurrent orders."""
+        ...
 
     def submit(self, order: JobOrder) -> None:
         """Start an order; only while fewer than `slots` are running."""
 
     def wait(self, seconds: float) -> Sequence[Event]:
         """Return the events of at most `seconds` of wall time. Each order gets one event."""
+        ...
 
     def stop(self) -> None:
         """Break off all running orders."""

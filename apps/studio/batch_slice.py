@@ -9,7 +9,7 @@ import re
 import signal
 import sqlite3
 import time
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import AsyncIterator, Iterable, Iterator, Mapping
 from contextlib import closing, suppress
 from pathlib import Path, PurePath
 from typing import Annotated, Any, Final, Literal, TypeAlias, cast
@@ -170,7 +170,7 @@ class BatchFolder:
         )
         return [{name: row[name] for name in row.keys()} for row in rows]  # noqa: SIM118
 
-    def _rows(self, sql: str, values: Mapping[str, object] | None = None) -> list[sqlite3.Row]:
+    def _rows(self, sql: str, values: Mapping[str, object] | None = None) -> list[Any]:
         path = self.place / RESULTS_FILE
         if not path.is_file():
             return []  # it is being made
@@ -348,8 +348,11 @@ class BatchSlice(Slice):
             stamps: list[object] = [(str(each.place), each.stamp()) for each in batches]
             if stamps != told:
                 told = stamps
-                yield await asyncio.to_thread(lambda found: [self._row(each) for each in found], batches)
+                yield await asyncio.to_thread(self._rows_of, batches)
             await asyncio.sleep(3 * _PERIOD)
+
+    def _rows_of(self, batches: Iterable[BatchFolder]) -> list[JsonValue]:
+        return [self._row(each) for each in batches]
 
     def _row(self, batch: BatchFolder) -> JsonValue:
         row: dict[str, JsonValue] = {"id": self._workspace.relative(batch.place)}

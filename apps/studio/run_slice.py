@@ -169,7 +169,7 @@ class RunTable:
         if query.where.strip():
             condition, now = run_index.RunFilter.parse(query.where), time.time()
             rows = [row for row in rows if condition(row, now)]
-        key = SORTS[query.sort]
+        key = cast("Callable[[run_index.RunRow], Any]", SORTS[query.sort])
         known = sorted((row for row in rows if key(row) is not None), key=key, reverse=query.descending)
         answer = (*known, *(row for row in rows if key(row) is None))
         if len(self._answers) > 50:

@@ -95,12 +95,13 @@ class Translations:
         except ScriptError as error:
             self._reader.script_fault(element, "code", error, trail)
             return NodeDraft.of("AlwaysSuccess", element.mark)
-        marked = len(statements) == 1 and btcpp_vocabulary.SETS in element.attributes
-        constant = statements[0].constant() if marked else None
-        if constant is not None:
-            draft.put("value", MarkedValue(mark, constant), mark)
-            draft.put("output_key", f"{{{statements[0].key}}}", mark)
-            return draft
+        if len(statements) == 1 and btcpp_vocabulary.SETS in element.attributes:
+            (statement,) = statements
+            constant = statement.constant()
+            if constant is not None:
+                draft.put("value", MarkedValue(mark, constant), mark)
+                draft.put("output_key", f"{{{statement.key}}}", mark)
+                return draft
         return _script_of(element, statements) if statements else NodeDraft.of("AlwaysSuccess", element.mark)
 
     def _assign(self, element: Element, trail: str) -> NodeDraft:

@@ -223,7 +223,7 @@ def _hull(heap: heap_geometry.HeightMap, cells: NDArray[np.bool_], tip: float) -
     i, j = np.nonzero(cells)
     heights = np.nan_to_num(heap.heights()[i, j], nan=tip)
     x, y = (i + 0.5) * heap.cell, (j + 0.5) * heap.cell
-    above = np.column_stack([x, y, np.maximum(heights, tip + 0.004)])
+    above = np.column_stack([x, y, np.maximum(heights, tip + 0.004)]).astype(np.float64)
     points = np.concatenate([above, np.column_stack([x, y, np.full(len(x), min(tip, heap.floor))])])
     return mesh_of(heap.frame.apply(inflated_hull(points, HULL_MARGIN)))
 

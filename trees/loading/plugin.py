@@ -64,7 +64,8 @@ def compiled(source: bytes, path: Path) -> CodeType:
 
 
 def _carried_out(value: object, motion: str, place: str) -> object:
-    if isinstance(value, GeneratorType) and inspect.getgeneratorstate(value) == inspect.GEN_CREATED:
+    generator = cast("GeneratorType[object, object, object]", value)
+    if type(generator) is GeneratorType and inspect.getgeneratorstate(generator) == inspect.GEN_CREATED:
         raise UnstartedMotion(f"{motion} is called without 'yield from', so that it does nothing ({place})")
     return value
 
