@@ -19,6 +19,7 @@ from .feeder import FeederState
 from .inventory import SavedInventory
 
 Backend: TypeAlias = Literal["physics", "kinematic"]
+"""Name of a simulation backend."""
 
 
 def json_bytes(value: object) -> bytes:

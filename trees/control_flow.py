@@ -13,7 +13,10 @@ from py_trees.common import Status
 
 
 class NodeStatus(StrEnum):
-    """IDLE: not ticked in the present activation of its parent, or halted. SKIPPED: it had nothing to do."""
+    """Status of a node, in the words of BehaviorTree.CPP.
+
+    IDLE: not ticked in the present activation of its parent, or halted. SKIPPED: it had nothing to do.
+    """
 
     IDLE = "IDLE"
     RUNNING = "RUNNING"
@@ -42,6 +45,7 @@ class Then(Enum):
 
 
 NEXT: Final = Then.NEXT
+"""`Then.NEXT`: the next child is ticked."""
 
 
 AGAIN: Final = Then.AGAIN

@@ -24,8 +24,11 @@ Doing: TypeAlias = Generator[None, None, T]
 """Part of a body that returns a value: `value = yield from part()`."""
 
 ARM: Final = Resource.ARM
+"""The arm, as a resource that a skill uses."""
 GRIPPER: Final = Resource.GRIPPER
+"""The gripper, as a resource that a skill uses."""
 CAMERA: Final = Resource.CAMERA
+"""The cameras, as a resource that a skill uses."""
 
 _MAX_CLOSE_CALLS = 3
 """Maximum number of `close()` calls for a body that yields while it is closed."""

@@ -39,6 +39,8 @@ class Family:
 
 
 class perception:
+    """Causes of looking: not found, ambiguous, or no picture."""
+
     NOT_FOUND = Cause("perception.not_found", "The object was not seen where it should be.", "observe again")
     AMBIGUOUS = Cause(
         "perception.ambiguous", "Several objects fit what was asked for.", "observe from another view"
@@ -49,6 +51,8 @@ class perception:
 
 
 class planning:
+    """Causes of planning: no IK solution, no path, or a goal in collision."""
+
     NO_IK = Cause("planning.no_ik", "No joint configuration reaches the pose.", "try another candidate")
     NO_PATH = Cause("planning.no_path", "No path free of collision was found.", "replan with another seed")
     START_IN_COLLISION = Cause(
@@ -78,6 +82,8 @@ class planning:
 
 
 class grasp:
+    """Causes of grasping: no candidate, missed, or slipped."""
+
     NO_CANDIDATE = Cause("grasp.no_candidate", "No grasp is left to try.", "clear what stands around it")
     MISSED = Cause("grasp.missed", "The fingers closed and hold nothing.", "observe again")
     SLIPPED = Cause("grasp.slipped", "The object slipped out of the fingers.", "observe again, grip harder")
@@ -86,6 +92,8 @@ class grasp:
 
 
 class place:
+    """Causes of placing: no room, or not where it was let go."""
+
     OCCUPIED = Cause("place.occupied", "Something stands where the object should go.", "choose another spot")
     MISSED = Cause("place.missed", "The object is not where it was put.", "observe again")
     FULL = Cause("place.full", "No free spot is left.", "empty the bin")
@@ -93,6 +101,8 @@ class place:
 
 
 class insert:
+    """Causes of inserting: no hole, jammed, or not in."""
+
     NOT_FOUND = Cause("insert.not_found", "The hole was not found by feeling for it.", "observe the hole")
     JAMMED = Cause("insert.jammed", "The part is stuck in the hole.", "pull out and try again")
     MISSED = Cause("insert.missed", "The part is not in the hole.", "observe again")
@@ -100,6 +110,8 @@ class insert:
 
 
 class push:
+    """Causes of pushing: no way around, or not moved as wanted."""
+
     LOST_CONTACT = Cause("push.lost_contact", "The tool no longer touches the object.", "observe again")
     STALLED = Cause("push.stalled", "The object does not move any further.", "push from another side")
     MISSED = Cause("push.missed", "The object did not end where it should.", "push again")
@@ -110,6 +122,8 @@ class push:
 
 
 class control:
+    """Causes of control: tracking, time limits, or the gripper."""
+
     TRACKING = Cause("control.tracking", "The arm did not follow its trajectory.", "retreat safely")
     TIMEOUT = Cause("control.timeout", "A motion took longer than it may.", "retreat safely")
     GRIPPER = Cause("control.gripper", "The fingers did not do what they were told to.", "reset the gripper")
@@ -117,6 +131,8 @@ class control:
 
 
 class safety:
+    """Causes of safety stops."""
+
     FORCE_LIMIT = Cause("safety.force_limit", "The force at the wrist exceeded its limit.", "retreat safely")
     SPEED_LIMIT = Cause("safety.speed_limit", "A joint moved faster than it may.", "retreat safely")
     WORKSPACE = Cause("safety.workspace", "The tool left the workspace.", "retreat safely")
@@ -142,12 +158,16 @@ class safety:
 
 
 class world:
+    """Causes in the world: what is not there, or not as it was believed."""
+
     UNKNOWN_OBJECT = Cause("world.unknown_object", "No such object is known.", "observe")
     DISTURBED = Cause("world.disturbed", "The scene changed while it was acted on.", "observe again")
     ANY = Family("world")
 
 
 class feed:
+    """Causes of feeding: nothing came, or nothing was taken away."""
+
     LATE = Cause("feed.late", "Nothing came within the time.", "wait on, or see to the feed")
     NO_EXCHANGE = Cause(
         "feed.no_exchange", "No empty bin came within the time.", "wait on, or see to who exchanges bins"
@@ -157,6 +177,8 @@ class feed:
 
 
 class tree:
+    """Causes of the mission itself."""
+
     TIMEOUT = Cause("tree.timeout", "The branch took longer than its time.", "give it more time")
     ATTEMPTS = Cause("tree.attempts", "All attempts are used up.", "allow more attempts")
     BUDGET = Cause("tree.budget", "What recovery may cost is used up.", "allow more, or escalate")
@@ -167,6 +189,8 @@ class tree:
 
 
 class internal:
+    """Causes inside the program or a plug-in."""
+
     ERROR = Cause("internal.error", "The program has a fault of its own.", "report it with the log")
     ANY = Family("internal")
 

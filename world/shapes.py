@@ -65,6 +65,7 @@ class CompoundMesh(ConvexMesh):
 OBSTACLE_VOLUME = "volume"
 """Source of a convex mesh that stands for cells of an unknown obstacle, which changes with each view."""
 Shape: TypeAlias = Box | Cylinder | Sphere | ConvexMesh | CompoundMesh
+"""Form of a body in its own frame, m."""
 
 
 def scaled(shape: Shape, factor: float) -> Shape:

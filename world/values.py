@@ -13,9 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
+"""Array of float64; each use states its shape and unit."""
 Vector3: TypeAlias = tuple[float, float, float]
+"""Three numbers along x, y, z; each use states the unit."""
 Quaternion: TypeAlias = tuple[float, float, float, float]
+"""Unit quaternion x, y, z, w."""
 ObjectId = NewType("ObjectId", str)
+"""Name of an object in the belief, as `block_3`."""
 GRAVITY = 9.81
 """Acceleration of free fall in simulation and models, m/s²."""
 
