@@ -153,8 +153,6 @@ CHECKS: Mapping[str, file_checks.Check] = {
     "faults": _check_faults,
     "cases": _check_cases,
 }
-
-
 SchemaKind: TypeAlias = Literal["scene", "robot", "faults", "cases"]
 
 

@@ -33,8 +33,6 @@ _CHUNK = struct.Struct("<II")
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 _FLOAT, _UINT16 = 5126, 5123
 _MAX_VERTICES = 65535
-
-
 _GENERATOR = "picktree, Y up"
 """Generator in the file. Files with the generator `picktree` alone have their Y down."""
 

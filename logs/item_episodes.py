@@ -40,12 +40,8 @@ from typing import Literal, Protocol, TypeAlias
 from picktree.world import JournalEvent, event_types
 
 AGAIN = "again"
-
-
 _MAX_NAMED_NODES = 3
 """Maximum number of nodes that a handler's name lists."""
-
-
 _TRANSPARENT_NODES = frozenset(
     {
         "Sequence",
@@ -58,8 +54,6 @@ _TRANSPARENT_NODES = frozenset(
     }
 )
 """Nodes that are named after the nodes below them."""
-
-
 _FALLBACK_NODES = frozenset({"Fallback", "ReactiveFallback"})
 
 
@@ -121,8 +115,6 @@ def _last(path: str) -> str:
 
 
 End: TypeAlias = Literal["cured", "done_instead", "given_up", "unhandled", "open"]
-
-
 Fate: TypeAlias = Literal["cured", "done_instead", "passed_over", "branched", "ended", "open"]
 """Outcome of a single failure; it follows from the end of its episode.
 
@@ -717,14 +709,8 @@ _KINDS = {
     "RoundRobin": "choosing",
 }
 """Nodes that may take a failure up, by how they show it."""
-
-
 _SET_ASIDE = "SetAside"
-
-
 _HELPING = frozenset({_SET_ASIDE, "Observe", "LookAround", "FreeSpot", "AskForHelp", "Push"})
 """Nodes that may name an item and do none of its work: they look, ask, make room or leave it."""
-
-
 _INERT = frozenset({"AlwaysSuccess", "Log", "Script", "SetBlackboard"})
 """Nodes that change nothing in the cell: they cure no failure."""

@@ -106,8 +106,6 @@ def _pairs(recorded: Mapping[str, str], now: Mapping[str, str], where: str) -> l
 
 
 R = TypeVar("R")
-
-
 _SCALARS: dict[object, str] = {
     str: "string",
     int: "integer",
@@ -194,8 +192,6 @@ def is_viewable(said: Mapping[str, object]) -> bool:
 
 FORMAT = 2
 """Version of the log's format. It is raised when an older reader could no longer interpret a log."""
-
-
 Values: TypeAlias = Mapping[str, object]
 """Plain JSON values by name."""
 
@@ -560,14 +556,8 @@ class Scene:
 
 _NODES = b',"nodes":[{"path":'
 """Begin of the nodes. No text can hold it: quotation marks in texts are escaped."""
-
-
 _BETWEEN = b'},{"path":'
-
-
 _CHANGES = b'}],"writes":['
-
-
 _CHANGES_OFFSET = len(b"}],")
 """Offset of the changes behind the end of the nodes."""
 

@@ -51,8 +51,6 @@ def picks_of(events: Iterable[Stamped[JournalEvent]]) -> tuple[Pick, ...]:
 
 
 HALTED: Final = "HALTED"
-
-
 Key: TypeAlias = tuple[str, str, int]
 """Key of a visit in two runs: (item, node path, attempt)."""
 

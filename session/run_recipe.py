@@ -125,8 +125,6 @@ class Recipe:
 
 ASSORTMENT_MESHES: Final = "assortment.zip"
 """Attachment with the OBJ files of the scene's assortment: what is drawn depends on all of them."""
-
-
 ROBOT_MESHES: Final = "robot/"
 """Folder of the attachments with the URDF's meshes, each under the name that the URDF uses."""
 
@@ -552,8 +550,6 @@ def _checked_or_none(document: Document) -> RobotDescription | None:
 
 
 HEADER_NAME = "recipe.json"
-
-
 _FILE_TIME = (1980, 1, 1, 0, 0, 0)
 """Time stamp of all files in an archive, so that equal recipes give equal archives."""
 

@@ -20,8 +20,6 @@ MAX_REST_SPEED = 0.02
 """Greatest speed of an item at rest, m/s."""
 MAX_REST_SPIN = 1.0
 """Greatest spin of an item at rest, rad/s."""
-
-
 MIN_SEATED_DEPTH_SHARE = 0.8
 """Share of a hole's depth that the lowest point of a seated item has reached."""
 MAX_PENETRATION = 0.15e-3

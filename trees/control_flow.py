@@ -46,20 +46,10 @@ class Then(Enum):
 
 NEXT: Final = Then.NEXT
 """`Then.NEXT`: the next child is ticked."""
-
-
 AGAIN: Final = Then.AGAIN
-
-
 IDLE, RUNNING = NodeStatus.IDLE, NodeStatus.RUNNING
-
-
 SUCCESS, FAILURE, SKIPPED = NodeStatus.SUCCESS, NodeStatus.FAILURE, NodeStatus.SKIPPED
-
-
 Lead: TypeAlias = NodeStatus | Then
-
-
 Hand: TypeAlias = Literal["unchanged", "full", "empty", "kept"]
 """Content of the hand after success; `kept`: an object is still held, on purpose and in a safe place."""
 

@@ -90,20 +90,12 @@ def region_of(scene: SceneDescription, spawn: Spawn) -> str:
 
 RESOLUTION = 1e-4
 """Step of the stored heights, m."""
-
-
 CHANGED_DEPTH = 0.003
 """Change of the depth from which on a place counts as changed, m."""
-
-
 BARRED_RADIUS = 0.012
 """Distance around a failed grasp within which no other one begins, m."""
-
-
 WALL_SHADOW = 0.006
 """Distance from a wall up to which depth may belong to the wall, m."""
-
-
 _UNSEEN, _WALL = -32768, -32767
 
 

@@ -21,16 +21,10 @@ from .values import Array, Pose
 
 ROUND_HOLE_SIDES = 32
 """Sides of a round hole's outline; the circle that counts touches each of them from inside."""
-
-
 MIN_WALL = 0.001
 """Least wall between two holes' mouths, and from one to the sides of the box, m."""
-
-
 MIN_AREA = 1e-10
 """Areas below this are none, m²."""
-
-
 Polygon: TypeAlias = Array
 """Corners (n, 2), counter-clockwise and convex, in the fixture's frame, m."""
 
@@ -220,8 +214,6 @@ def _hull(levels: Iterable[tuple[Polygon, float]]) -> tuple[ConvexMesh, Pose]:
 
 VISIBILITY_OFFSET = 1e-6
 """A face is seen unless this much above its middle is inside another piece, m."""
-
-
 TOLERANCE = 1e-8
 """Distance outside a piece up to which a point counts as inside, m: faces of pieces meet."""
 

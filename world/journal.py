@@ -25,8 +25,6 @@ from .protocols import RgbdImage
 from .values import ObjectId, Pose
 
 Plain: TypeAlias = "str | int | float | bool | None | list[Plain] | dict[str, Plain]"
-
-
 EVENT_KINDS: Final[dict[str, type[JournalEvent]]] = {}
 """Declared kinds of event by name, in the order of their declarations."""
 

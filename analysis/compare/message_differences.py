@@ -152,8 +152,6 @@ def _values(schema: str, data: bytes) -> Any:
 
 
 Missing: TypeAlias = Literal["", "a", "b"]
-
-
 NO_FIELD: Final = FieldDifference("", "", None, None)
 """Difference of messages that differ in no field: in their bytes alone, or one is missing."""
 

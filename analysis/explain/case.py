@@ -40,8 +40,6 @@ if TYPE_CHECKING:
 
 E = TypeVar("E", bound=JournalEvent)
 T = TypeVar("T")
-
-
 HAND_RANGE = 0.08
 """An item whose centre is this near to the fingers may be touched, m."""
 ARM_RANGE = 0.15

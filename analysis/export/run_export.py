@@ -430,8 +430,6 @@ TABLES: tuple[TableSpec[Any], ...] = (
     TableSpec("timings", "a tick by the wall clock", TimingRow, timings),
 )
 """Tables in the order of interest for a reader."""
-
-
 Form: TypeAlias = Literal["csv", "parquet", "rerun"]
 
 

@@ -38,8 +38,6 @@ _PLAN_OPTIONS = (
     *("limit", "wall_limit", "memory", "disk", "keep"),
 )
 """Options that a plan file replaces."""
-
-
 PlanArgument: TypeAlias = Annotated[
     Path | None, typer.Argument(metavar="[PLAN]", help="Plan file.", parser=plan_file)
 ]

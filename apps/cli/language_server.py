@@ -60,8 +60,6 @@ _SYMBOLS: Mapping[SymbolKind, types.SymbolKind] = {
     "node": types.SymbolKind.Class,
     "key": types.SymbolKind.Property,
 }
-
-
 _Severity = types.DiagnosticSeverity
 
 

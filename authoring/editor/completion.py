@@ -257,8 +257,6 @@ seeds: 0:20
 """,
 }
 """Shortest useful file of each kind; a robot file is proposed by `picktree robot new`."""
-
-
 _KEYS = header(KINDS[0])
 _KIND: Schema = {"enum": list(KINDS), "description": _KEYS["kind"]["description"]}
 _HEAD = SchemaWalk({"type": "object", "properties": _KEYS | {"kind": _KIND}})

@@ -214,8 +214,6 @@ def _values(place: data_flow.PlacedNode) -> tuple[str, ...]:
 
 
 _BOOL = ("true", "false")
-
-
 MIN_BARE_TIMEOUT = 500.0
 """Number of a Timeout below which one without a unit is taken for seconds, ms."""
 

@@ -169,8 +169,6 @@ class CaseNames:
 
 _SET_BY_CLOCK = "time"
 _WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
-
-
 _ALWAYS_POSSIBLE = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT, internal.ERROR)
 """Causes with which every node may fail; a program fault is included, because missions may handle it."""
 

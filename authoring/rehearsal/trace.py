@@ -214,8 +214,6 @@ class NoteTaken:
 Event: TypeAlias = (
     LeafStarted | LeafEnded | ConditionAnswered | KeyWritten | ControlFailed | FailureHandled | NoteTaken
 )
-
-
 MAX_EVENTS = 20_000
 """Maximum number of events of one case: nobody reads more."""
 

@@ -158,8 +158,6 @@ SUPPORTED_TOLERANCE = 5e-4
 """Distance from its support below which an object is believed to stand on it, m."""
 MIN_KNOWN_CONFIDENCE = 0.6
 """Least believed confidence of a known object of which a good fit is asked."""
-
-
 UNEXPLAINED_DISTANCE = 0.5
 """Distance from all silhouettes beyond which the middle of a pixel belongs to none of them, pixels."""
 MIN_REAL_OUTLINE = 0.5

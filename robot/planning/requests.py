@@ -32,8 +32,6 @@ Direction: TypeAlias = Literal["out", "back", "up", "inwards", "left", "right", 
 the axis of the base and away from it. `left`, `right`: about that axis.
 """
 DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
-
-
 DEFAULT_CHECK_BUDGET = 20000
 """Collision checks that a request may spend by default."""
 WIDTH_TOLERANCE = 0.002

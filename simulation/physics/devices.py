@@ -15,8 +15,6 @@ from .robot_body import RobotBody, finite
 
 EVERYDAY_PERIOD = 1 / EVERYDAY_STEP_RATE
 """Everyday physics step and control period, s; in contact both are shorter."""
-
-
 EVERYDAY_UNITS = RESOLUTION // EVERYDAY_STEP_RATE
 """Everyday step in units of 1/`engine.RESOLUTION` s."""
 

@@ -33,8 +33,6 @@ from .urdf_faults import (
 )
 
 PACKAGE = "package://"
-
-
 SHARED_DATA = Path("cmeel.prefix", "share")
 """Where packages that cmeel builds keep their data, beside the Python packages."""
 
@@ -94,8 +92,6 @@ def _parents(file: Path) -> Iterator[Path]:
 
 ROS_PATH, AMENT_PATH = "ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"
 """Variables of the environment that name folders of ROS packages, and prefixes of ROS 2 installations."""
-
-
 MAX_ROS_DEPTH = 6
 """Greatest depth below a folder of ROS_PACKAGE_PATH at which packages are searched."""
 
@@ -129,8 +125,6 @@ def _ros_packages(root: Path) -> Mapping[str, Path]:
 
 
 _IGNORED = frozenset(("CATKIN_IGNORE", "COLCON_IGNORE", "AMENT_IGNORE"))
-
-
 _NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 
 
@@ -381,11 +375,7 @@ class UrdfPrimitive:
 
 
 Geometry = UrdfMesh | UrdfPrimitive
-
-
 Which = Literal["visual", "collision"]
-
-
 _SIZES: Final = {
     "box": ("size",),
     "cylinder": ("radius", "length"),
@@ -393,12 +383,8 @@ _SIZES: Final = {
     "capsule": ("radius", "length"),
 }
 """Attributes of each primitive."""
-
-
 MAX_MARKER_SIZE = 0.02
 """Greatest size of a marker, m."""
-
-
 _SHAPES = "one of <mesh>, <box>, <cylinder>, <sphere>, <capsule>"
 
 
