@@ -158,13 +158,13 @@ SchemaKind: TypeAlias = Literal["scene", "robot", "faults", "cases"]
 
 def file_schema(kind: SchemaKind) -> Schema:
     from picktree.authoring.schema import model_schema
-    from picktree.world.robot_model import robot_file
+    from picktree.world.robot_model import RobotFile
 
     match kind:
         case "scene":
             return _scene()
         case "robot":
-            return model_schema(kind, robot_file.RobotFile)
+            return model_schema(kind, RobotFile)
         case "faults":
             return _faults()
         case "cases":

@@ -70,3 +70,4 @@ from .value_wording import (
     suggest_number as suggest_number,
 )
 from .xml_text import XmlError as XmlError, decode_xml as decode_xml, parse_xml as parse_xml
+from .quantity_hints import suggested as suggested

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from picktree.robot.calibration import calibration_targets, observations
+from picktree.robot.calibration import Viewpoint, calibration_targets, observations, viewpoints
 from picktree.robot.planning import NamedGoal, PoseGoal, Request
 from picktree.trees import ARM, CAMERA, Doing, In, Skill, Steps, port
 from picktree.world import Failure, control, event_types, perception, planning, safety
@@ -85,9 +85,7 @@ class Survey(Skill):
         self, world: World, target: calibration_targets.CalibrationTarget, camera: CameraDescription
     ) -> Steps:
         first = yield from world.vision.shoot(self.camera)
-        offered = observations.viewpoints(
-            target.pose, target.size, first.image.intrinsics, PLACES_PER_VIEW * self.views
-        )
+        offered = viewpoints(target.pose, target.size, first.image.intrinsics, PLACES_PER_VIEW * self.views)
         found = 0
         for place in offered:
             if found == self.views:
@@ -103,7 +101,7 @@ class Survey(Skill):
         if found == 0:
             raise self._unseen(target)
 
-    def _go(self, world: World, place: observations.Viewpoint, camera: CameraDescription) -> Doing[bool]:
+    def _go(self, world: World, place: Viewpoint, camera: CameraDescription) -> Doing[bool]:
         to_tcp = camera.pose.inverse()
         failure: Failure | None = None
         for pose in place.camera_in_world:

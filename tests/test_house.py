@@ -15,8 +15,8 @@ import grimp
 import pytest
 
 from picktree.files.file_system import rooms
+from tests import import_contracts
 
-from . import import_contracts
 from .docstrings import docstrings
 from .rooms import PACKAGES, PROJECT, ROOMS, ROOT, modules
 

@@ -94,21 +94,23 @@ from .mission import (
     path_of as path_of,
     reachable as reachable,
 )
-from .ports import (
+from .port_types import (
     NAMES_IN_FILES as NAMES_IN_FILES,
     Name as Name,
-    NameKind as NameKind,
-    PortDeclaration as PortDeclaration,
     PortProblem as PortProblem,
     PortType as PortType,
     PortValues as PortValues,
-    REQUIRED as REQUIRED,
     Range as Range,
+    convert_literal as convert_literal,
+    show as show,
+)
+from .ports import (
+    NameKind as NameKind,
+    PortDeclaration as PortDeclaration,
+    REQUIRED as REQUIRED,
     Required as Required,
     SlotDeclaration as SlotDeclaration,
     Takes as Takes,
-    convert_literal as convert_literal,
-    show as show,
 )
 from .run_settings import parameter_value as parameter_value, read_settings as read_settings
 from .runtime import Runtime as Runtime, TreeWorld as TreeWorld, Wiring as Wiring, evaluate as evaluate

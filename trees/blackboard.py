@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from picktree.world import Plain, PlanningScene
 
-from .ports import plain_copy
+from .port_types import plain_copy
 from .references import ROOT_KEY, Reference, resolve
 
 

@@ -40,7 +40,8 @@ from .decorators import (
 from .failure_reports import decisive_report, with_attached
 from .leaves import AlwaysFailure, AlwaysSuccess, Condition, Log, Script, SetBlackboard, Sleep
 from .node import ControlNode, Node
-from .ports import In, PortProblem, PortValues, children, optional_child, port, show, table
+from .port_types import PortProblem, PortValues, show
+from .ports import In, children, optional_child, port, table
 
 
 class OrderedNode(ControlNode, abstract=True):

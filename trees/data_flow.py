@@ -28,7 +28,8 @@ from picktree.files import (
 from picktree.world import Plain, world_facts
 
 from .mission import MAIN, NodeSpec, TreeSpec, bottom_up
-from .ports import NameKind, PortDeclaration, accept_value
+from .port_types import accept_value
+from .ports import NameKind, PortDeclaration
 from .references import ATTRIBUTE_TYPES, ROOT_KEY, Assignment, Constant, PortExpression, Reference
 
 MAX_SOURCES: Final = 40

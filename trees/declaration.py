@@ -19,16 +19,8 @@ from picktree.files import PicktreeError
 from picktree.world import Cause, Family
 
 from .control_flow import ChildFlow, Flow, Hand, LeafFlow
-from .ports import (
-    In,
-    Out,
-    PortDeclaration,
-    PortType,
-    Required,
-    Slot,
-    SlotDeclaration,
-    convert_literal,
-)
+from .port_types import PortType, convert_literal
+from .ports import In, Out, PortDeclaration, Required, Slot, SlotDeclaration
 from .references import Binding, Constant
 
 Kind: TypeAlias = Literal["action", "condition", "control", "decorator", "subtree"]

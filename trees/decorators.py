@@ -25,7 +25,8 @@ from .control_flow import (
 )
 from .failure_reports import cannot_be_hidden, with_attached
 from .node import ControlNode, Node
-from .ports import In, Out, PortProblem, PortValues, child, port
+from .port_types import PortProblem, PortValues
+from .ports import In, Out, child, port
 from .references import Reference
 from .runtime import TIME_TOLERANCE, Runtime, Wiring
 

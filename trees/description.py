@@ -19,7 +19,8 @@ from picktree.files import Diagnostic, Mark, PicktreeError, suggest_name
 from picktree.files.yaml import Document, Value, from_value, mission_text, read_document, value_text
 
 from .declaration import NodeDeclaration
-from .ports import PortDeclaration, SlotDeclaration, show
+from .port_types import show
+from .ports import PortDeclaration, SlotDeclaration
 
 
 class Described(Protocol):

@@ -23,7 +23,7 @@ from picktree.world import (
     matches,
 )
 
-from .ports import plain_copy
+from .port_types import plain_copy
 
 _ADDRESS: Final = re.compile(r"\b0x[0-9a-fA-F]{6,}\b")
 

@@ -10,7 +10,8 @@ from picktree.world import event_types, tree
 
 from .control_flow import FAILURE, SUCCESS, LeafFlow, NodeStatus
 from .node import Node, assign
-from .ports import In, Out, plain_copy, port, show
+from .port_types import plain_copy, show
+from .ports import In, Out, port
 from .runtime import TIME_TOLERANCE
 
 if TYPE_CHECKING:

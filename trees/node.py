@@ -37,7 +37,8 @@ from .failure_reports import (
     unpack,
     with_attached,
 )
-from .ports import PortDeclaration, PortProblem, PortValues, accept_value, plain_copy
+from .port_types import PortProblem, PortValues, accept_value, plain_copy
+from .ports import PortDeclaration
 from .references import Assignment, Constant, PortExpression, Reference
 from .runtime import Runtime, TreeWorld, Wiring, end_transition, evaluate, start_transition
 

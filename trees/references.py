@@ -28,7 +28,7 @@ from picktree.files.yaml import Document
 from picktree.world import ITEM_COLOURS, BeliefObject, Failure, ObjectId, Plain, PlanningScene, tree
 from picktree.world.scene import Form
 
-from .ports import show
+from .port_types import show
 
 _LINE = re.compile(r"\r?\n")
 

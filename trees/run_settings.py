@@ -11,7 +11,8 @@ from picktree.files.yaml import resolve
 from picktree.world import Plain
 
 from .mission import Mission, NodeSpec
-from .ports import PortDeclaration, PortProblem, PortValues, convert_literal
+from .port_types import PortProblem, PortValues, convert_literal
+from .ports import PortDeclaration
 from .references import Binding, Constant
 
 Overrides: TypeAlias = Mapping[str, Mapping[str, Constant]]

@@ -22,7 +22,8 @@ from .description import TreeDefinition
 from .failure_reports import pack, report_from_plain, unpack
 from .mission import Mission, NodeSpec, TreeSpec
 from .node import Node
-from .ports import PortDeclaration, accept_value, child, convert_literal, plain_copy, show
+from .port_types import accept_value, convert_literal, plain_copy, show
+from .ports import PortDeclaration, child
 from .references import Binding, Constant, PortExpression, Reference
 from .run_settings import Overrides, read_settings
 from .runtime import NodeTransition, Runtime, TreeWorld, Wiring, evaluate

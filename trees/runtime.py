@@ -11,7 +11,8 @@ from picktree.world import Evidence, Failure, FailureReport, tree
 
 from .blackboard import Blackboard, Namespace
 from .control_flow import NodeStatus
-from .ports import PortDeclaration, plain_copy
+from .port_types import plain_copy
+from .ports import PortDeclaration
 from .references import Assignment, Binding, Constant, Reference, attribute
 
 if TYPE_CHECKING:

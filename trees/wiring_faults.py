@@ -32,7 +32,8 @@ from .data_flow import (
     type_mismatch,
 )
 from .mission import MAIN
-from .ports import SlotDeclaration, show
+from .port_types import show
+from .ports import SlotDeclaration
 from .references import ATTRIBUTE_TYPES, Constant, ExpressionLocator, PortExpression, Reference
 
 

@@ -17,7 +17,7 @@ from picktree.logs import Stamped, binary_gltf, log_records, topics, triangle_me
 from picktree.logs.recording import UNKNOWN_COLOUR, foxglove_messages
 from picktree.world import COLOURS, TRUTH_COLOUR, Box, ConvexMesh, Cylinder, Pose, Rgb, Shape, Sphere
 
-from .run_export import run_rows
+from .run_tables import run_rows
 from .viewer_layout import lanes
 
 TIMELINE = "sim_time"

@@ -16,8 +16,8 @@ from picktree.logs import log_records
 from picktree.world import Pose
 
 from .body_motion import BeliefDeviation, SceneMotion, deviations, motion_of
-from .node_panels import TickTable, tick_table
 from .packing import Packable, Section, StringTable, quantise
+from .tick_table import TickTable, tick_table
 
 _MIN_POSITION_CHANGE: Final = 2e-4
 """Smallest change of a believed position that counts, m."""

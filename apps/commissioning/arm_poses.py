@@ -1,9 +1,7 @@
-"""Proposals for the named poses of an arm, home, observe and rest, in the free space over its table."""
+"""Proposals for the named poses of an arm: home, observe and rest."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -11,112 +9,76 @@ from pathlib import Path
 import numpy as np
 
 from picktree.robot.perception import hidden_shares
-from picktree.robot.planning import CollisionChecker, InverseKinematics
-from picktree.world import Array, PlanningScene, Pose, workspace_excess
-from picktree.world.robot_model import MOVING, RobotModel, urdf_parser
+from picktree.robot.planning import InverseKinematics
+from picktree.world import Array, Pose, workspace_excess
+from picktree.world.robot_model import RobotModel, urdf_parser
 from picktree.world.scene import MAX_HIDDEN_SHARE
 
 from .base_pose import YAWS, places, scene
-from .link_geometry import LinkGeometry
-
-TABLE = "the table"
-TABLE_CLEARANCE = 0.01
-"""Least height of what moves above the table, m."""
-MIN_UPRIGHT_COSINE = 0.99
-"""Least cosine between the vertical and the axis of a first joint whose link stands on the table."""
-EXPLAINED_CONFIGURATIONS = 200
-"""Number of configurations from which a lack of free ones is explained."""
-
-
-class SpaceOverTable:
-    """Test of configurations of an arm whose table is at z = 0 in the world.
-
-    Links that cannot move against the table, or only turn about the vertical, may touch it: the base stands
-    on it.
-    """
-
-    def __init__(
-        self, model: RobotModel, tree: urdf_parser.UrdfTree, solids: Mapping[str, LinkGeometry]
-    ) -> None:
-        self._model = model
-        self._width = model.description.gripper.max_width
-        self._shut, self._opened = CollisionChecker(model), CollisionChecker(model)
-        self._opened.update(PlanningScene((), ()), self._width)
-        self._hulls = {link: solids[link].hull() for link in _moving_links(model, tree) if link in solids}
-
-    def free(self, q: Array) -> bool:
-        """Return whether the arm at q touches neither itself nor the table, with open and shut fingers."""
-        return self._shut.free(q) and self._opened.free(q) and self._lowest(q)[1] >= TABLE_CLEARANCE
-
-    def _lowest(self, q: Array) -> tuple[str, float]:
-        """Return the link that is lowest at q, and its height above the table, m."""
-        poses = self._model.link_poses(q, self._width)
-        heights = ((link, float(poses[link].apply(hull)[:, 2].min())) for link, hull in self._hulls.items())
-        return min(heights, key=lambda pair: pair[1], default=("", np.inf))
-
-    def obstacle(self, seed: int = 0) -> str:
-        """Return a sentence on the two bodies that touch in most random configurations."""
-        generator = np.random.default_rng([seed, 4])
-        pairs: Counter[tuple[str, str]] = Counter()
-        least: dict[tuple[str, str], float] = {}
-        for _ in range(EXPLAINED_CONFIGURATIONS):
-            q = generator.uniform(self._model.planned_lower, self._model.planned_upper)
-            link, height = self._lowest(q)
-            depths = {(c.a, c.b): -c.distance for c in (*self._shut.contacts(q), *self._opened.contacts(q))}
-            if height < TABLE_CLEARANCE:
-                depths[link, TABLE] = -height
-            for pair, depth in depths.items():
-                pairs[pair] += 1
-                least[pair] = min(depth, least.get(pair, depth))
-        if not pairs:
-            return f"{EXPLAINED_CONFIGURATIONS} random poses are free, and none has the tool in front"
-        (pair, count), *_ = pairs.most_common(1)
-        depth = 1000 * least[pair]
-        gap = f"{depth:.0f} mm in each other" if depth > 0.0 else f"{-depth:.0f} mm apart"
-        share = 100 * count / EXPLAINED_CONFIGURATIONS
-        return f"{pair[0]} and {pair[1]} touch in {share:.0f} % of them, at best {gap}"
-
-
-def _moving_links(model: RobotModel, tree: urdf_parser.UrdfTree) -> tuple[str, ...]:
-    """Return the links that the arm's joints move in another way than about the vertical."""
-    joints = model.description.joints
-    first = tree.joints[joints[0]]
-    axis = model.arm.jointPlacements[1].rotation @ np.array(first.axis)
-    start = joints[0] if abs(float(axis[2])) < MIN_UPRIGHT_COSINE or len(joints) == 1 else joints[1]
-    moved = tree.below(tree.joints[start].child)
-    return tuple(link for link in moved if any(tree.joints[n].type in MOVING for n in tree.joints_to(link)))
-
+from .free_space import SpaceOverTable
 
 WORKSPACE_SPARE = 0.02
 """Least distance of the tool from the edge of the workspace, m."""
+
+
 FINGER_DIRECTIONS = 8
 """Number of finger directions that are tried."""
+
+
 HOME_DISTANCES = (0.36, 0.42, 0.48, 0.3, 0.24)
 """Horizontal distances of the tool from the first joint that are tried for `home`, as shares of the reach."""
+
+
 HOME_HEIGHTS = (0.5, 0.42, 0.58, 0.35, 0.65)
 """Heights of the tool over the arm's foot that are tried for `home`, as shares of the reach."""
+
+
 MAX_SHOULDER_HEIGHT = 0.5
 """Greatest height of the first joint over the foot from which heights count, as a share of the reach."""
+
+
 RANDOM_CONFIGURATION_COUNT = 500
 """Number of random configurations that are tried for a `home` when none has the tool down."""
+
+
 REST_DISTANCES = (0.3, 0.36, 0.42)
+
+
 REST_HEIGHTS = (0.55, 0.65, 0.45, 0.75)
+
+
 WORK_AREA = ((0.35, -0.25), (0.65, 0.25))
 """Corners of the part of the table where scenes have their items, m in the world."""
+
+
 CAMERA_HEIGHT = 0.8
 """Height of a camera above the middle of that part, m."""
+
+
 HALF_LINK_WIDTH = 0.08
 """Half of a link's width, as far as it hides the table from the camera, m."""
+
+
 HIDING_COST = 2.0
 """Cost of a `home` that hides the whole of that part, in units of a posture's value."""
+
+
 DETOUR_COST = 2.0
 """Cost of a `home` whose posture has to change on the way to all items and bins, in units of its value."""
+
+
 MAX_POSTURE_CHANGE = 2.0
 """Greatest change of a joint in one posture, rad: an elbow or a wrist that turns over changes by more."""
+
+
 MAX_DETOUR_CHECKS = 40
 """Greatest number of postures whose detours are counted."""
+
+
 IK_SEED_COUNT = 4
 """Number of random configurations from which inverse kinematics starts."""
+
+
 OBSERVE_ROTATION = np.pi / 2
 """Rotation of the first joint that moves the arm out of a camera's view of the table, rad."""
 

@@ -26,8 +26,9 @@ from picktree.world.robot_model import (
     urdf_parser,
 )
 
-from .arm_poses import NamedPose, SpaceOverTable, propose_poses
+from .arm_poses import NamedPose, propose_poses
 from .base_pose import BaseProposal, propose_base
+from .free_space import SpaceOverTable
 from .gripper import GripperMeter, MeasuredGripper
 from .inertias import InertiaFinding, check_inertias, lightened, rotor_inertias
 from .joints import (

@@ -37,7 +37,7 @@ from pydantic import (
 )
 from pydantic.fields import FieldInfo
 
-from picktree.files import Location, describe, quantities, suggest_number
+from picktree.files import Location, describe, quantities, suggest_number, suggested
 
 from .document import Document
 
@@ -100,7 +100,7 @@ def quantity(
         except ValueError as error:
             meant = suggest_number(value)
             message = f"{describe(value)} is not a number" if meant else str(error)
-            meant = meant or (quantities.suggested(value, unit) if isinstance(value, str) else "")
+            meant = meant or (suggested(value, unit) if isinstance(value, str) else "")
             raise InvalidValue(message, meant, code="P109") from None
         written = value if isinstance(value, str) else f"{value} {unit}".strip()
         what = quantities.dimension(unit) or "it"

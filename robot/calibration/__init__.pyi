@@ -10,3 +10,4 @@ from .estimation import (
     ToolEstimate as ToolEstimate,
     estimate as estimate,
 )
+from .viewpoints import Viewpoint as Viewpoint, viewpoints as viewpoints

@@ -14,8 +14,8 @@ from . import (
     release_poses as release_poses,
     retreat as retreat,
 )
-from .compliant_closing import opening_force as opening_force
 from .grasps import MIN_SPARE_OPENING as MIN_SPARE_OPENING
+from .grip_force import opening_force as opening_force
 from .heap_stirring import stir as stir
 from .pick_place_motions import DOWNWARDS as DOWNWARDS, withdraw as withdraw
 from .presentation import PresentTask as PresentTask, present as present

@@ -25,7 +25,8 @@ from picktree.world import (
 )
 from picktree.world import world as world_causes
 
-from .compliant_closing import GripForce, close, grip_force
+from .compliant_closing import close
+from .grip_force import GripForce, grip_force
 from .heap_grasps import colour_between, grasps
 from .held_object import GripCheck, inflated_hull, measure_grip, mesh_of
 from .pick_candidates import PickPlaceCandidate, count_rejections, describe_rejections

@@ -12,7 +12,8 @@ from picktree.robot import Handover
 from picktree.world import Failure, ObjectId, event_types, grasp, planning, world_facts
 from picktree.world import world as world_causes
 
-from .compliant_closing import GripForce, close, grip_force
+from .compliant_closing import close
+from .grip_force import GripForce, grip_force
 from .held_object import GripCheck, measure_grip, release_object
 from .object_grasps import leaning_object_grasps, object_grasps
 from .pick_candidates import PLACE_STAGE, PickPlaceCandidate, count_rejections, describe_rejections

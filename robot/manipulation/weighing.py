@@ -26,7 +26,7 @@ from picktree.robot.planning import CARRYING_ACCELERATION
 from picktree.world import GRAVITY, Array, Failure, Pose, event_types, grasp
 from picktree.world.scene import MIN_FELT_MASS, CatalogueEntry
 
-from .compliant_closing import SLIP_GRIP_FACTOR, GripForce, required_force
+from .grip_force import SLIP_GRIP_FACTOR, GripForce, required_force
 from .held_object import MAX_EMPTY_WIDTH, MIN_HELD_LOAD, GripCheck, check_grip
 
 if TYPE_CHECKING:

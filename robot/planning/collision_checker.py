@@ -44,7 +44,7 @@ from .collision_model import (
     movable_bodies,
 )
 from .limits import ToolRoom
-from .requests import ContactPair
+from .motion_plans import ContactPair
 
 DISTANCE_DECIMALS = 9
 """Number of decimals to which distances in m are rounded."""

@@ -32,7 +32,7 @@ from picktree.world import (
 )
 from picktree.world.robot_model import se3
 
-from .requests import ContactPair
+from .motion_plans import ContactPair
 
 
 def _settle_coal() -> None:

@@ -24,7 +24,8 @@ from picktree.world import Array, Bounds, Failure, PlanningScene, SceneSnapshot,
 from picktree.world.robot_model import RobotModel
 
 from .motion_chain import MotionChain, split_into_legs
-from .requests import WIDTH_TOLERANCE, JointGoal, MotionPlan, Request
+from .motion_plans import MotionPlan
+from .requests import WIDTH_TOLERANCE, JointGoal, Request
 from .solver import RequestSolver
 from .trajectory_check import StartTolerance, is_trajectory_free
 

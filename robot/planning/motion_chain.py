@@ -14,6 +14,7 @@ from picktree.world import Array, Failure, Trajectory, planning
 
 from . import planning_failures
 from .joint_planner import CORNER_RADII
+from .motion_plans import LegFailure, MotionPlan, PlannedPath
 from .path_constraints import PathConstraints
 from .path_curves import (
     JointCurve,
@@ -24,7 +25,7 @@ from .path_curves import (
     rounded_polyline,
     spline_through,
 )
-from .requests import LegFailure, LineGoal, MotionPlan, OffsetGoal, PlannedPath, Request
+from .requests import LineGoal, OffsetGoal, Request
 from .solver import RequestSolver
 from .time_parameterization import ScaledStretch, TimedTrajectory, stationary_trajectory, time_curve
 from .trajectory_check import ConfigurationCheck, StartTolerance, is_trajectory_free

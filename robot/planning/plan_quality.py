@@ -15,8 +15,9 @@ from picktree.world.robot_model import RobotModel
 
 from . import planning_failures
 from .collision_checker import CollisionChecker
+from .motion_plans import ContactPair, MotionPlan
 from .path_curves import polyline_length
-from .requests import ContactPair, MotionPlan, Request
+from .requests import Request
 
 
 @dataclass(slots=True)

@@ -42,19 +42,10 @@ from .lookahead_planning import (
     solve_chain,
 )
 from .motion_chain import DEFAULT_LINE_ROUNDING, MotionChain, split_into_legs
+from .motion_plans import ContactPair, MotionPlan
 from .penetration_escape import EscapeSearch
 from .plan_quality import MeasuredCost, PlanQuality, combine_qualities, measure_quality, plan_entry
-from .requests import (
-    DEFAULT_CHECK_BUDGET,
-    ContactPair,
-    Goal,
-    LineGoal,
-    MotionPlan,
-    OffsetGoal,
-    PlannerOverrides,
-    Request,
-    Scaling,
-)
+from .requests import DEFAULT_CHECK_BUDGET, Goal, LineGoal, OffsetGoal, PlannerOverrides, Request, Scaling
 from .scene_queries import SceneQueries
 from .solver import ReachResult, RequestSolver, check_reach, free_postures
 

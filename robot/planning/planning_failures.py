@@ -25,10 +25,10 @@ from .cartesian_lines import LineResult, interpolate_pose
 from .collision_checker import CollisionChecker
 from .inverse_kinematics import InverseKinematics, NearestReach
 from .limits import WORKSPACE_MARGIN, StartExcess
+from .motion_plans import ContactPair
 from .path_constraints import ConstraintViolation, PathConstraints
 from .requests import (
     BoxConstraint,
-    ContactPair,
     JointGoal,
     LineGoal,
     NamedGoal,

@@ -44,7 +44,7 @@ from .collision_model import (
     fixed_bodies,
     movable_bodies,
 )
-from .requests import ContactPair
+from .motion_plans import ContactPair
 
 # No signed distance: where bodies touch, the search for the depth throws an exception that Python cannot
 # catch, and the process dies (flexible-collision-library/fcl, issue 529).

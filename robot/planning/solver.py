@@ -28,18 +28,16 @@ from .goal_configurations import (
 from .inverse_kinematics import InverseKinematics
 from .joint_planner import PLANNER_NAME, CheckBudget, FoundPath, JointPlanner, load_planner
 from .limits import configuration_cost
+from .motion_plans import ContactPair, MotionPlan, PlannedPath
 from .path_constraints import PathConstraints
 from .path_search import PathPlanner
 from .planning_failures import GoalInspection, ObstructionSearch, explain_line_stop
 from .requests import (
     CARRYING_ACCELERATION,
     WIDTH_TOLERANCE,
-    ContactPair,
     Goal,
     LineGoal,
-    MotionPlan,
     OffsetGoal,
-    PlannedPath,
     PoseGoal,
     Request,
     check_request,

@@ -19,7 +19,7 @@ from picktree.world.robot_model import RobotModel
 from .collision_checker import CollisionChecker
 from .collision_model import MarginChecker
 from .limits import StartExcess, start_excess
-from .requests import ContactPair
+from .motion_plans import ContactPair
 
 EDGE_RESOLUTION = 0.03
 """Greatest step along an edge, rad (Euclidean over the joints)."""

@@ -13,8 +13,9 @@ from picktree.world.robot_model import RobotModel, format_joint_value
 from . import planning_failures
 from .lookahead_planning import PlanProvenance, without_held_supposition
 from .motion_chain import slice_trajectory
+from .motion_plans import ContactPair
 from .plan_service import PlanService
-from .requests import ContactPair, JointGoal, Request
+from .requests import JointGoal, Request
 from .trajectory_check import StartTolerance, first_collision, sampled_configurations
 
 LIMIT_EXCESS_SHARE = 0.02

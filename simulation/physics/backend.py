@@ -49,7 +49,6 @@ from picktree.world.robot_model import RobotDescription, RobotModel
 from picktree.world.scene import Fixture, SceneDescription
 
 from .belts import PhysicsBelts, PhysicsCell
-from .bodies import StaticBodies
 from .contacts import ContactPoints, CrushDetector, Penetrations, TrueContact
 from .devices import IdealSensors, PhysicsArm, PhysicsGripper, PhysicsWrench
 from .engine import (
@@ -68,6 +67,7 @@ from .engine import (
 from .items import REST, SLEEP_CHECK_INTERVAL, PhysicsItems
 from .rgbd_camera import PhysicsCamera, StaticScene
 from .robot_body import RobotBody
+from .static_bodies import StaticBodies
 
 
 class PhysicsHardware:

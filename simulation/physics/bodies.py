@@ -1,6 +1,4 @@
-"""Bodies of the scene in pybullet: fixtures, bins and obstacles that never move, and items with their
-contact parameters.
-"""
+"""Items in pybullet, with their contact parameters."""
 
 from __future__ import annotations
 
@@ -16,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 
 from picktree.files import PicktreeError, disk_cache
-from picktree.simulation import HiddenObstacles, SpawnedItem, floor_height, support_height
+from picktree.simulation import SpawnedItem, floor_height, support_height
 from picktree.world import (
     COLOURS,
     Array,
@@ -88,12 +86,20 @@ def _lists(fixture: Fixture) -> MeshLists:
 STATIC_BODY_FRICTION = 1.0
 """Friction of static bodies. pybullet multiplies the two bodies' coefficients: an item's own is then the
 pair's."""
+
+
 ROLLING_FRICTION = 1e-3
 """Rolling and spinning friction of round items, m. With less, a lying cylinder gains energy from the solver
 and rolls away. Flat items have four contacts instead, and would make each step three times as expensive."""
+
+
 ROUND_FORMS = ("cylinder", "sphere", "mesh")
+
+
 MAX_COLLISION_PARTS = 16
 """Greatest number of parts of a collision shape; `createCollisionShapeArray` silently drops the rest."""
+
+
 MOVING_BODY_GROUP, ALL_GROUPS_MASK = 1, -1
 """Collision group of moving bodies, and the mask of the groups with which they collide."""
 
@@ -337,6 +343,8 @@ def _faces(mesh: ConvexMesh) -> MeshLists:
 
 ENGINE_MARGIN = 0.001
 """Distance by which the engine enlarges each part of a body of several, m; it takes none for that body."""
+
+
 MAX_MARGIN_SHARE = 0.6
 """Share of the distance from a part's middle to its faces that the engine's margin may make up."""
 
@@ -401,41 +409,3 @@ def _rgba(colour: str) -> tuple[float, float, float, float]:
         return (*COLOURS[colour], 1.0)
     except KeyError:
         raise PicktreeError(f"unknown colour {colour!r}; known: {', '.join(COLOURS)}") from None
-
-
-class StaticBodies:
-    """Bodies of one client that never move, with their names."""
-
-    def __init__(self, scene: SceneDescription, base_in_world: Pose, client: int) -> None:
-        """`scene`: with the fixtures at their true poses."""
-        self._scene = scene
-        self._base_in_world = base_in_world
-        self._client = client
-        self._numbers: dict[ObjectId, int] = {}
-        self.names: dict[int, str] = {}
-        """Names of floor, fixtures, bins, belts and obstacles by pybullet's body number."""
-        self.obstacles = HiddenObstacles(self._add, self._remove)
-        """Obstacles that the robot does not know of."""
-
-    def load(self) -> None:
-        """Add floor, fixtures and bins to an empty simulation."""
-        self.names = add_fixed(self._scene, self._base_in_world, self._client)
-
-    def number(self, obstacle: ObjectId) -> int:
-        """Return pybullet's body number of an obstacle."""
-        return self._numbers[obstacle]
-
-    @property
-    def holed(self) -> list[int]:
-        """pybullet's body numbers of the fixtures with holes."""
-        boards = {fixture.id for fixture in self._scene.fixtures if fixture.holes}
-        return [number for number, name in self.names.items() if name in boards]
-
-    def _add(self, body: Fixture) -> None:
-        number = self._numbers[body.id] = add_obstacle(body, self._client)
-        self.names[number] = body.id
-
-    def _remove(self, name: ObjectId) -> None:
-        number = self._numbers.pop(name)
-        del self.names[number]
-        pb.removeBody(number, self._client)

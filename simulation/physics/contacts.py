@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from picktree.simulation import TrueBody, checkpoints
 from picktree.world import JournalEvent, ObjectId, event_types
 
-from .bodies import StaticBodies
 from .engine import pb
 from .items import PhysicsItems
 from .robot_body import RobotBody
+from .static_bodies import StaticBodies
 
 
 @dataclass(frozen=True, slots=True)

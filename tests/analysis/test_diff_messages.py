@@ -8,10 +8,10 @@ from types import ModuleType
 import pytest
 
 from picktree.analysis import Run
+from picktree.analysis.compare import first_difference
 from picktree.analysis.compare.message_differences import (
     FieldDifference,
     MessageDifference,
-    first_difference,
     first_difference_in_values,
     first_differing_field,
 )

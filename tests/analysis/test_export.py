@@ -16,7 +16,7 @@ from pyarrow import parquet
 
 from picktree.analysis import Run
 from picktree.analysis.export import columns, export
-from picktree.analysis.export.run_export import TABLES, TableSpec
+from picktree.analysis.export.run_tables import TABLES, TableSpec
 from picktree.analysis.export.table_files import ColumnDoc, cells, write_csv, write_parquet
 from picktree.files import PicktreeError
 from picktree.logs import install_command

@@ -11,18 +11,8 @@ import pytest
 
 from picktree.analysis import Run
 from picktree.analysis.report import Section
-from picktree.analysis.report.node_panels import (
-    ABSENT,
-    OUTCOMES,
-    STATUSES,
-    TICKED,
-    RunNode,
-    item_spans,
-    nodes_of,
-    pack_lanes,
-    pack_tree,
-    tick_table,
-)
+from picktree.analysis.report.node_panels import OUTCOMES, item_spans, pack_lanes, pack_tree
+from picktree.analysis.report.tick_table import ABSENT, STATUSES, TICKED, RunNode, nodes_of, tick_table
 from picktree.files import PicktreeError
 from picktree.logs.log_records import Tree, TreeNode, WriteRecord
 from picktree.session import RunRequest, Session

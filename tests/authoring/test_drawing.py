@@ -10,9 +10,9 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.authoring import chart, svg, text
+from picktree.authoring import chart, chart_of_file, svg, text
 from picktree.authoring.drawing import dot, drawing_text, suffix_of
-from picktree.authoring.mission_chart import Chart, ChartPort, chart_of_file
+from picktree.authoring.mission_chart import Chart, ChartPort
 from picktree.files import PicktreeError
 from picktree.trees.loading import parse_mission
 

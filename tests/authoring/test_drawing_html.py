@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
-from picktree.authoring import chart
+from picktree.authoring import chart, chart_of_file
 from picktree.authoring.drawing import chart_json, html
-from picktree.authoring.mission_chart import Chart, chart_of_file
+from picktree.authoring.mission_chart import Chart
 from picktree.authoring.svg_drawing import PAGE_FOLDER
 
 from ..needs import CHROMIUM, CHROMIUM_PROGRAM, NODE, needs, packages

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring import chart, svg
-from picktree.authoring.mission_chart import Chart, chart_of_file
+from picktree.authoring import chart, chart_of_file, svg
+from picktree.authoring.mission_chart import Chart
 from picktree.authoring.tree_layout import (
     COLUMN_GAP,
     FRAME_GAP,
@@ -239,7 +239,7 @@ def test_statuses_colour_the_nodes_of_the_running_tree() -> None:
 def test_a_machine_without_fonts_says_nothing_and_draws_the_same(tmp_path: Path) -> None:
     program = f"""
 from pathlib import Path
-from picktree.authoring.mission_chart import chart_of_file
+from picktree.authoring import chart_of_file
 from picktree.authoring import svg
 print(svg(chart_of_file(Path({str(SHIFT)!r}))), end="")
 """

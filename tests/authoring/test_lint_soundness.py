@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.trees import Node
-from picktree.trees.control_flow import FAILURE, NEXT, SUCCESS, ChildFlow
+from picktree.trees import NEXT, ChildFlow, Node
+from picktree.trees.control_flow import FAILURE, SUCCESS
 from picktree.trees.control_nodes import Fallback
 from picktree.trees.decorators import ForceSuccess
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.rehearsal import Rehearsal, rehearse
+from picktree.authoring.rehearsal import Rehearsal, rehearse, to_json
 from picktree.authoring.rehearsal.case_checks import examine_cases
-from picktree.authoring.rehearsal.rehearsal import to_json, to_text
+from picktree.authoring.rehearsal.rehearsal import to_text
 from picktree.files.yaml import read_document
 from picktree.trees.loading import examine
 

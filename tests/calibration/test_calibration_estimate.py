@@ -12,14 +12,9 @@ from picktree.files import PicktreeError
 from picktree.robot.calibration import CalibrationEstimate, estimate
 from picktree.robot.calibration.calibration_targets import touch_points
 from picktree.robot.calibration.estimation import camera_in_tcp, spread
-from picktree.robot.calibration.observations import (
-    CalibrationData,
-    DetectedTile,
-    TargetImage,
-    TargetTouch,
-    viewpoints,
-)
+from picktree.robot.calibration.observations import CalibrationData, DetectedTile, TargetImage, TargetTouch
 from picktree.robot.calibration.target_detection import area_and_centroid, pixels_of
+from picktree.robot.calibration.viewpoints import viewpoints
 from picktree.world import Array, Intrinsics, Pose
 from picktree.world.scene.description import tiles_on
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.export.run_export import TABLES
+from picktree.analysis.export.run_tables import TABLES
 from picktree.apps.cli import answer
 
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"

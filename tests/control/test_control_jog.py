@@ -10,7 +10,7 @@ import pytest
 
 from picktree.files import PicktreeError
 from picktree.robot.control import JogFeedback, JogResult, Twist
-from picktree.robot.control.jog_motion import JogSetpointGenerator, JogState
+from picktree.robot.control.velocity_controller import JogSetpointGenerator, JogState
 from picktree.simulation import Backend
 from picktree.world import Array, Bounds, Failure
 

@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 
 from picktree.files import PicktreeError
-from picktree.robot.control import HoldController
-from picktree.robot.control.compliant_motion import CompliantMotion
+from picktree.robot.control import CompliantMotion, HoldController
 from picktree.robot.control.impedance import (
     CartesianImpedance,
     ContactReflex,
     GravityCompensationController,
     JointImpedanceController,
 )
-from picktree.robot.control.jog_motion import JogController
 from picktree.robot.control.joint_controllers import BrakeController, TrajectoryController
 from picktree.robot.control.motion_lease import Lease
+from picktree.robot.control.velocity_controller import JogController
 from picktree.world import Array, Failure
 
 from .control_cell import HOME, MODEL, Cell, swing

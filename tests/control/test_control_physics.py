@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.robot.control import CartesianStiffness, HoldController
-from picktree.robot.control.compliant_motion import CompliantMotion
+from picktree.robot.control import CartesianStiffness, CompliantMotion, HoldController
 from picktree.robot.control.impedance import CartesianImpedance
 from picktree.simulation.physics import PhysicsHardware
 from picktree.world import Array, Failure, Pose

@@ -19,7 +19,7 @@ import yaml
 from picktree.apps.cli.file_schemas import CHECKS
 from picktree.files.file_checks import UnsavedText, check_files
 from picktree.trees import library_names
-from picktree.world.robot_model.robot_file import RobotFile
+from picktree.world.robot_model.robot_schema import RobotFile
 from picktree.world.scene import SceneFile
 
 from ..pages import Block, blocks, pages

@@ -12,7 +12,8 @@ from picktree.apps.cli.file_schemas import CHECKS
 from picktree.authoring.editor import document_faults
 from picktree.files import FileError
 from picktree.files.file_checks import UnsavedText, check_files
-from picktree.files.quantities import suggest_quantity, suggested, units_like
+from picktree.files.quantities import units_like
+from picktree.files.quantity_hints import suggest_quantity, suggested
 from picktree.files.yaml import read
 
 HEAD = "picktree: 1\nkind: mission\nscene: sort_small\ntrees:\n"

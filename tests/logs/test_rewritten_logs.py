@@ -11,8 +11,7 @@ from mcap.reader import make_reader
 from mcap.records import Metadata
 
 from picktree.analysis import Run
-from picktree.analysis.compare import diff
-from picktree.analysis.compare.message_differences import first_difference
+from picktree.analysis.compare import diff, first_difference
 from picktree.files import PicktreeError
 from picktree.logs import RunLog
 from picktree.logs.log_files import Rotation

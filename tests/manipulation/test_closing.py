@@ -11,7 +11,8 @@ import pytest
 
 from picktree.robot import World
 from picktree.robot.control import ArmMotion, ControlLoop, GripperControl, SafetyMonitor
-from picktree.robot.manipulation.compliant_closing import ClosingResult, close, grip_force
+from picktree.robot.manipulation.compliant_closing import ClosingResult, close
+from picktree.robot.manipulation.grip_force import grip_force
 from picktree.simulation import score
 from picktree.simulation.physics import PhysicsHardware
 from picktree.world import Box, Cylinder, Journal, JournalEvent, Pose

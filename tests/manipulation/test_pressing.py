@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from picktree.robot.manipulation import opening_force
-from picktree.robot.manipulation.compliant_closing import grip_force, required_force
+from picktree.robot.manipulation.grip_force import grip_force, required_force
 from picktree.robot.planning import CARRYING_ACCELERATION
 from picktree.world import Box
 from picktree.world.robot_model import load_robot

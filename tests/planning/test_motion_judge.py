@@ -10,13 +10,8 @@ import pytest
 from picktree.robot.planning import CollisionChecker, Scaling, time_corners
 from picktree.robot.planning.collision_model import fixed_bodies, movable_bodies
 from picktree.robot.planning.scene_queries import FclSolid, distance_between, hull, place, solid
-from picktree.robot.planning.trajectory_verifier import (
-    MAX_JOINT_STEP,
-    MAX_TCP_STEP,
-    PENETRATION_ROUNDING,
-    TrajectoryVerifier,
-    moments_of,
-)
+from picktree.robot.planning.swept_volumes import MAX_JOINT_STEP, MAX_TCP_STEP, moments_of
+from picktree.robot.planning.trajectory_verifier import PENETRATION_ROUNDING, TrajectoryVerifier
 from picktree.world import Array, Box, ConvexMesh, PlanningScene, Pose, Sphere, Trajectory
 from picktree.world.robot_model import RobotModel, load_robot
 

@@ -22,7 +22,7 @@ from picktree.session.run_recipe import Recipe, RecipeFile, read_recipe, recipe_
 from picktree.simulation.fault_entries import FaultsFile
 from picktree.simulation.heap_spawning import mesh_files
 from picktree.world.robot_model import link_shapes
-from picktree.world.robot_model.robot_file import RobotFile
+from picktree.world.robot_model.robot_schema import RobotFile
 from picktree.world.scene import SceneDescription, SceneFile
 
 from ..robots.test_robot_file import ROBOT, URDF

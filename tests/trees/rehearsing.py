@@ -20,6 +20,7 @@ from picktree.trees import (
     ConditionNode,
     Decorator,
     In,
+    LeafFlow,
     Mission,
     Node,
     NodeStatus,
@@ -28,7 +29,6 @@ from picktree.trees import (
     Steps,
     port,
 )
-from picktree.trees.control_flow import LeafFlow
 from picktree.trees.loading import NodeRegistry, parse_mission
 from picktree.world import ObjectId, grasp, perception, place, planning, safety
 

@@ -9,7 +9,7 @@ import pytest
 from picktree.files import FileError, PicktreeError
 from picktree.trees import ConditionNode, In, PortType, Range, convert_literal, port
 from picktree.trees.loading import NodeRegistry, parse_mission
-from picktree.trees.ports import accept_value
+from picktree.trees.port_types import accept_value
 
 
 def fault_of(node: str) -> str:

@@ -18,6 +18,7 @@ from picktree.files import (
     quantities,
     suggest_name,
     suggest_number,
+    suggested,
 )
 from picktree.files.yaml import Document, Value
 from picktree.trees import (
@@ -110,8 +111,8 @@ def _literal_hint(value: Value, port: PortDeclaration) -> str:
     if port.type.name not in ("int", "float") or not isinstance(value, str):
         return ""
     if port.type.name == "float" and port.unit is not None:
-        return suggest_number(value) or quantities.suggested(value, "s" if port.unit == "ms" else port.unit)
-    return suggest_number(value) or quantities.suggested(value, "")
+        return suggest_number(value) or suggested(value, "s" if port.unit == "ms" else port.unit)
+    return suggest_number(value) or suggested(value, "")
 
 
 def _inner_reference(value: Value) -> str | None:
@@ -431,7 +432,7 @@ class TreePorts:
             default = convert_literal(given.entry["default"], port.type, port.unit, port.choices)
         except ValueError as error:
             text = given.entry["default"]
-            hint = quantities.suggested(text, port.unit) if isinstance(text, str) and port.unit else ""
+            hint = suggested(text, port.unit) if isinstance(text, str) and port.unit else ""
             self._fault(given.at("default"), f"the default: {error}", hint, code="P213")
             return replace(port, default="")
         return replace(port, default=default)

@@ -4,8 +4,8 @@ from .robot_file import load_robot as load_robot, parse_robot as parse_robot
 
 # for other rooms
 from . import (
-    link_solids as link_solids,
     gripper_mounting as gripper_mounting,
+    link_solids as link_solids,
     robot_file as robot_file,
     urdf_parser as urdf_parser,
 )
@@ -35,3 +35,4 @@ from .model import (
     se3 as se3,
 )
 from .urdf_faults import MOVING as MOVING, UrdfError as UrdfError
+from .robot_schema import RobotFile as RobotFile

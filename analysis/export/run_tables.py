@@ -1,0 +1,454 @@
+"""Tables of a run: rows of ticks, visits, plans, picks, failures, items and measurements."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any, Generic, TypeAlias, TypeVar
+
+import orjson
+
+from picktree.analysis import Run
+from picktree.logs import log_records
+from picktree.world import event_types
+
+from .table_files import Column, ColumnDoc, columns, event_row, row_of
+
+Time: TypeAlias = Annotated[float, ColumnDoc("simulated time", "s")]
+
+
+Tick: TypeAlias = Annotated[int, ColumnDoc("number of the tick, 0 for the first of the log")]
+
+
+Item: TypeAlias = Annotated[str, ColumnDoc("id of the object that it is about, empty when there is none")]
+
+
+NodePath: TypeAlias = Annotated[str, ColumnDoc("path of the node in the tree")]
+
+
+Cause: TypeAlias = Annotated[
+    str, ColumnDoc("cause of the failure, such as grasp.missed; empty when it did not fail")
+]
+
+
+Message: TypeAlias = Annotated[str, ColumnDoc("what it said, for people")]
+
+
+X: TypeAlias = Annotated[float, ColumnDoc("position in the world, x", "m")]
+
+
+Y: TypeAlias = Annotated[float, ColumnDoc("position in the world, y", "m")]
+
+
+Z: TypeAlias = Annotated[float, ColumnDoc("position in the world, z", "m")]
+
+
+Qx: TypeAlias = Annotated[float, ColumnDoc("orientation in the world: quaternion, x")]
+
+
+Qy: TypeAlias = Annotated[float, ColumnDoc("orientation in the world: quaternion, y")]
+
+
+Qz: TypeAlias = Annotated[float, ColumnDoc("orientation in the world: quaternion, z")]
+
+
+Qw: TypeAlias = Annotated[float, ColumnDoc("orientation in the world: quaternion, w")]
+
+
+@dataclass(frozen=True, slots=True)
+class TickRow:
+    tick: Tick
+    time: Time
+    root_status: Annotated[str, ColumnDoc("RUNNING, SUCCESS or FAILURE")]
+    tip: Annotated[str, ColumnDoc("path of the deepest running node, empty when none runs")]
+    tip_id: Annotated[str, ColumnDoc("registered name of that node, such as Grasp")]
+    tip_message: Annotated[str, ColumnDoc("what that node said")]
+    running: Annotated[int, ColumnDoc("nodes that run after the tick")]
+    began: Annotated[int, ColumnDoc("nodes that began in the tick; 0 in logs of format 1")]
+    ended: Annotated[int, ColumnDoc("nodes that ended in the tick; 0 in logs of format 1")]
+    writes: Annotated[int, ColumnDoc("writes to the blackboard")]
+
+
+@dataclass(frozen=True, slots=True)
+class VisitRow:
+    visit: Annotated[int, ColumnDoc("number of the visit, in the order of the beginnings")]
+    path: NodePath
+    id: Annotated[str, ColumnDoc("registered name of the node, such as Grasp")]
+    item: Item
+    attempt: Annotated[int, ColumnDoc("visits of this node for this item so far, this one included")]
+    parent: Annotated[int | None, ColumnDoc("number of the visit of the parent; empty for the root")]
+    start: Annotated[float, ColumnDoc("simulated time at which it began", "s")]
+    end: Annotated[float, ColumnDoc("simulated time at which it ended, or the log did", "s")]
+    duration: Annotated[float, ColumnDoc("simulated time from beginning to end", "s")]
+    first_tick: Annotated[int, ColumnDoc("number of the tick in which it began")]
+    last_tick: Annotated[int, ColumnDoc("number of the tick in which it ended")]
+    outcome: Annotated[str, ColumnDoc("SUCCESS, FAILURE, SKIPPED, HALTED; RUNNING when the log ends before")]
+    cause: Cause
+    origin: Annotated[str, ColumnDoc("path of the node that the failure came from")]
+    message: Message
+    inputs: Annotated[str, ColumnDoc("what it read through references, by port: a JSON object")]
+    evidence: Annotated[str, ColumnDoc("evidence of the failure: a JSON object")]
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRow:
+    time: Time
+    request: Annotated[str, ColumnDoc("what was asked for")]
+    planner: Annotated[str, ColumnDoc("who answered")]
+    outcome: Annotated[str, ColumnDoc("found, or why not")]
+    message: Message
+    checks: Annotated[int, ColumnDoc("collision checks")]
+    thinking: Annotated[float, ColumnDoc("simulated time that the checks cost", "s")]
+    duration: Annotated[float, ColumnDoc("of the motion", "s")]
+    waypoints: Annotated[int, ColumnDoc("of the path in joint space")]
+    tool_length: Annotated[float, ColumnDoc("way of the tool's centre point", "m")]
+    path: Annotated[str, ColumnDoc("waypoints, joint positions in rad: a JSON list of lists")]
+    tool_path: Annotated[str, ColumnDoc("points of the tool in the world, m: a JSON list of lists")]
+
+
+@dataclass(frozen=True, slots=True)
+class CandidateRow:
+    time: Time
+    purpose: Annotated[str, ColumnDoc("what was chosen, and by which node")]
+    object: Annotated[str, ColumnDoc("id of the object")]
+    name: Annotated[str, ColumnDoc("of the candidate")]
+    verdict: Annotated[str, ColumnDoc("accepted, or why not")]
+    score: Annotated[float, ColumnDoc("by which candidates were ranked, the lowest first")]
+    place: Annotated[
+        str, ColumnDoc("where the object would have been put; empty when it did not come that far")
+    ]
+    stage: Annotated[str, ColumnDoc("that it did not pass, or the last that it passed; empty in older logs")]
+    by: Annotated[str, ColumnDoc("what was in the way")]
+    gap: Annotated[float, ColumnDoc("distance to it, negative when it is a depth; 0 when not known", "m")]
+    count: Annotated[int, ColumnDoc("how many places of the grasp dropped out alike")]
+    x: X
+    y: Y
+    z: Z
+    qx: Qx
+    qy: Qy
+    qz: Qz
+    qw: Qw
+
+
+PickRow = event_row(event_types.PickEvent, "object", "held", "node", others=True)
+
+
+@dataclass(frozen=True, slots=True)
+class FailureRow:
+    failure: Annotated[int, ColumnDoc("number of the failure")]
+    time: Time
+    tick: Tick
+    visit: Annotated[int, ColumnDoc("number of the visit that failed")]
+    node: NodePath
+    id: Annotated[str, ColumnDoc("registered name of the node")]
+    item: Item
+    attempt: Annotated[int, ColumnDoc("of that node for that item")]
+    cause: Cause
+    message: Message
+    fate: Annotated[str, ColumnDoc("cured, done_instead, passed_over, branched, ended or open")]
+    fate_by: Annotated[str, ColumnDoc("path of the node that decided it")]
+    fate_at: Annotated[float | None, ColumnDoc("simulated time at which that was", "s")]
+    seconds_lost: Annotated[
+        float,
+        ColumnDoc("simulated time lost of its episode, at the episode's first failure; 0 at others", "s"),
+    ]
+    because_of: Annotated[int | None, ColumnDoc("number of the failure that it follows from")]
+    handlers: Annotated[str, ColumnDoc("what recovery tried, in order: a JSON list")]
+    evidence: Annotated[str, ColumnDoc("a JSON object")]
+
+
+@dataclass(frozen=True, slots=True)
+class ItemRow:
+    item: Annotated[str, ColumnDoc("id, as the robot believed")]
+    kind: Annotated[str, ColumnDoc("of the catalogue")]
+    colour: Annotated[str, ColumnDoc("as the robot saw it")]
+    state: Annotated[str, ColumnDoc("done, held, left or gone, at the end")]
+    picks: Annotated[int, ColumnDoc("times that the fingers closed on it")]
+    held: Annotated[int, ColumnDoc("times that it was then held")]
+    failures: Annotated[int, ColumnDoc("failures about it")]
+    first_seen: Annotated[float | None, ColumnDoc("simulated time", "s")]
+    done: Annotated[float | None, ColumnDoc("simulated time at which it was done", "s")]
+
+
+@dataclass(frozen=True, slots=True)
+class EventRow:
+    time: Time
+    kind: Annotated[str, ColumnDoc("pick, recovery, item_done, fault, belief, image, …")]
+    message: Message
+    node: NodePath
+    data: Annotated[str, ColumnDoc("what belongs to the kind: a JSON object")]
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectRow:
+    """Objects of the belief and of the ground truth in one table, to be compared by id and time."""
+
+    time: Time
+    source: Annotated[str, ColumnDoc("belief, or truth, which the robot did not know")]
+    id: Annotated[str, ColumnDoc("of the object; belief and truth have names of their own")]
+    kind: Annotated[str, ColumnDoc("of the catalogue")]
+    colour: Annotated[str, ColumnDoc("its name")]
+    place: Annotated[str, ColumnDoc("where it is believed to be: table, hand, a bin; empty for the truth")]
+    attached: Annotated[bool, ColumnDoc("whether it is believed to be in the hand")]
+    confidence: Annotated[float, ColumnDoc("of the belief, 0 to 1")]
+    x: X
+    y: Y
+    z: Z
+    qx: Qx
+    qy: Qy
+    qz: Qz
+    qw: Qw
+
+
+@dataclass(frozen=True, slots=True)
+class JointRow:
+    """Joint at a tick: for a column for each joint, pivot by `joint`."""
+
+    time: Time
+    joint: Annotated[str, ColumnDoc("name in the URDF")]
+    position: Annotated[float, ColumnDoc("of a joint that slides: m", "rad or m")]
+    velocity: Annotated[float, ColumnDoc("of a joint that slides: m/s", "rad/s or m/s")]
+    effort: Annotated[float, ColumnDoc("of a joint that slides: N", "Nm or N")]
+
+
+@dataclass(frozen=True, slots=True)
+class WrenchRow:
+    """External wrench at the wrist, in world axes."""
+
+    time: Time
+    fx: Annotated[float, ColumnDoc("force, x", "N")]
+    fy: Annotated[float, ColumnDoc("force, y", "N")]
+    fz: Annotated[float, ColumnDoc("force, z", "N")]
+    tx: Annotated[float, ColumnDoc("torque, x", "Nm")]
+    ty: Annotated[float, ColumnDoc("torque, y", "Nm")]
+    tz: Annotated[float, ColumnDoc("torque, z", "Nm")]
+
+
+@dataclass(frozen=True, slots=True)
+class ControlRow:
+    """Set point of the arm's servo at the moment at which the joint was read."""
+
+    time: Time
+    controller: Annotated[str, ColumnDoc("who commands: Hold, Track, Brake, …")]
+    joint: Annotated[str, ColumnDoc("name in the URDF")]
+    reference: Annotated[float | None, ColumnDoc("position; empty while torques are commanded", "rad")]
+    error: Annotated[float | None, ColumnDoc("reference less position", "rad")]
+
+
+@dataclass(frozen=True, slots=True)
+class TimingRow:
+    """Wall times of a tick, which differ in every run."""
+
+    time: Time
+    total: Annotated[float, ColumnDoc("wall time of the tick", "s")]
+    physics: Annotated[float, ColumnDoc("wall time of it", "s")]
+    control: Annotated[float, ColumnDoc("wall time of it", "s")]
+    planning: Annotated[float, ColumnDoc("wall time of it", "s")]
+    perception: Annotated[float, ColumnDoc("wall time of it", "s")]
+    rendering: Annotated[float, ColumnDoc("wall time of it", "s")]
+    recording: Annotated[float, ColumnDoc("wall time of it", "s")]
+
+
+@dataclass(frozen=True, slots=True)
+class RunRow:
+    key: Annotated[str, ColumnDoc("such as seed, status, version.pybullet, parameter.speed")]
+    value: Annotated[str, ColumnDoc("as text")]
+
+
+def run_rows(run: Run) -> Iterator[RunRow]:
+    """Yield the settings of the run and its result."""
+    told = asdict(run.info)
+    groups = {"parameter": "parameters", "physics": "physics", "version": "versions"}
+    for key, value in told.items():
+        if key not in groups.values():
+            yield RunRow(key, str(value))
+    for prefix, group in groups.items():
+        for key, value in told[group].items():
+            yield RunRow(f"{prefix}.{key}", str(value))
+    yield RunRow("format", str(run.log.format))
+    yield RunRow("end", repr(run.end))
+    yield RunRow("recovered", run.recovered)
+    yield RunRow("status", run.status)
+    if run.result is not None:
+        yield RunRow("message", run.result.message)
+        yield RunRow("items.total", str(run.result.items.total))
+        yield RunRow("items.sorted", str(run.result.items.sorted))
+        yield RunRow("digest", run.result.digest)
+
+
+R = TypeVar("R")
+
+
+@dataclass(frozen=True, slots=True)
+class TableSpec(Generic[R]):
+    """Table; `row` is a dataclass whose fields are its columns."""
+
+    name: str
+    meaning: str
+    """Meaning of a row."""
+    row: type[R]
+    rows: Callable[[Run], Iterable[R]]
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        return columns(self.row)
+
+
+def ticks(run: Run) -> Iterator[TickRow]:
+    for tick in run.ticks:
+        record = tick.record
+        tip = next((n for n in record.nodes if n.path == record.tip), None)
+        began = sum(1 for t in record.transitions if t.status == "RUNNING")
+        yield TickRow(
+            tick=tick.number,
+            time=tick.time,
+            root_status=record.root_status,
+            tip=record.tip,
+            tip_id=tip.id if tip else "",
+            tip_message=tip.message if tip else "",
+            running=sum(1 for n in record.nodes if n.status == "RUNNING"),
+            began=began,
+            ended=len(record.transitions) - began,
+            writes=len(record.writes),
+        )
+
+
+def visits(run: Run) -> Iterator[VisitRow]:
+    for v in run.visits:
+        yield row_of(
+            VisitRow, v, visit=v.number, first_tick=v.first, last_tick=v.last,
+            inputs=_json(v.inputs), evidence=_json(v.evidence),
+        )  # fmt: skip
+
+
+def plans(run: Run) -> Iterator[PlanRow]:
+    for at in run.plans:
+        plan = at.record
+        yield row_of(
+            PlanRow,
+            plan,
+            time=at.time,
+            waypoints=len(plan.path),
+            tool_length=sum(map(math.dist, plan.tool_path, plan.tool_path[1:])),
+            path=_json(plan.path),
+            tool_path=_json(plan.tool_path),
+        )
+
+
+def candidates(run: Run) -> Iterator[CandidateRow]:
+    for at in run.candidates:
+        for c in at.record.tried:
+            yield CandidateRow(
+                at.time, at.record.purpose, at.record.object, c.name, c.verdict, c.score,
+                c.place, c.stage, c.by, c.gap, c.count,
+                *c.position, *c.orientation,
+            )  # fmt: skip
+
+
+def picks(run: Run) -> Iterator[Any]:
+    for at in run.events:
+        if isinstance(at.record, event_types.PickEvent):
+            yield row_of(PickRow, at.record, time=at.time)
+
+
+def failures(run: Run) -> Iterator[FailureRow]:
+    for f in run.failures:
+        handlers = _json([handling.handler for handling in f.handled_by])
+        yield row_of(FailureRow, f, failure=f.number, handlers=handlers, evidence=_json(f.evidence))
+
+
+def items(run: Run) -> Iterator[ItemRow]:
+    done = {
+        at.record.object: at.time for at in run.events if isinstance(at.record, event_types.ItemDoneEvent)
+    }
+    for story in run.explanation.items:
+        picked = [pick for pick in run.picks if pick.object == story.id]
+        yield row_of(
+            ItemRow,
+            story,
+            item=story.id,
+            picks=len(picked),
+            held=sum(1 for pick in picked if pick.held),
+            failures=sum(1 for failure in run.failures if failure.item == story.id),
+            first_seen=min((event.time for event in story.events), default=None),
+            done=done.get(story.id),
+        )
+
+
+def events(run: Run) -> Iterator[EventRow]:
+    for at in run.events:
+        event = at.record
+        yield EventRow(at.time, event.kind, event.message, event.node, _json(event.data))
+
+
+def objects(run: Run) -> Iterator[ObjectRow]:
+    for at in run.log.beliefs():
+        yield from (_object(at.time, "belief", body) for body in at.record.bodies)
+    for at in run.log.truths():
+        yield from (_object(at.time, "truth", body) for body in at.record.bodies)
+
+
+def joints(run: Run) -> Iterator[JointRow]:
+    for at in run.log.joints():
+        read = at.record
+        for name, position, velocity, effort in zip(
+            read.names, read.position, read.velocity, read.effort, strict=True
+        ):
+            yield JointRow(at.time, name, position, velocity, effort)
+
+
+def wrenches(run: Run) -> Iterator[WrenchRow]:
+    for at in run.log.wrenches():
+        force, torque = at.record.force, at.record.torque
+        yield WrenchRow(at.time, force.x, force.y, force.z, torque.x, torque.y, torque.z)
+
+
+def controls(run: Run) -> Iterator[ControlRow]:
+    for at in run.log.controls():
+        told = at.record
+        for k, joint in enumerate(run.joints.names[: run.controls.references.shape[1]]):
+            reference = told.reference[k] if told.reference else None
+            yield ControlRow(
+                at.time, told.controller, joint, reference, told.error[k] if told.error else None
+            )
+
+
+def timings(run: Run) -> Iterator[TimingRow]:
+    for at in run.log.timings():
+        yield row_of(TimingRow, at.record, time=at.time)
+
+
+def _object(time: float, source: str, body: log_records.BodyRecord) -> ObjectRow:
+    return ObjectRow(
+        time, source, body.id, body.kind, body.colour, body.place, body.attached, body.confidence,
+        *body.pose.position, *body.pose.orientation,
+    )  # fmt: skip
+
+
+def _json(value: Mapping[str, object] | object) -> str:
+    return orjson.dumps(value, option=orjson.OPT_NON_STR_KEYS).decode()
+
+
+TABLES: tuple[TableSpec[Any], ...] = (
+    TableSpec(
+        "run",
+        "a word of the run: what it was started with, and what came of it",
+        RunRow,
+        run_rows,
+    ),
+    TableSpec("ticks", "a tick of the tree", TickRow, ticks),
+    TableSpec("visits", "an activation of a node, from its beginning to its end", VisitRow, visits),
+    TableSpec("failures", "a failure with a cause, and what became of it", FailureRow, failures),
+    TableSpec("items", "an item, as the robot believed", ItemRow, items),
+    TableSpec("picks", "a closing of the fingers on an object", PickRow, picks),
+    TableSpec("plans", "a request to the planner, and its answer", PlanRow, plans),
+    TableSpec("candidates", "a candidate of a choice that was tried", CandidateRow, candidates),
+    TableSpec("events", "something worth a line", EventRow, events),
+    TableSpec("objects", "an object, each second and whenever the belief changed", ObjectRow, objects),
+    TableSpec("joints", "a joint at a tick", JointRow, joints),
+    TableSpec("wrenches", "the wrist at a tick", WrenchRow, wrenches),
+    TableSpec("controls", "a joint of the arm at a tick, as commanded", ControlRow, controls),
+    TableSpec("timings", "a tick by the wall clock", TimingRow, timings),
+)
+"""Tables in the order of interest for a reader."""
