@@ -43,9 +43,9 @@ class WouldHelp(CauseGuard, abstract=True):
 
     helps: ClassVar[tuple[str, ...]] = ()
 
-    def __init_subclass__(cls) -> None:
+    def __init_subclass__(cls, *, abstract: bool = False) -> None:
         cls.example = f'{cls.__name__}: {{cause: "{{cause}}"}}'
-        super().__init_subclass__()
+        super().__init_subclass__(abstract=abstract)
 
     def patterns(self) -> tuple[str, ...]:
         return self.helps

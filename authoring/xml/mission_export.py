@@ -252,10 +252,11 @@ class XmlExporter:
         text = self._types.literal(tree, port, value)
         if text is None:
             message = (
-                f"port {port.key!r}: BehaviorTree.CPP takes {value!r} for a number, and a node reads a text"
+                f"port {port.key!r}: BehaviorTree.CPP takes {value!r} for a number, "
+                "and a node reads a text from it"
             )
             hint = "write a text that is no number, or set a key with SetBlackboard and give that"
-            self._fault(mark, trail, f"{message}, and a node reads a text from it", hint, code="P926")
+            self._fault(mark, trail, message, hint, code="P926")
         return text or ""
 
     def _default(self, tree: TreeSpec, port: PortDeclaration) -> str:

@@ -18,7 +18,6 @@ from typing import Any
 
 import pytest
 
-from picktree.apps.batch import ray_executor
 from picktree.apps.batch.executor import Event, JobFailed, JobFinished, JobOrder
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
@@ -291,6 +290,6 @@ def test_a_campaign_takes_the_ray_cluster_of_its_option(
     address: str | None,
 ) -> None:
     """`tests/batch/test_ray.py` runs one on a cluster."""
-    monkeypatch.setattr(ray_executor, "RayExecutor", lambda *given: given)
+    monkeypatch.setattr("picktree.apps.batch.RayExecutor", lambda *given: given)
     given = program("_campaign").options(__file__, "", runs=1).parse_args(["--ray", option, "--workers", "3"])
     assert program("_campaign").executor(given) == (3, address)
