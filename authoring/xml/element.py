@@ -121,6 +121,7 @@ class Element:
         return self.places.get(attribute, self.mark)
 
     def all(self, name: str) -> tuple[Element, ...]:
+        """Return the children of that name."""
         return tuple(child for child in self.children if child.name == name)
 
     def iterate(self) -> Iterator[Element]:
@@ -226,10 +227,7 @@ def _edits(text: str) -> Iterator[_Edit]:
             if end < 0:
                 return
             if opening == "<!--":
-                # Of the same length for each `--`, and for a `-` at the end.
-                start = at + len(opening)
-                for dash in re.finditer(r"-(?=-)|-$", text[start:end]):
-                    yield _Edit(start + dash.start(), start + dash.end(), "~", "--")
+                yield from _dashes(text, at + len(opening), end)
             at = end + len(_ENDS[opening])
             continue
         tag = _TAG.match(text, at)
@@ -242,6 +240,12 @@ def _edits(text: str) -> Iterator[_Edit]:
                 kind = unfit[0] if unfit[0] in _MESSAGES else ""
                 yield _Edit(start, start + len(unfit[0]), _VALUE_ESCAPES[unfit[0]], kind)
         at = tag.end()
+
+
+def _dashes(text: str, start: int, end: int) -> Iterator[_Edit]:
+    """Yield edits of the same length for each `--` in a comment, and for a `-` at its end."""
+    for match in re.finditer(r"-(?=-)|-$", text[start:end]):
+        yield _Edit(start + match.start(), start + match.end(), "~", "--")
 
 
 MAX_XML_CHARACTERS: Final = 4_000_000
@@ -268,6 +272,33 @@ def read_xml(text: str, file: str, *, strict: bool = False) -> XmlFile:
     return _XmlReader(text, file, strict=strict).read()
 
 
+@dataclass(slots=True)
+class _Open:
+    """Element whose end tag is still to come."""
+
+    name: str
+    attributes: Mapping[str, str]
+    places: Mapping[str, Mark]
+    mark: Mark
+    comments: tuple[str, ...]
+    end_comments: tuple[str, ...] = ()
+    children: list[Element] = field(default_factory=list[Element])
+    text: list[str] = field(default_factory=list[str])
+
+    def closed(self) -> Element:
+        text = "".join(self.text).strip()
+        return Element(
+            self.name,
+            self.attributes,
+            tuple(self.children),
+            text,
+            self.comments,
+            self.mark,
+            self.places,
+            self.end_comments,
+        )
+
+
 class _XmlReader:
     def __init__(self, text: str, file: str, *, strict: bool) -> None:
         self._file = file
@@ -276,10 +307,7 @@ class _XmlReader:
         self._written = text.encode("utf-8", "surrogatepass")
         self._raw = self._source.text.encode("utf-8", "surrogatepass")
         self._at, self._line, self._column = 0, 1, 1
-        self._open: list[Element] = []
-        """Elements whose end tags are still to come."""
-        self._children: list[list[Element]] = []
-        self._texts: list[list[str]] = []
+        self._open: list[_Open] = []
         self._comments: list[str] = []
         self._count = 0
         self._root: Element | None = None
@@ -331,27 +359,19 @@ class _XmlReader:
         if len(attributes) > MAX_ATTRIBUTES:
             self._refuse(at, f"an element has more than {MAX_ATTRIBUTES} attributes", code="P903")
         comments, self._comments = tuple(self._comments), []
-        element = Element(name, attributes, comments=comments, places=self._places(at), mark=self._mark(at))
-        self._open.append(element)
-        self._children.append([])
-        self._texts.append([])
+        self._open.append(_Open(name, attributes, self._places(at), self._mark(at), comments))
 
     def _end(self, name: str) -> None:
-        element = replace(
-            self._open.pop(),
-            children=tuple(self._children.pop()),
-            text="".join(self._texts.pop()).strip(),
-            end_comments=tuple(self._comments),
-        )
-        self._comments = []
+        self._open[-1].end_comments, self._comments = tuple(self._comments), []
+        element = self._open.pop().closed()
         if self._open:
-            self._children[-1].append(element)
+            self._open[-1].children.append(element)
         else:
             self._root = element
 
     def _data(self, text: str) -> None:
         if self._open:
-            self._texts[-1].append(text)
+            self._open[-1].text.append(text)
 
     def _comment(self, _: str) -> None:
         start = self._source.original(self._parser.CurrentByteIndex) + len(b"<!--")
