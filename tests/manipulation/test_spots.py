@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.robot.manipulation import release_poses
 from picktree.robot.manipulation.release_poses import (
     RELEASE_RIM_HEIGHT,
     free_cells,
     heap_heights,
     put_down_poses,
+    release_poses,
 )
 from picktree.world import BeliefObject, Box, ObjectId, Pose, bottom, extents
 from picktree.world.scene import Bin
