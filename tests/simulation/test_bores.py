@@ -15,8 +15,8 @@ from picktree.simulation.checkpoints import Checkpoint
 from picktree.simulation.physics import Client, PhysicsHardware, add_item, pb
 from picktree.simulation.physics.bodies import add_fixed
 from picktree.simulation.physics.contacts import Penetrations
-from picktree.world import Array, Box, ObjectId, Pose, outline
-from picktree.world.hole_geometry import convex_pieces, surface
+from picktree.world import Array, Box, ObjectId, Pose
+from picktree.world.hole_geometry import convex_pieces, outline, surface
 from picktree.world.robot_model import load_robot
 from picktree.world.scene import load_scene, parse_scene
 
