@@ -24,6 +24,9 @@ from .feed_cell import CELL_CHECK_INTERVAL, DROP_HEIGHT, MAX_SETTLING_TIME, Feed
 from .footprints import distance, footprint
 from .spawn import LooseItem, SpawnedItem, draw_load
 
+MIN_ITEM_GAP = 0.005
+"""Least gap between two items at the light barrier, m: at an item's rim the barrier may flicker."""
+
 BELT_ACCELERATION = 0.25
 """Acceleration of a belt when it starts and stops, m/s².
 
@@ -264,7 +267,7 @@ class BeltFeed(ItemSource[BeltFeedState]):
             return False
         here, before = self._drive.travelled, self._state.seen
         self._state = replace(self._state, seen=here)
-        return before is None or here - before > 0.005  # m: the barrier may flicker at a rim
+        return before is None or here - before > MIN_ITEM_GAP
 
     def _wait_for_rest(self) -> None:
         riding = [b.id for b in self._cell.here() if self._drive.track.carries(b.pose.position)]

@@ -28,6 +28,11 @@ from .footprints import footprint, support_height
 from .spawn import LooseItem, SpawnedItem, draw_heap, draw_load, lay_out_some, occupied_outlines, set_down
 from .truth import TrueBody
 
+RETRY_INTERVAL = 1.0
+"""Time between two searches for free room on the table, s."""
+MAX_POURED_SETTLING_TIME = 5.0
+"""Longest wait for poured items to come to rest, s."""
+
 
 @dataclass(frozen=True, slots=True)
 class WaitingItem:
@@ -150,7 +155,7 @@ class TableFeed(ItemSource[TableFeedState]):
         places = self._places(hand)
         state = replace(self._state, tries=self._state.tries + 1)
         if not places:
-            self._state = replace(state, no_room=True, due=now + 1.0)
+            self._state = replace(state, no_room=True, due=now + RETRY_INTERVAL)
             return
         put = [self._put(hand[k], place) for k, place in sorted(places.items())]
         waiting = tuple(
@@ -287,7 +292,7 @@ class ToteFeed(ItemSource[ToteFeedState]):
             drawn=state.drawn + len(load),
             loads=state.loads + 1,
             settling=tuple(names),
-            until=self._cell.now + 5.0,  # s
+            until=self._cell.now + MAX_POURED_SETTLING_TIME,
         )
         message = f"{self.tote} comes with {_counted(len(load))}"
         self._events.append(

@@ -46,10 +46,14 @@ from .footprints import support_height
 
 MIN_THICKNESS = 0.002
 """Least thickness of a thing, m: twice the engine's margin of compound shapes."""
+POUR_GAP = 0.004
+"""Least distance of items that are about to fall, m."""
 POUR_HEIGHT = 0.01
 """Height of the lowest layer above its support, m."""
 TAG_FACE_SHARE = 0.95
 """Least width of a face that carries a tag, as a share of the tag's side."""
+PILE_WALL_HEIGHT = 0.6
+"""Height of the walls between which a pile is poured, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,6 +179,10 @@ def _solid(file: Path, raw: bytes, scale: float, side: float) -> dict[str, Array
     }
 
 
+MAX_STICKERS = 8
+"""Greatest number of tags on a thing."""
+
+
 def _stickers(parts: Sequence[Array], side: float) -> Array:
     """Return the frames (k, 4, 4) of tags on the greatest flat faces of convex parts (n, 3); z outwards."""
     found: list[tuple[float, Array]] = []
@@ -186,7 +194,7 @@ def _stickers(parts: Sequence[Array], side: float) -> Array:
             hidden = sum(bool(each.all()) for each in inside) > 1
             if min(size) >= TAG_FACE_SHARE * side and not hidden:
                 found.append((size[0] * size[1], frame))
-    ranked = sorted(found, key=lambda one: -one[0])[:8]
+    ranked = sorted(found, key=lambda one: -one[0])[:MAX_STICKERS]
     return np.array([frame for _, frame in ranked], dtype=np.float64).reshape(-1, 4, 4)
 
 
@@ -241,7 +249,7 @@ def pour_poses(
     """
     frame, size = _place(scene, spawn, where)
     reach = max(float(np.linalg.norm(corners(e.shape), axis=1).max()) for e in shapes)
-    cell = 2 * reach + 0.004  # m between falling items
+    cell = 2 * reach + POUR_GAP
     columns = [max(1, int(length / cell)) for length in size]
     if min(size) < reach:
         raise PicktreeError(
@@ -350,7 +358,7 @@ PILE_WALL = 0.01
 def pile_walls(scene: SceneDescription, spawn: Spawn, where: str) -> tuple[Fixture, ...]:
     """Return the walls between which a pile is poured: as high as the falling items, about the area."""
     frame, (x, y) = _place(scene, spawn, where)
-    height = 0.6  # as high as the falling items, m
+    height = PILE_WALL_HEIGHT
     sides = (
         ((PILE_WALL, y + 2 * PILE_WALL, height), ((x + PILE_WALL) / 2, 0.0)),
         ((PILE_WALL, y + 2 * PILE_WALL, height), (-(x + PILE_WALL) / 2, 0.0)),

@@ -22,6 +22,8 @@ MAX_REST_SPIN = 1.0
 """Greatest spin of an item at rest, rad/s."""
 MIN_SEATED_DEPTH_SHARE = 0.8
 """Share of a hole's depth that the lowest point of a seated item has reached."""
+MAX_SEATED_TILT = math.radians(5.0)
+"""Greatest tilt of an item that stands in a hole, rad."""
 MAX_PENETRATION = 0.15e-3
 """Penetration of an item and a fixture above which they have passed through each other, m."""
 
@@ -167,7 +169,7 @@ def why_not_seated(body: TrueBody, seat: HoleSeating) -> str:
     if seat.depth < MIN_SEATED_DEPTH_SHARE * seat.bottom:
         depth, wanted = 1000 * seat.depth, 1000 * seat.bottom
         return f"it is {depth:.1f} mm deep in {seat.hole}, which is {wanted:.1f} mm deep"
-    if seat.tilt > math.radians(5.0):
+    if seat.tilt > MAX_SEATED_TILT:
         return f"it leans by {math.degrees(seat.tilt):.1f} deg in {seat.hole}"
     if not rests(body):
         return f"it still moves in {seat.hole}"

@@ -29,6 +29,10 @@ from picktree.world.scene import NO_UNCERTAINTY, CatalogueEntry, Fixture, SceneD
 from .footprints import Footprint, distance, footprint, support_height
 from .heap_spawning import Stickers, draw_entries, pour_poses, upright_turn
 
+MAX_ITEM_ATTEMPTS = 12
+"""Number of attempts to place one item of a group."""
+MAX_GROUP_ATTEMPTS = 6
+"""Number of attempts to lay out a group."""
 PLACE_CANDIDATES = 12
 """Number of places next to others, of which the nearest to the group's middle is taken: a group, not a
 chain."""
@@ -55,7 +59,7 @@ def lay_out_touching(
 ) -> TouchingLayout | None:
     """Lay out all items as a group within the area of `spawn`, its `gap` away from the outlines `taken`. None
     when there is no room for one."""
-    for _ in range(6):
+    for _ in range(MAX_GROUP_ATTEMPTS):
         found = _group(spawn, shapes, turns, taken, rng)
         if found is not None:
             return found
@@ -75,7 +79,7 @@ def _group(
     places: dict[int, Array] = {}
     outlines: list[Footprint] = []
     for k in order:
-        for _ in range(12):
+        for _ in range(MAX_ITEM_ATTEMPTS):
             if not outlines:
                 spot, turn = low + (high - low) * rng.uniform(0.3, 0.7, size=2), turns[k]
             else:
@@ -133,8 +137,12 @@ def _about_z(yaw: float) -> Quaternion:
 
 TUMBLE_HEIGHT = 0.1
 """Free fall of a tumbled item, m."""
+MAX_PLACE_ATTEMPTS = 100
+"""Number of random places that are tried for an outline."""
 MAX_LAYOUT_ATTEMPTS = 3
 """Number of attempts for a layout of all outlines."""
+MAX_RELAXATION_ROUNDS = 100
+"""Greatest number of rounds in which crowded outlines are pushed apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -398,7 +406,7 @@ def _random_places(
     places: dict[int, Array] = {}
     for k in sorted(range(len(outlines)), key=lambda k: -outlines[k].reach):
         others = [*taken, *(outlines[j].at(p) for j, p in places.items())]
-        for _ in range(100):
+        for _ in range(MAX_PLACE_ATTEMPTS):
             spot = rng.uniform(low, high)
             if _clear(outlines[k].at(spot), others, spawn.gap):
                 places[k] = spot
@@ -429,7 +437,7 @@ def _relaxed_places(
     low, high = _corners(spawn)
     for _ in range(MAX_LAYOUT_ATTEMPTS):
         places = [rng.uniform(low, high) for _ in outlines]
-        for _ in range(100):
+        for _ in range(MAX_RELAXATION_ROUNDS):
             crowded = False
             for k, outline in enumerate(outlines):
                 one = outline.at(places[k])
@@ -452,6 +460,10 @@ def _relaxed_places(
     return None
 
 
+BROUGHT_BY_FAULT = -1
+"""Value of `brought_by` for items that a fault has added."""
+APPEARANCE_HEIGHT = 5e-4
+"""Height above the support at which an item appears, m."""
 MIN_ITEM_CLEARANCE = 5e-4
 """Clearance that a new or enlarged item needs around it, m."""
 
@@ -469,8 +481,8 @@ def placed_item(
         raise PicktreeError(f"nothing is below ({x:.3f}, {y:.3f})")
     entry = scene.entry(kind)
     turn = Pose(orientation=(0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
-    pose = turn.shifted((x, y, height - bottom(entry.shape, turn) + 5e-4))  # above the support, m
-    return SpawnedItem(name, entry, colour, pose, dropped=False, brought_by=-1)
+    pose = turn.shifted((x, y, height - bottom(entry.shape, turn) + APPEARANCE_HEIGHT))
+    return SpawnedItem(name, entry, colour, pose, dropped=False, brought_by=BROUGHT_BY_FAULT)
 
 
 def enlarged_item(entry: CatalogueEntry, pose: Pose, factor: float) -> tuple[CatalogueEntry, Pose]:

@@ -177,6 +177,9 @@ MIN_HAND_VIEWS = 4
 """Minimum number of views by a camera on the hand."""
 MIN_AXIS_SPREAD = math.radians(30.0)
 """Minimum angle between the hand's rotation axes, rad."""
+MAX_TOOL_DEVIATION = 5e-4
+"""Maximum standard deviation of the tool's position in any direction, m. Above it the tool is not
+corrected."""
 DIFFERENCE_STEP = 1e-6
 """Step of the central differences that approximate derivatives, m and rad."""
 
@@ -232,7 +235,7 @@ class ToolEstimate:
     @property
     def sure(self) -> bool:
         """Whether the touches determine the tool's position in all three directions."""
-        return max(self.deviation) < 5e-4  # m, in any direction
+        return max(self.deviation) < MAX_TOOL_DEVIATION
 
 
 @dataclass(frozen=True, slots=True)
@@ -378,6 +381,10 @@ def _deviation(sigma: Array) -> PoseDeviation:
     return PoseDeviation(vector3(sigma[:3]), vector3(sigma[3:]))
 
 
+MIN_VIEW_ROTATION = math.radians(10.0)
+"""Minimum rotation between two views, rad; smaller ones determine the rotation axis poorly."""
+
+
 def target_in_camera(shot: TargetImage, tiles: Sequence[TargetTile]) -> Pose:
     """Return the target's pose in the camera's optical frame, from the squares' depths alone, unweighted."""
     i = shot.intrinsics
@@ -418,7 +425,7 @@ def spread(shots: Sequence[TargetImage]) -> float:
 def _axis(one: Pose, other: Pose) -> Array | None:
     turn = _turn(one.inverse() @ other)
     angle = float(np.linalg.norm(turn))
-    return None if angle < math.radians(10.0) else turn / angle  # a smaller one gives no axis
+    return None if angle < MIN_VIEW_ROTATION else turn / angle
 
 
 def _turn(pose: Pose) -> Array:

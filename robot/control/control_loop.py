@@ -178,10 +178,14 @@ class ArmDrive:
         return standing and float(np.abs(self.setpoint.position - state.position).max()) > MAX_HOLD_ERROR
 
 
+TOOL_CHECK_PERIODS = 4
+"""Control periods between two checks of the TCP against the workspace."""
 TOUCH_FORCE = 20.0
 """Force above which the wrist counts as touched, not only loaded, N."""
 REST_TIME = 0.1
 """Time at rest before a tare or a load is read, s."""
+EFFORT_CHECK_TIME = 0.05
+"""Time between two checks of the joints' efforts, s. One check costs as much as a control step by itself."""
 MAX_UNATTENDED_MOTION = 0.2
 """Longest motion without attention of its holder, s: four ticks. A jog and a motion that was handed over
 brake by themselves before."""
@@ -232,7 +236,7 @@ class Supervision:
         """Check one control period, and return whether a stop was latched; see `SafetyMonitor.check`."""
         stopped = self._monitor.check(state, commanded, force, period)
         self.periods += 1
-        if self.periods % 4 == 0:  # periods between two checks of the workspace
+        if self.periods % TOOL_CHECK_PERIODS == 0:
             stopped = self._check_rarely(state) or stopped
         return stopped
 
@@ -261,7 +265,7 @@ class Supervision:
         if self._sampler.standing * self._hardware.period >= REST_TIME:
             stopped = self._check_load(state) or stopped
         elapsed = now - self._looked
-        if elapsed >= 0.05 - 1e-9:  # s: a check costs as much as a control step
+        if elapsed >= EFFORT_CHECK_TIME - 1e-9:
             self._looked = now
             if self._hardware.feels_effort:
                 stopped = self._check_efforts(state, self._sampler.acceleration, elapsed) or stopped
@@ -302,8 +306,12 @@ class Supervision:
         )
 
 
+CONTACT_RATE = 500
+"""Rate of physics and control in contact, Hz."""
 LOAD_REST_TIME = 0.05
 """Time at rest over which the load of the hand is averaged, s."""
+SETTLED_FORCE_DEVIATION = 0.5
+"""Standard deviation of the wrist force below which nothing vibrates, N."""
 SETTLE_LIMIT = 1.0
 """Longest wait for vibrations, s."""
 
@@ -375,7 +383,7 @@ class ControlLoop:
         return self.hardware.period
 
     @contextmanager
-    def contact(self, rate: int = 500) -> Generator[None]:
+    def contact(self, rate: int = CONTACT_RATE) -> Generator[None]:
         """Run sensors, control and physics `rate` times a second inside the context: 240, 500, 1000, …
 
         The rate changes between two ticks, while the arm is held; after a halt once it has braked. Raises
@@ -470,7 +478,7 @@ class ControlLoop:
         until = self._clock.now + SETTLE_LIMIT
         while self._clock.now < until:
             rested = self._drive.held and self._sampler.rested(REST_TIME)
-            if rested and self.wrist.unrest(WRIST_WINDOW) < 0.5:  # N: nothing vibrates
+            if rested and self.wrist.unrest(WRIST_WINDOW) < SETTLED_FORCE_DEVIATION:
                 return
             yield
 

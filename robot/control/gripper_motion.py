@@ -24,6 +24,10 @@ MIN_RELEASE_SHARE = 0.25
 MIN_FORCE_SHARE = 0.75
 """Least force of standing fingers, as a share of the commanded one. Measured over sorts with hand and
 linkage: 0.97 and more."""
+FORCE_RISE_TICKS = 4
+"""Ticks in which the force of fingers that have just stopped may still rise."""
+MAX_MET_OPENING = 2e-3
+"""Opening up to which the fingers touch each other, m. Their force then says nothing about an object."""
 MIN_FINGER_TRAVEL = 1e-3
 """Travel up to which fingers have not moved, m, when the commanded opening is farther off."""
 OPENING_SPARE_TIME = 0.5
@@ -144,7 +148,7 @@ class GripperControl:
 
         Raises Failure(control.gripper) when they have not moved, or press with less than the commanded force.
         """
-        for _ in range(4):  # the force of fingers that have just stopped may still rise
+        for _ in range(FORCE_RISE_TICKS):
             if self._unsound(begun) is None:
                 return
             yield
@@ -155,7 +159,7 @@ class GripperControl:
     def _unsound(self, begun: float) -> Failure | None:
         state, commanded = self._gripper.read(), self._force
         moved, presses = begun - state.width, abs(state.force)
-        met = state.width <= self._description.min_width + 2e-3  # the fingers touch each other, m
+        met = state.width <= self._description.min_width + MAX_MET_OPENING
         if presses >= MIN_FORCE_SHARE * commanded or met:
             return None
         evidence = {"width": state.width, "moved": moved, "force": presses, "told": commanded}

@@ -31,6 +31,8 @@ INERTIA_UPDATE_TIME = 0.05
 """Time between two computations of the terms that depend on the inertia, s."""
 ANCHOR_JOINT_SPEED_SHARE = 0.4
 """Share of the joints' speed limits that following the anchor may take."""
+TORQUE_RATE = 1000.0
+"""Greatest rate of a joint torque, Nm/s."""
 POSTURE_LIMIT_MARGIN = 0.2
 """Distance that the null-space posture keeps from the joints' limits, rad."""
 MAX_LINE_OFFSET, MAX_LINE_ROTATION = 0.004, 0.03
@@ -71,7 +73,7 @@ class CartesianImpedance:
         self._spring: Array = np.zeros((6, 6))
         self._damping: Array = np.zeros((6, 6))
         self._aim = np.zeros(6)
-        self._step: float = 1000.0 * period  # Nm/s
+        self._step: float = TORQUE_RATE * period
         self._age = 0.0
         self._bounds = SoftJointLimits(model)
         self.blocked_by = ""
@@ -180,12 +182,16 @@ YIELD_DISTANCE = 0.003
 contact, a tenth of a millimetre of encoder noise is 20 N."""
 YIELD_TIME = 0.35
 """Time for which the arm gives way, s."""
+ZERO_WINDOW = 0.05
+"""Time at rest over which the wrist force before a motion is averaged, s."""
 FOLLOWING_TIME = 0.15
 """Time for which the anchor of gravity compensation follows the arm before it leaves a contact, s."""
 PRESSING_FORCE = 1.5
 """Force at the wrist beyond the load above which something presses on it, N."""
 CALM_TORQUE, CALM_SPEED = 1.0, 0.02
 """External torque, Nm, and joint speed, rad/s, below which nothing presses and the arm stands."""
+CALM_TIME = 0.1
+"""Time below these limits until the arm counts as calm, s."""
 MAX_DRIFT = 0.03
 """Greatest drift of a joint that is pushed, rad."""
 USUAL_TIME_CONSTANT = 0.6
@@ -238,7 +244,7 @@ class JointImpedanceController(TrajectoryController):
         self._driven: Array = state.effort.copy()
         self._observer = ExternalTorqueObserver(model, self._period, pressing)
         self._usual: Array = pressing - model.jacobian(q).T @ self._carried
-        self._force: Array = self._wrist.over(0.05, q)[:3]  # mean over 0.05 s at rest
+        self._force: Array = self._wrist.over(ZERO_WINDOW, q)[:3]
 
     def update(self, now: float, state: JointState) -> TorqueCommand:  # pyright: ignore[reportIncompatibleMethodOverride]
         q, v, model = state.position, state.velocity, self._model
@@ -345,7 +351,7 @@ class GravityCompensationController:
     @property
     def calm(self) -> bool:
         """Whether nothing presses any more and the arm stands."""
-        return self._calm >= 0.1  # s
+        return self._calm >= CALM_TIME
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
         q, model = state.position, self._model
@@ -471,6 +477,8 @@ It comes before the arm can give way. As a mean over the 37.5 ms of the safety m
 """
 HOUSING_RADIUS = 0.05
 """Radius of the housing around a joint, m. An obstacle meets the surface, no point inside of it."""
+SMOOTHING_SAMPLES = 3
+"""Number of samples, on either side, over which the slowdown begins and ends."""
 
 
 def slowed_trajectory(model: RobotModel, trajectory: Trajectory, speed: float) -> Trajectory:
@@ -529,7 +537,7 @@ def _allowed_share(model: RobotModel, trajectory: Trajectory, speed: float) -> A
 
 def _smoothed(limit: Array) -> Array:
     """Return values (m,) that change smoothly and are nowhere above `limit` (m,)."""
-    n = 3  # samples on either side
+    n = SMOOTHING_SAMPLES
     windows = np.lib.stride_tricks.sliding_window_view
     lowest = windows(np.pad(limit, 2 * n, mode="edge"), 2 * n + 1).min(axis=1)
     mean = windows(lowest, n + 1).mean(axis=1)

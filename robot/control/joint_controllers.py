@@ -14,10 +14,16 @@ from .commands import Controller, JointCommand
 
 OFFSET_FADE_TIME = 0.25
 """Time in which a small offset to the start of a trajectory fades out, s."""
+MIN_PATH_DECELERATION = 1.0
+"""Least deceleration of the progress along a path, 1/s²: braking on the path ends within a second in any
+case."""
 PATH_BRAKING_SHARE = 0.6
 """Acceleration of braking on a path, as a share of its limits."""
+MAX_PATH_DECELERATION = 60.0
 BRAKING_TORQUE_SHARE = 0.85
 """Share of the torque limits that braking takes: the servo and a held object need the rest."""
+TORQUE_RELAXATIONS = 8
+"""Iterations that redistribute torque from joints with a reserve to joints that lack it."""
 MIN_BRAKING_SHARE = 0.15
 """Least share of the remaining braking that is applied in any case."""
 MAX_UNATTENDED_TIME = 0.1
@@ -82,7 +88,7 @@ class BrakeController:
         coasting = model.bias(self._position, self._velocity)
         limit = BRAKING_TORQUE_SHARE * model.torque_limit
         change = most.copy()
-        for _ in range(8):
+        for _ in range(TORQUE_RELAXATIONS):
             torque = mass @ change + coasting
             excess = torque - np.clip(torque, -limit, limit)
             if not excess.any():
@@ -191,7 +197,7 @@ class TrajectoryController:
         torque = mass @ bend + self._model.bias(position, along * self._rate)
         most = BRAKING_TORQUE_SHARE * self._model.torque_limit
         room = min(_room(bend, -along, self._limit), _room(torque, mass @ -along, most))
-        deceleration = min(max(room, 1.0), 60.0)  # 1/s²: a brake ends within 1 s
+        deceleration = min(max(room, MIN_PATH_DECELERATION), MAX_PATH_DECELERATION)
         self._rate = max(0.0, self._rate - deceleration * self._period)
 
 

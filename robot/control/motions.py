@@ -29,6 +29,10 @@ MAX_SOFT_DELAY = 2.0
 """Longest duration of a soft motion beyond that of its trajectory, s."""
 
 
+JOG_GUARD = 25.0
+"""Contact force that stops a jog by default, N."""
+
+
 class ArmMotion(ContactMotion):
     """Motions of the arm that skills use. One motion at a time: a motion that starts takes the arm from the
     one before."""
@@ -146,7 +150,7 @@ class ArmMotion(ContactMotion):
         twists: Twists,
         *,
         node: str = "",
-        guard: float = 25.0,
+        guard: float = JOG_GUARD,
         duration: float = math.inf,
         distance: float = math.inf,
     ) -> Doing[JogResult]:

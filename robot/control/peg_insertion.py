@@ -105,6 +105,8 @@ Part: TypeAlias = Generator[None, ContactState, ContactState]
 one."""
 CLEAR_FOOT_HEIGHT = 0.008
 """Height of the foot above the surface where the peg is clear of it, m."""
+LEAN_ANGULAR_SPEED = 0.4
+"""Angular speed of the tool when it leans, rad/s."""
 EXTRACTION_SPEED = 0.02
 """Speed out of the hole, m/s."""
 AIR_SPEED = 0.05
@@ -206,7 +208,7 @@ class PegMotion(CompliantMotion):
         angle = math.acos(min(1.0, max(-1.0, (float(np.trace(between)) - 1.0) / 2.0)))
         axis = rotation_axis(between)
         way = position - start
-        time = max(float(np.linalg.norm(way)) / speed, angle / 0.4, 1e-3)  # m/s and rad/s
+        time = max(float(np.linalg.norm(way)) / speed, angle / LEAN_ANGULAR_SPEED, 1e-3)
         begun = felt.elapsed
         self.wrench = np.zeros(6)
         while felt.elapsed - begun < time:
@@ -280,6 +282,8 @@ SURFACE_DESCENT_SPEED = 0.03
 MAX_SURFACE_ERROR = 0.006
 """Greatest error of the surface's believed height, m: tilt of the fixture and height of the peg in the
 hand."""
+RAISING_ANGULAR_SPEED = 0.2
+"""Angular speed at which the leaning peg is raised, rad/s."""
 UPRIGHT_LEAN = math.radians(2.5)
 """Lean below which the peg counts as upright, rad. Its angle in the hand is not known more precisely."""
 WALL_SPIRAL_RADIUS = 0.0025
@@ -288,6 +292,10 @@ SLIDING_SPEED = 0.02
 """Speed of the leaning peg along the surface, m/s."""
 SLIDING_PRESS_SHARE = 0.75
 """Force on the surface while the leaning peg slides, as a share of `press`."""
+MIN_WALL_RESISTANCE = 0.5
+"""Least resistance that shows a wall, N. A slide with less says nothing about walls."""
+MAX_SLIDES = 3
+"""Maximum number of slides of a leaning peg around one grid point; each begins at the wall found before."""
 SPIRAL_FORCE_SHARE = 0.35
 """Force along the spiral, as a share of the force on the surface. Friction takes about as much."""
 SPIRAL_STIFFNESS = 1500.0
@@ -452,7 +460,7 @@ class InsertionMotion(PegMotion):
         for a, b in grid(0.7 * self._mouth.across, self._mouth.slack):
             self.searched = max(self.searched, math.hypot(a, b))
             aim = self._mouth.middle + a * x + b * y
-            for _ in range(3):  # each begins at the wall found before
+            for _ in range(MAX_SLIDES):
                 felt = yield from self._lean(felt, aim)
                 felt, blocked, wall = yield from self._against_wall(felt)
                 if blocked or wall is None:
@@ -523,13 +531,13 @@ class InsertionMotion(PegMotion):
                 return felt, True, wall
             low = felt.position + felt.rotation @ self._tip - self._mouth.middle
             if float(towards @ low) > self._reach + self._mouth.slack + BESIDE_TOLERANCE:
-                return felt, False, wall if greatest > 0.5 else None  # N
+                return felt, False, wall if greatest > MIN_WALL_RESISTANCE else None
 
     def _upright(self, felt: ContactState) -> Part:
         """Raise the leaning peg against the wall, and let it drop."""
         touch, up = self._touch, self._mouth.up
         axis, towards = np.cross(up, self._towards), self._towards
-        begun, rising = felt.elapsed, touch.lean / 0.2  # rad/s
+        begun, rising = felt.elapsed, touch.lean / RAISING_ANGULAR_SPEED
         while True:
             time = felt.elapsed - begun
             angle = touch.lean * max(0.0, 1.0 - time / rising)

@@ -26,6 +26,8 @@ LIMIT_RETURN_TIME = 0.1
 """Time in which a joint beyond its limit comes back, s."""
 MIN_LIMIT_APPROACH_TIME = 0.25
 """Least time in which a target may use up a joint's distance to its limit, s."""
+MIN_TARGET_SPEED = 1e-3
+"""Speed of a target below which a joint at its limit has ended the motion, m/s."""
 MAX_STRAY_SHARE = 0.05
 """Greatest deviation of a motion without one joint, as a share of its speed; rad/s count as m/s."""
 WORKSPACE_EDGE_MARGIN = 0.002
@@ -105,7 +107,7 @@ class SoftJointLimits:
             if room[k] / MIN_LIMIT_APPROACH_TIME >= fastest[k] or int(free.sum()) <= 6:
                 break
             free[k] = False
-        blocked = held >= 0 and best < 1e-3  # m/s
+        blocked = held >= 0 and best < MIN_TARGET_SPEED
         return CartesianSpeedLimit(best, self._model.description.joints[held] if blocked else "")
 
     def at_limit(self, q: Array) -> str:

@@ -21,6 +21,8 @@ from .external_torque import EffortCheck
 from .payload_estimate import Payload
 from .safety_monitor import SafetyMonitor
 
+READINGS_KEPT_TIME = 0.21
+"""Time over which readings are kept, s."""
 DEFAULT_READING_INTERVAL = 1 / 240
 """Default time between two readings, s."""
 MAX_BIAS = 12.0
@@ -101,7 +103,7 @@ class WristWrench:
         if not readings or reading.force != readings[-1][1].force:
             self._changed = now
         readings.append((now, reading))
-        while now - readings[0][0] > 0.21:  # s
+        while now - readings[0][0] > READINGS_KEPT_TIME:
             readings.popleft()
         self.force = self._external(reading)
 

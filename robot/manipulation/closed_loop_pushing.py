@@ -97,6 +97,8 @@ ROTATION_SHARE = 0.5
 """Share of the expected rotation during a push that counts: friction at the corner holds some back."""
 WIDE_CONTACT_HALF_LENGTH = 0.016
 """Half contact length from which the heading has that precision, m."""
+MAX_AGREEING_SIGMAS = 4.0
+"""Difference between vision and contact that is a contradiction, in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,7 +156,7 @@ def fuse_estimates(touch: PlanarEstimate, sight: PlanarEstimate, turn: float) ->
     both = touch.covariance + sight.covariance
     spread = touch.turned**2 + sight.turned**2
     apart = float(off @ np.linalg.solve(both, off)) + (yaw**2 / spread if turn else 0.0)
-    if apart > 4.0**2:  # standard deviations
+    if apart > MAX_AGREEING_SIGMAS**2:
         return sight
     gain = touch.covariance @ np.linalg.inv(both)
     x, y = np.array([touch.at.x, touch.at.y]) + gain @ off
@@ -184,6 +186,12 @@ IMAGES_BETWEEN_STROKES = 5
 """Number of images of an object between two strokes."""
 MAX_STROKE_LENGTH = 0.06
 """Maximum length of one stroke, m; longer only when few strokes are allowed."""
+MIN_BLOCKED_MOTION = 0.004
+"""Least motion of a blocked object that counts as motion, m."""
+MAX_TESTED_PUSHES = 12
+"""Maximum number of singulation pushes that are tested for reachability."""
+MAX_FAILED_STROKES = 2
+"""Number of consecutive strokes without success (object lost or unmoved) after which the skill fails."""
 HEADING_ERROR_WEIGHT = 0.02
 """Weight of the heading error in the remaining error of an object, m for each radian."""
 
@@ -225,7 +233,7 @@ class _Progress:
 
     def add(self, stroke: PushStroke, pushed: PushResult, travel: float) -> None:
         """Add a stroke that has moved the object by `travel` m."""
-        self.stalled = self.stalled + 1 if pushed.blocked and travel < 0.004 else 0  # m
+        self.stalled = self.stalled + 1 if pushed.blocked and travel < MIN_BLOCKED_MOTION else 0
         self.lost = self.lost + 1 if pushed.lost else 0
         if self.stalled:
             self.blocked_sides.add(stroke.side.name)
@@ -236,7 +244,7 @@ class _Progress:
             (self.stalled, push.STALLED, "does not move"),
             (self.lost, push.LOST_CONTACT, "does not stay at the fingers"),
         ):
-            if count >= 2:
+            if count >= MAX_FAILED_STROKES:
                 message = f"{object_id} {what}: {self.strokes[-1]}"
                 raise Failure(cause, message, object=object_id, strokes=self.strokes)
 
@@ -467,7 +475,7 @@ def _choose_singulation(
         raise Failure(push.NO_STROKE, message, object=target.id, unchanged=True)
     offered = world.attempts.remaining(task.node, target.id, singulation_pushes(world, target))
     why: list[str] = []
-    for one in offered[:12]:  # at most these are tested for reachability
+    for one in offered[:MAX_TESTED_PUSHES]:
         answer = plan_stroke(world, one.pushed, one.stroke, [n for n in one.there if n != one.pushed.id])
         if isinstance(answer, FeasibleStroke):
             return one, answer

@@ -104,6 +104,8 @@ TIP_CLEARANCE = 0.002
 """Clearance of the finger tips above the object's support, m."""
 PALM_CLEARANCE = 0.006
 """Clearance of the palm above the object, m."""
+MAX_FLAT_HEIGHT = 0.014
+"""Height of an object below which the hand descends until contact, m."""
 SLIDE_SHARES = (0.0, 0.25, -0.25)
 """Places along the object's free axis, as shares of its length beyond one finger width."""
 SECOND_GRASP_RISE = 0.010
@@ -210,7 +212,7 @@ def grasp_candidates(
                             opening=opening,
                             expected_width=span.width,
                             margin=NEIGHBOUR_MARGIN[tier],
-                            flat=height < 0.014,  # m: descend until contact
+                            flat=height < MAX_FLAT_HEIGHT,
                             score=score + 0.3 * k,
                         )
                     )
@@ -315,6 +317,8 @@ TURNED = math.radians(20.0)
 """Turn of the hand after which a body must not be much narrower, rad: else closing pads turn it."""
 MAX_NARROWING = 5e-4
 """Greatest decrease of a body's width after that turn, m: that of fine facets."""
+ROUND_EXCESS = 1e-3
+"""Greatest difference of the widths of a round outline, m."""
 
 
 def _hull_spans(shape: ConvexMesh, pose: Pose, yaws: int) -> list[_Span]:
@@ -326,7 +330,7 @@ def _hull_spans(shape: ConvexMesh, pose: Pose, yaws: int) -> list[_Span]:
     """
     outline = _outline(shape, pose)
     widths = np.array([_width(outline, k * math.pi / 36) for k in range(36)])
-    if float(np.ptp(widths)) < 1e-3:  # m: round
+    if float(np.ptp(widths)) < ROUND_EXCESS:
         return _round_spans(float(widths.max()), pose, yaws)
     spans: list[_Span] = []
     for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):

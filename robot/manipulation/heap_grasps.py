@@ -43,6 +43,8 @@ SAMPLED_ROWS, SAMPLED_SHARES, SAMPLED_HEIGHT = (-4, -2, 0, 2, 4), np.linspace(-0
 the finger tips, m."""
 MIN_SAMPLED = 0.008
 """Least width in which colours are sampled, m."""
+CENTRINGS = 2
+"""Number of times that the hand is moved to the middle of what lies between the pads."""
 PROFILE_ROWS, PROFILE_REACH, AXIS_REACH = 4, 20, 20
 """Half-sizes in cells: of a profile across and along the closing direction, and of the search for a thing's
 ends."""
@@ -256,7 +258,7 @@ class _Sweep:
     def grasps(self) -> list[_Graded]:
         """Return the graded grasps of this closing direction, with the hand centred on what it grips."""
         picked = np.concatenate([self._places(k) for k in range(len(self._halves))])
-        for _ in range(2):  # move the hand to the middle of the bodies between the pads
+        for _ in range(CENTRINGS):
             picked = np.unique(self._inside(picked), axis=0)
             if not len(picked):
                 return []

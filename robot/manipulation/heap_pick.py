@@ -43,6 +43,12 @@ RIM_CLEARANCE = 0.03
 """Clearance of a lifted thing above the rim of its tote, m."""
 HULL_MARGIN = 0.006
 """Inflation of a thing's hull, m: cells of 2 mm, and parts of it that others hide."""
+MAX_STEP = 0.006
+"""Step of height between cells from which on they belong to two things, m."""
+MAX_THING = 0.06
+"""Distance from the grasp up to which cells may belong to the thing, m."""
+RETRY_CAUSES = (grasp.MISSED, grasp.SLIPPED, world_causes.DISTURBED)
+"""Failures of one grasp after which another one is tried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +106,7 @@ def pick_any(world: World, task: HeapPickTask, attempts: int) -> Doing[ObjectId]
             yield from _let_go(world)
             # The thing is still there, and so are its heights where the arm hides them from the camera.
             _store(world, task.tote, _barring(world, heap, candidate), "the grasp has failed")
-            if left == 0 or failure.cause not in (grasp.MISSED, grasp.SLIPPED, world_causes.DISTURBED):
+            if left == 0 or failure.cause not in RETRY_CAUSES:
                 raise
             yield from _clear_view(world, task)
     raise AssertionError("at least one attempt")
@@ -204,9 +210,9 @@ def _cells_between(
     n, m = heap.shape
     i, j = np.meshgrid(np.arange(n), np.arange(m), indexing="ij")
     away = np.hypot((i + 0.5) * heap.cell - tip[0], (j + 0.5) * heap.cell - tip[1])
-    high = (heights > tip[2]) & ~heap.beside_walls() & (away < 0.06)  # m
+    high = (heights > tip[2]) & ~heap.beside_walls() & (away < MAX_THING)
     rough = np.ptp(np.stack([np.roll(heights, by, axis=(0, 1)) for by in ((0, 0), (1, 0), (0, 1))]), axis=0)
-    joined = (high & (rough < 0.006)).astype(np.uint8)  # m: a higher step separates two things
+    joined = (high & (rough < MAX_STEP)).astype(np.uint8)
     parts = np.asarray(cv2.connectedComponents(joined, connectivity=4)[1], dtype=np.intp)
     near = parts[high & (away < max(width / 2, 0.006))]
     own = [part for part in np.unique(near) if part > 0]

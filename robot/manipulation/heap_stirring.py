@@ -59,6 +59,8 @@ DIRECTIONS = 16
 """Directions of strokes over a whole turn."""
 TILT = math.radians(30.0)
 """Angle between a leaning hand and the vertical, rad: it reaches the foot of the wall behind it."""
+LENGTHS = (0.05, 0.09, 0.13)
+"""Lengths of strokes, m."""
 LEVELS = (0.006, 0.010, 0.016, 0.026, 0.038)
 """Heights of the finger tips above the floor, m: the lowest that is free where the stroke begins is taken."""
 START_CLEARANCE, PALM_CLEARANCE = 0.003, 0.005
@@ -81,6 +83,8 @@ THING_REACH = 0.02
 """Distance up to which things move along with the fingers on them, m."""
 HOOK_REACH, HOOK_RISE = 0.018, 0.008
 """Distance ahead of the fingers at which a crest holds a thing to them, and its height for a sure hold, m."""
+MIN_WORTH = 1e-6
+"""Least value of a stroke, m³."""
 BLOCK = 10
 """Edge length in cells of the squares of which each has one stroke for a direction."""
 Heights = NDArray[np.float32]
@@ -247,7 +251,7 @@ class _Turned:
         palm = self._lowest(self._solid, hand, posture, fingers=False)
         # Things give way to the fingers, walls do not.
         way = np.maximum(palm, self._lowest(self._walls, hand, posture, fingers=True))
-        ways = {length: self._swept(way, length) for length in (0.05, 0.09, 0.13)}  # m
+        ways = {length: self._swept(way, length) for length in LENGTHS}
         yield from self._best(self._pushes(hand, posture, fingers, ways), posture, drags=False)
         if posture.side == 0 and not posture.open:
             yield from self._best(self._drags(hand, fingers, ways), posture, drags=True)
@@ -420,11 +424,15 @@ def _best_of_blocks(worth: Heights) -> NDArray[np.intp]:
     padded[: len(worth), : len(worth)] = worth
     count = n // BLOCK
     blocks = padded.reshape(count, BLOCK, count, BLOCK).transpose(0, 2, 1, 3).reshape(count**2, BLOCK**2)
-    which = np.flatnonzero(blocks.max(axis=1) > 1e-6)  # m³
+    which = np.flatnonzero(blocks.max(axis=1) > MIN_WORTH)
     inner = blocks[which].argmax(axis=1)
     return np.column_stack([which // count * BLOCK + inner // BLOCK, which % count * BLOCK + inner % BLOCK])
 
 
+MAX_TESTED_STROKES = 16
+"""Greatest number of strokes that are tested for reachability."""
+MAX_TRIED_STARTS = 4
+"""Greatest number of strokes whose start is tried."""
 DRAG_FORCE = 10.0
 """Force with which the fingers press on a thing that they drag, N."""
 CHANGED_HEIGHT, CHANGED_AREA = 0.005, 2e-4
@@ -483,7 +491,7 @@ def _begin(world: World, task: HeapPickTask, heap: ObjectId) -> Doing[tuple[Heap
     Raises push.no_stroke, and the failures of motions.
     """
     refused: Failure | None = None
-    for _ in range(4):  # starts
+    for _ in range(MAX_TRIED_STARTS):
         one, over, flipped = _choose(world, task)
         world.attempts.failed(task.node, heap, one.name)
         opening = _opening(world, one)
@@ -507,7 +515,7 @@ def _choose(world: World, task: HeapPickTask) -> tuple[HeapStroke, Array, bool]:
     fresh = world.attempts.remaining(task.node, heap_geometry.heap_id(task.tote), offered)
     why: list[str] = []
     rim, heap = rim_height(world, task.tote) + RIM_CLEARANCE, (heap_geometry.heap_id(task.tote),)
-    for one in fresh[:16]:  # at most these are tested for reachability
+    for one in fresh[:MAX_TESTED_STROKES]:
         opening, rise = _opening(world, one), max(world.handling.approach, rim - one.tips)
         tip = world.robot.fingers.reach(opening)
         refusals: list[str] = []

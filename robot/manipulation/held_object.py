@@ -45,6 +45,8 @@ if TYPE_CHECKING:
 
 PUT_BACK = "it is a part of the heap again"
 """Reason why a thing leaves the belief when it is put back into a heap."""
+DROPPED_CONFIDENCE = 0.3
+"""Confidence in the estimated pose until the object is seen again."""
 
 
 def open_gripper(world: World, reason: str, width: float | None = None) -> Doing[None]:
@@ -87,7 +89,7 @@ def release_object(scene: PlanningScene, reason: str, *, left_at: Pose | None = 
             object_in_tcp=None,
             pose=fallen,
             place=place,
-            confidence=0.3,  # until it is seen again
+            confidence=DROPPED_CONFIDENCE,
             sigma_position=FALLEN_SIGMA,
         ),
         reason,
@@ -119,6 +121,8 @@ MIN_RELEASED_SHARE = 0.5
 """Share of the load that must be gone after a release."""
 RELEASED_OPENING_SHARE = 0.33
 """Share of a release's opening from which an object in the air falls."""
+MAX_FALL_TICKS = 3
+"""Ticks in which the load of a falling object leaves the hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -327,7 +331,7 @@ def drop_held_object(
     The arm is at rest. The fingers go on opening.
     """
     yield from release_held_object(world, held, resting, place, "placed", share=RELEASED_OPENING_SHARE)
-    for _ in range(3):  # ticks in which the load leaves the hand
+    for _ in range(MAX_FALL_TICKS):
         if is_released(before, world.control.load(world.tick)):
             return True
         yield

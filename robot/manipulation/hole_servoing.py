@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 MAX_MOUTH_OFFSET = 0.008
 """Greatest distance of a mouth from its believed place, m."""
+LOOK_DISTANCES = (0.20, 0.24, 0.17)
+"""Distances of the camera from the mouth, best first, m."""
 FACE_MARGIN = 0.010
 """Width of the face around the mouth that the hand must not hide, m."""
 HAND_MASK_MARGIN = 8
@@ -63,7 +65,7 @@ def look_at_hole(world: World, hole_id: ObjectId, node: str) -> Doing[Pose | Non
 
 def _go(world: World, camera: CameraDescription, hole: Hole, believed: Pose, node: str) -> Doing[bool]:
     """Move the arm to where the mouth is visible; False: there is no path to such a pose."""
-    for distance in (0.20, 0.24, 0.17):  # m to the mouth, the best first
+    for distance in LOOK_DISTANCES:
         poses = views(world, camera, hole, believed, distance)
         if not poses:
             continue

@@ -206,8 +206,14 @@ def inserted_pose(fit: InsertionTask, tcp_in_world: Pose) -> Pose:
 
 LINEAR_STIFFNESS, ANGULAR_STIFFNESS = 600.0, 30.0
 """Stiffness of the Cartesian impedance during the search, N/m and Nm/rad."""
+GRIP_SETTLE_TIME = 0.4
+"""Time in which the pads settle on the object after the grip was tightened, s."""
 SEARCH_TIME_LIMIT = 120.0
 """Time limit of one insertion by contact, s."""
+MIN_OPENING_CHANGE = 0.0015
+"""Change of the opening that shows that the object has turned in the hand, m."""
+SEEN_MOUTH_UNCERTAINTY = 0.002
+"""Uncertainty of a mouth's position seen by the hand camera, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -259,7 +265,11 @@ def choose_hole(world: World, held: BeliefObject, into: ObjectId, node: str) -> 
     from .hole_servoing import look_at_hole  # needs OpenCV
 
     seen = yield from look_at_hole(world, hole.id, node)
-    return task if seen is None else replace(task, hole_in_world=seen, uncertainty=0.002 + MAX_HELD_OFFSET)
+    return (
+        task
+        if seen is None
+        else replace(task, hole_in_world=seen, uncertainty=SEEN_MOUTH_UNCERTAINTY + MAX_HELD_OFFSET)
+    )
 
 
 def move_over_hole(
@@ -302,7 +312,7 @@ def insert_by_contact(
     """
     with world.control.contact(rate=task.rate):
         world.gripper.press(grip)
-        for _ in range(math.ceil(0.4 / world.tick)):  # the pads settle in 0.4 s
+        for _ in range(math.ceil(GRIP_SETTLE_TIME / world.tick)):
             yield
         width = world.gripper.width
         motion = InsertionMotion(
@@ -338,7 +348,7 @@ def explain_missed_insertion(
     hold = yield from measure_grip(world)
     if not hold.held:
         yield from fail_as_slipped(world, object_id, hold, f"slipped out of the fingers at {hole.id}")
-    if abs(hold.width - result.width) > 0.0015:  # m: the object has turned in the hand
+    if abs(hold.width - result.width) > MIN_OPENING_CHANGE:
         return Failure(
             grasp.SLIPPED,
             f"{object_id} has turned in the hand at {hole.id}: the fingers stood "

@@ -19,6 +19,8 @@ CELL = 0.002
 """Edge length of a cell of the map, m: that of a heap's."""
 MAP_MARGIN = 0.06
 """Free place around the object on its map, m: a hand fits there."""
+MAX_OFF_CENTRE = 0.004
+"""Greatest distance of what the pads meet from the middle between them, m."""
 MIN_SPARE = 0.004
 """Least distance between open pads and what they meet, both sides together, m."""
 NAMED_STEP = 5.0
@@ -80,7 +82,7 @@ def _met(
     if contacts is None or not contacts.opposed or contacts.width > grasp.opening - MIN_SPARE:
         return None
     off = (contacts.left + contacts.right) / 2
-    if abs(off) > 0.004:  # m from the middle between the pads
+    if abs(off) > MAX_OFF_CENTRE:
         return None
     centred = grasp.tcp_in_world @ Pose((0.0, off, 0.0))
     return replace(grasp, tcp_in_world=centred, expected_width=contacts.width)

@@ -40,6 +40,8 @@ before."""
 DOWNWARDS, UPWARDS = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)
 MIN_LOWERING_SHARE = 0.2
 """Share of the way down below which it is not begun beside an obstacle."""
+SETTLING_TRAVEL = 0.001
+"""Greatest travel of the tool while the arm settles before a guarded move, m."""
 LIFT_GUARD_FORCE = 10.0
 """Force that lifting an object may add to the guard of a motion, N."""
 
@@ -57,7 +59,7 @@ def descend_until_contact(
     tool = world.control.tcp.position
     # Tips that retract far as they open may stay behind the TCP, which then comes to the edge first.
     room = distance_to_workspace_edge(world.description.limits.workspace, tool, np.array(DOWNWARDS))
-    room -= 0.001  # m, while the arm settles before a guarded move
+    room -= SETTLING_TRAVEL
     with world.scene.allow(("gripper", object_id)):
         contact = False
         if min(way, room) > 0.0:
@@ -194,6 +196,8 @@ def _move_up(
 
 MIN_LIFT_SHARE = 0.3
 """Share of the straight way up or down that must be free. The rest is skipped."""
+MAX_START_ERROR = 0.005
+"""Start error above which a plan belongs to another configuration, rad in any joint."""
 DESCENT_SPEED = 0.5
 """Speed onto a grasp, as a share of that of travel: at full speed a misplaced object is hit too hard."""
 SLOW_DESCENT_COST = 0.5
@@ -356,4 +360,4 @@ def take_transfer(world: World, transfer: LookaheadResult) -> Doing[MotionPlan |
     if plan is None:
         return None
     off = float(np.abs(plan.trajectory.start - world.control.held_position).max())
-    return plan if off < 0.005 else None  # rad; else it belongs to another configuration
+    return plan if off < MAX_START_ERROR else None

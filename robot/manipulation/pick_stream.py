@@ -53,10 +53,14 @@ MAX_TAKEN_TURNS, MAX_TAKEN_PLACES = 3, 36
 MAX_TESTED_PLACES, FEW_TESTED_PLACES, MAX_BARREN_GRASPS = 16, 3, 3
 """Tested places at which a grasp gives up; the lower number once `MAX_BARREN_GRASPS` grasps have given up;
 `MAX_BARREN_GRASPS` itself."""
+LOW_TIPS_COST = 5.0
+"""Cost of a grasp whose finger tips do not stay above the hole, s."""
 PRESSING_RELEASE_COST = 4.0
 """Cost of a place where the opening fingers would press against a neighbour, s."""
 MAX_TURNED_GRASPS = 4
 """Number of grasps whose approach is tried from other configurations at the pre-grasp."""
+MIN_POSTURE_DIFFERENCE = 0.1
+"""Difference of a joint at which two configurations are different ones, rad."""
 MAX_UNREACHED_TURNS = 4
 """Unreached rotations over one cell after which the next cell is tried."""
 
@@ -147,7 +151,7 @@ class CandidateSearch:
             if self._hole is not None and fingertips_too_low(
                 self._hole, belief, grasp, world.robot.description.gripper
             ):
-                cost += 5.0  # s
+                cost += LOW_TIPS_COST
             self._push(_Branch(grasp, cost, self._hand_fits, guess))
 
     # ---- search
@@ -377,7 +381,7 @@ class CandidateSearch:
         self._turned.add(branch.grasp.name)
         tcp = branch.grasp.pre_grasp(self._world.handling.approach)
         for over in self._world.plan.postures(self._request(tcp, self._start, branch.grasp)):
-            if np.abs(over - branch.over).max() > 0.1:  # rad
+            if np.abs(over - branch.over).max() > MIN_POSTURE_DIFFERENCE:
                 longer = joint_travel_time(self._world.robot, self._start, over)
                 yield replace(branch, over=over, known=branch.known + longer)
 

@@ -34,13 +34,20 @@ if TYPE_CHECKING:
     from picktree.robot.control import Doing
     from picktree.world.scene import CameraDescription
 
+MIN_SEEN_AREA = 5e-5
+"""Area from which on a thing counts as seen, m²."""
+
 AZIMUTHS = 12
 """Number of directions of the tool across the line of sight."""
 TILTS = tuple(math.radians(angle) for angle in (45.0, 20.0, 0.0, -20.0))
 """Angles by which the finger tips point towards the camera, rad, the best first: the side that lay below was
 not seen in the heap."""
+DISTANCE_STEPS = (1.2, 1.6)
+"""Distances from the camera, as multiples of the one at which the thing just fits into the picture."""
 HIDDEN_MARGIN = 0.03
 """Distance by which a thing may reach beyond what was seen of it, m."""
+LEAST_DISTANCE = 0.25
+"""Least distance of a thing from the camera, m: the hand and the arm have to fit, too."""
 HULL_MARGIN, HULL_GRID = 0.004, 0.002
 """Inflation of a seen hull, and grid of its points, m."""
 MIN_COLOUR_AREA, MIN_COLOUR_SHARE = 1e-4, 0.12
@@ -125,7 +132,7 @@ def present(world: World, task: PresentTask) -> Doing[None]:
         side = -_side(world, camera)
         yield from world.control.settle()
         view = yield from world.vision.examine(task.camera)
-        if float(view.areas.sum()) < 5e-5:  # m²
+        if float(view.areas.sum()) < MIN_SEEN_AREA:
             continue
         views.append(view)
         seen = SeenThing.of(views)
@@ -212,7 +219,7 @@ def _plan_before(
     half = math.atan(min(intrinsics.width / intrinsics.fx, intrinsics.height / intrinsics.fy) / 2)
     fits = (held.size / 2 + HIDDEN_MARGIN) / math.sin(half)
     refused: Failure | None = None
-    distances = [max(step * fits, 0.25) for step in (1.2, 1.6)]  # m: hand and arm have to fit
+    distances = [max(step * fits, LEAST_DISTANCE) for step in DISTANCE_STEPS]
     for tilt in TILTS:
         goal = PoseGoal(
             tuple(

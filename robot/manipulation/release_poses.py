@@ -24,6 +24,8 @@ CELLS_PER_SIDE = 3
 """Cells of a bin along each side."""
 RELEASE_RIM_HEIGHT = 0.020
 """Height of the object's bottom above the rim at the release, m."""
+RELEASE_HEIGHT_STEPS = (0.0, 0.03, 0.06, 0.10)
+"""Heights added to the release when nothing lower is free, m."""
 RELEASE_YAWS = 8
 MAX_PLACE_PENETRATION = 0.001
 """Penetration at which a place counts as taken, m: believed poses are no better."""
@@ -138,6 +140,8 @@ def blocked(queries: SceneQueries, held: BeliefObject, tcp_in_world: Pose) -> st
     return next((c.b for c in contacts if c.distance < -MAX_PLACE_PENETRATION), None)
 
 
+MAX_CELLS_TRIED = 4
+"""Maximum number of cells of a bin at each height, lowest first."""
 CELL_COST, STEP_COST = 0.1, 2.0
 """Costs of the next cell, and of the next higher release, s."""
 RIM_CLEARANCE = 0.012
@@ -184,8 +188,8 @@ class ReleaseLevel:
 
 def levels(target: BinTarget) -> Iterator[ReleaseLevel]:
     """Yield the levels: the lowest release over the best cell first."""
-    for step, higher in enumerate((0.0, 0.03, 0.06, 0.10)):  # m, the lowest first
-        for k, spot in enumerate(target.cells[:4]):  # the lowest cells
+    for step, higher in enumerate(RELEASE_HEIGHT_STEPS):
+        for k, spot in enumerate(target.cells[:MAX_CELLS_TRIED]):
             yield ReleaseLevel(spot, higher, step * STEP_COST + k * CELL_COST)
 
 

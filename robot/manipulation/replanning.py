@@ -27,6 +27,8 @@ DISPLACEMENT_SIGMAS = 4.0
 """Displacement of an uncertain object that counts as a move, in standard deviations."""
 MIN_CONFIDENCE_SHARE = 0.7
 """Share of the former confidence below which a look shows no move: the arm half hides the object."""
+MAX_HEAP_GROWTH = 0.01
+"""Growth of the heap that is allowed at the place of the release, m."""
 
 
 class TargetMoved(Failure):
@@ -110,7 +112,7 @@ class PlaceWatch(BeliefWatch):
         target = bin_target(world, held, landing.into)
         if any(cell.name == landing.spot for cell in target.cells):
             drop = free_drop_height(world, target, landing.above, held.shape, self._in_tcp)
-            if drop >= landing.drop - 0.01:  # m
+            if drop >= landing.drop - MAX_HEAP_GROWTH:
                 return None
         height = float(target.heights.max())
         return Failure(

@@ -50,6 +50,8 @@ MIN_PRESSING_TORQUE = 1.5
 """External torque at rest above which something presses on the arm, Nm."""
 MAX_ESCAPE_LENGTH = 0.40
 """Greatest length of an escape path, m of TCP travel."""
+MAX_WAY_BACK = 0.08
+"""Length of the way back along the last trajectory, m of TCP travel."""
 CLEAR_DISTANCE = 0.03
 """Distance to the arm below which an obstacle is left before any other motion, m."""
 CLEARING_TRAVEL = 0.10
@@ -195,7 +197,7 @@ class RetreatMotion:
         for q in back.position[1:]:
             length += world.robot.tcp(path[-1]).distance(world.robot.tcp(q))
             path.append(q)
-            if length >= 0.08:  # m of TCP travel
+            if length >= MAX_WAY_BACK:
                 break
         with world.plan.checking():
             way = world.plan.outward().along("the way it came", np.array(path))
@@ -316,14 +318,18 @@ def escape_contact(world: World, node: str) -> Doing[None]:
         yield from leaving.up()
 
 
+MAX_HOMING_ATTEMPTS = 4
+"""Maximum number of attempts to plan and follow a path home."""
 DETOUR_LENGTH = 0.15
 """Length of the motion away from an obstacle before the next attempt, m of TCP travel."""
+AT_POSE_TOLERANCE = 2e-3
+"""Greatest joint distance to the named pose at which the arm is there, rad."""
 
 
 def go_home(world: World, leaving: RetreatMotion, pose: str, scaling: Scaling, node: str) -> Doing[bool]:
     """Move the arm to a named pose. False: there is no safe path; `leaving.tried` has the attempts."""
     looked = yield from observe_with_fixed_cameras(world)
-    for attempt in range(4):
+    for attempt in range(MAX_HOMING_ATTEMPTS):
         if leaving.late:
             return False
         if attempt:
@@ -376,14 +382,18 @@ def observe_with_fixed_cameras(world: World) -> Doing[bool]:
 def _move_to_exact_pose(world: World, pose: str, scaling: Scaling, node: str) -> Doing[None]:
     """Move the rest of the way with the stiff servo: the soft spring leaves an error."""
     off = float(np.abs(world.control.state.position - world.robot.named(pose)).max())
-    if off < 2e-3:  # rad
+    if off < AT_POSE_TOLERANCE:
         return
     plan = yield from world.plan.to(NamedGoal(pose), scaling=scaling, node=node)
     yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=node)
 
 
+SPOT_RING_RADII = (0.0, 0.05, 0.10, 0.16, 0.24)
+"""Distances from the object at which spots are tried, m."""
 SPOTS_PER_RING = 8
 """Spots on each ring."""
+MAX_SPOT_ATTEMPTS = 4
+"""Maximum number of free spots to which a path is planned."""
 LEVEL_RADIUS = 0.05
 """Distance from the middle of a spot within which the fixture must be level, m."""
 LEVEL_TOLERANCE = 0.001
@@ -406,7 +416,7 @@ def put_down(world: World, leaving: RetreatMotion, scaling: Scaling, node: str) 
     why = "no spot near it is free"
     tries = 0
     for spot in _free_spots(world, held):
-        if tries == 4 or leaving.late:
+        if tries == MAX_SPOT_ATTEMPTS or leaving.late:
             break
         tries += 1
         assert held.object_in_tcp is not None
@@ -473,7 +483,7 @@ def _free_spots(world: World, held: BeliefObject) -> Iterator[Vector3]:
     """Yield free points on fixtures for the object's underside, nearest first."""
     assert held.object_in_tcp is not None
     x, y, _ = held.pose.position
-    for ring in (0.0, 0.05, 0.10, 0.16, 0.24):  # m
+    for ring in SPOT_RING_RADII:
         for k in range(SPOTS_PER_RING if ring else 1):
             angle = 2 * math.pi * k / SPOTS_PER_RING
             at = (x + ring * math.cos(angle), y + ring * math.sin(angle))

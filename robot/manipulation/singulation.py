@@ -68,6 +68,8 @@ PUSH_TRAVEL_COST, MOVED_OBJECT_COST = 2.0, 0.1
 MAX_EXTRA_HEIGHT, MAX_UNKNOWN_REACH = 0.015, 0.12
 """Height above the tallest item, and reach from its middle, m, beyond which an unknown object is neither an
 item nor a few items."""
+MIN_PUSH_VALUE = 0.1
+"""Least value of a push."""
 MAX_FINALISTS = 5
 """Number of best pushes whose value for other objects is computed."""
 
@@ -229,7 +231,7 @@ class _Case:
                 continue
             with self._supposing(there):
                 worth = self._worth() - self._now - PUSH_TRAVEL_COST * length - MOVED_OBJECT_COST * len(there)
-            if worth < 0.1:
+            if worth < MIN_PUSH_VALUE:
                 continue
             one = straight_on(stroke, length)
             along = tuple(name for name in there if name != pushed.id)

@@ -35,6 +35,8 @@ CONTACT_BEGIN_FORCE, CONTACT_END_FORCE = 0.12, 0.04
 the sensor's noise over `PUSH_FORCE_TIME_CONSTANT` is 0.03 N."""
 PUSH_FORCE_TIME_CONSTANT = 0.08
 """Time constant of the force's mean, s."""
+MAX_LOST_TRAVEL = 0.008
+"""Travel without contact after which the contact is lost, m."""
 MAX_SLOW_LENGTH, SLOW_PUSH_SPEED = 0.010, 0.025
 """Length below which a path is slow, m, and its speed, m/s: sensing needs time."""
 ROLLING_DECELERATION = 0.1
@@ -157,7 +159,7 @@ class PushMotion(CompliantMotion):
         if self._pushed > CONTACT_BEGIN_FORCE and self.touched_at is None:
             self.touched_at = self._way
         self._without = 0.0 if self._pushed > CONTACT_END_FORCE else self._without + self._rate * period
-        without = self.touched_at is not None and self._without > 0.008  # m
+        without = self.touched_at is not None and self._without > MAX_LOST_TRAVEL
         self.lost = without and not (self._rolls or self._through)
         self.blocked = against > self._force
 
@@ -274,10 +276,14 @@ POSE_CHECK_STEP = 0.02
 """Distance between two checked poses of a stroke, m."""
 MAX_JOINT_STEP = 0.5
 """Greatest change of a joint between two of them, rad."""
+JOINT_LIMIT_MARGIN = 0.1
+"""Distance of the joints from their limits, rad. A compliant arm deviates from its plan."""
 LOOKING_POSE = "home"
 """Named pose from which cameras see the table."""
 STEP_BACK_HEIGHT = 0.10
 """Height of the lift beside the object after a stroke, m."""
+STROKE_SPARE_TIME = 6.0
+"""Time that a stroke may take beyond its nominal duration, s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -487,7 +493,7 @@ def _chain(solver: RequestSolver, q: Array, poses: Sequence[Pose]) -> Array | st
         q = q_next
         if float(np.abs(q - near).max()) > MAX_JOINT_STEP:
             return "the arm would have to swing round"
-        if float(np.minimum(q - model.lower, model.upper - q).min()) < 0.1:  # rad: a compliant arm deviates
+        if float(np.minimum(q - model.lower, model.upper - q).min()) < JOINT_LIMIT_MARGIN:
             return "a joint would come to its limit"
         if not solver.collision.free(q):
             touched = next(iter(solver.collision.contacts(q)), None)
@@ -571,7 +577,7 @@ def follow_course(
 ) -> Doing[float]:
     """Move the tool along a stroke's course, and return the greatest force on it, N. `touching`: names that
     it may touch."""
-    limit = course.longest + 6.0  # s
+    limit = course.longest + STROKE_SPARE_TIME
     with world.scene.allow(*(("gripper", str(name)) for name in touching)):
         result = yield from world.move.comply(course, limit, stiffness=stiffness, node=node)
     return result.force

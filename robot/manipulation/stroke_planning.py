@@ -11,6 +11,8 @@ import numpy as np
 from picktree.world import BeliefObject, Cylinder, ObjectId, Pose, Sphere, bottom, planar_geometry, top
 from picktree.world.robot_model import GripperDescription
 
+MIN_SIDE_LENGTH = 0.012
+"""Least length of a side to push at, m."""
 SIDE_END_MARGIN = 0.003
 """Distance of the fingers from the ends of a side, m."""
 CRADLE_OPENING_RATIO = 1.2
@@ -111,7 +113,7 @@ def _flats(
     for k, (a, b) in enumerate(zip(shape.corners, np.roll(shape.corners, -1, axis=0), strict=True)):
         edge = b - a
         length = float(np.hypot(*edge))
-        if length < 0.012:  # m
+        if length < MIN_SIDE_LENGTH:
             continue
         along = edge / length
         inwards = np.array([-along[1], along[0]])

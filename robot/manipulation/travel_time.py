@@ -16,10 +16,15 @@ if TYPE_CHECKING:
     from picktree.world import BeliefObject
     from picktree.world.robot_model import RobotModel
 
+CONFIGURATION_COST_WEIGHT = 0.4
+"""Weight of a configuration's cost (`configuration_cost`), s for each radian."""
+
 
 def joint_travel_time(robot: RobotModel, a: Array, b: Array) -> float:
     """Return the least time from a to b (n,), plus the weighted cost of configuration b, s."""
-    return float(np.max(np.abs(b - a) / robot.velocity_limit)) + 0.4 * configuration_cost(robot, b)
+    return float(
+        np.max(np.abs(b - a) / robot.velocity_limit)
+    ) + CONFIGURATION_COST_WEIGHT * configuration_cost(robot, b)
 
 
 def known_travel_time(robot: RobotModel, a: Pose, x: float, y: float) -> float:

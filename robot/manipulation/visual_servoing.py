@@ -117,8 +117,12 @@ MAX_LOOKS = 3
 """Maximum number of looks for one grasp."""
 LARGE_CORRECTION, LARGE_CORRECTION_TURN = 0.003, math.radians(2.5)
 """Correction above which another look checks it, m and rad."""
+LAST_LOOK_HEIGHT = 0.05
+"""Height over the grasp for the next look, m. Lower, the fingers hide too much."""
 NEARBY_DISTANCE = 0.25
 """Distance from the target within which other objects are looked for in the same picture, m."""
+MIN_SHIFT = 0.0005
+"""Displacement up to which nothing has shifted, m."""
 MIN_CAMERA_TURN, MAX_CAMERA_TURN = math.radians(1.0), math.radians(6.0)
 """Rotations of the target between which the error is the earlier camera's. Below the first it may be noise;
 above the second the target has been moved."""
@@ -194,7 +198,7 @@ def _corrected(
 
 def _lower(world: World, object_id: ObjectId, grasp: GraspCandidate, node: str) -> Doing[None]:
     """Lower the hand over the corrected grasp, for another look."""
-    line = LineGoal(grasp.tcp_in_world.shifted((0.0, 0.0, 0.05)))  # lower, the fingers hide too much
+    line = LineGoal(grasp.tcp_in_world.shifted((0.0, 0.0, LAST_LOOK_HEIGHT)))
     allowed = (("gripper", object_id),)
     request = Request(line, width=grasp.opening, allowed=allowed, scaling=world.handling.slowly)
     plan = yield from world.plan.solve(request, node=node)
@@ -276,7 +280,7 @@ def _camera_correction(believed: BeliefObject, at: Pose) -> Pose | None:
     """Return the horizontal motion in the world that corrects the error of the earlier camera. None: there is
     no error."""
     turn = at.angle(believed.pose)
-    if max(believed.pose.distance(at), turn * NEARBY_DISTANCE) < 0.0005:  # m
+    if max(believed.pose.distance(at), turn * NEARBY_DISTANCE) < MIN_SHIFT:
         return None
     if MIN_CAMERA_TURN < turn < MAX_CAMERA_TURN and believed.sigma_angle < MIN_CAMERA_TURN:
         return at @ believed.pose.inverse()

@@ -118,6 +118,8 @@ def payload_force(world: World) -> float:
 
 LIFTED_HEIGHT = 0.02
 """Height above the grasp from which the object is lifted off its support, m."""
+MAX_WEIGHING_TURN = 0.5
+"""Angular speed of the hand above which a tick does not count, rad/s."""
 MAX_WEIGHING_TICKS, MIN_WEIGHING_TICKS = 6, 2
 """Greatest and least number of ticks in a weighing: the last quiet ones."""
 MAX_OPENING_CHANGE = 0.003
@@ -281,4 +283,4 @@ class LiftWeighing:
         speed = float(point_velocity(twist, centre - np.array(tcp.position))[2])
         turning = float(np.linalg.norm(twist[3:]))
         clear = tcp.position[2] - self._height > LIFTED_HEIGHT
-        return _Tick(world.control.load(world.tick), speed, clear and turning < 0.5)  # rad/s
+        return _Tick(world.control.load(world.tick), speed, clear and turning < MAX_WEIGHING_TURN)  # rad/s

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 from picktree.world import Array, Intrinsics, Pose
 
+MIN_CAMERA_DEPTH = 0.02
+"""Distance from the camera's plane below which a point is not before the camera, m."""
+
 
 def depth_noise(depth: NDArray[np.float32]) -> tuple[float, float]:
     """Return the standard deviation of the depth between neighbouring pixels, and the median depth, m."""
@@ -80,7 +83,7 @@ class PosedCamera:
     def before(self, points: Array) -> Array:
         """Clip the hull of `points` (n, 3) at the camera's plane. Returns points (m, 3) of the part before
         the camera; none without one."""
-        depth = (points - self.origin) @ self.rotation[:, 2] - 0.02  # m
+        depth = (points - self.origin) @ self.rotation[:, 2] - MIN_CAMERA_DEPTH
         behind = depth < 0.0
         if not behind.any():
             return points

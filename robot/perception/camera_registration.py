@@ -21,6 +21,13 @@ from .camera_geometry import PosedCamera, rays_of
 
 FINGER_DISTANCE = 0.016
 """Distance from a finger's believed surface within which a point may belong to it, m."""
+MIN_FINGER_POINTS = 60
+"""Least number of points of each finger."""
+MAX_ICP_ROUNDS = 25
+RESIDUAL_NOISE = 4e-4
+"""Residual that is put down to noise, m."""
+MAX_MEDIAN_RESIDUAL = 8e-4
+"""Median residual above which the fit is rejected, m."""
 MAX_CAMERA_SHIFT, MAX_CAMERA_TURN = 0.02, math.radians(5)
 """Greatest correction, m and rad. A larger one is no error of a mounting."""
 PIXEL_STRIDE, MAX_FINGER_POINTS = 2, 600
@@ -56,16 +63,16 @@ def register_hand_camera(sight: PosedCamera, depth: Array, fingers: Sequence[Con
     is iterated closest points, point to plane (Chen & Medioni 1992), with Tukey's weights.
     """
     clouds = [_cloud(sight, depth, finger) for finger in fingers]
-    if len(clouds) < 2 or min(len(cloud) for cloud in clouds) < 60:  # of each finger
+    if len(clouds) < 2 or min(len(cloud) for cloud in clouds) < MIN_FINGER_POINTS:
         return sight
     middle = np.concatenate(clouds).mean(axis=0)
     move = np.zeros(3)  # x, y, yaw
     residuals = np.zeros(0)
-    for _ in range(25):
+    for _ in range(MAX_ICP_ROUNDS):
         parts = [_linear(cloud, finger, middle, move) for cloud, finger in zip(clouds, fingers, strict=True)]
         residuals = np.concatenate([r for r, _ in parts])
         design = np.concatenate([d for _, d in parts])
-        scale = 4.7 * max(4e-4, 1.5 * float(np.median(np.abs(residuals))))  # m
+        scale = 4.7 * max(RESIDUAL_NOISE, 1.5 * float(np.median(np.abs(residuals))))
         weight = np.clip(1.0 - (residuals / scale) ** 2, 0.0, None) ** 2
         normal = design.T @ (design * weight[:, None]) + np.diag([1e-3, 1e-3, 1e-6])
         step = np.asarray(np.linalg.solve(normal, -design.T @ (weight * residuals)), dtype=np.float64)
@@ -73,7 +80,7 @@ def register_hand_camera(sight: PosedCamera, depth: Array, fingers: Sequence[Con
         if float(np.abs(step).max()) < 1e-6:
             break
     x, y, yaw = (float(c) for c in move)
-    doubtful = float(np.median(np.abs(residuals))) > 8e-4  # m
+    doubtful = float(np.median(np.abs(residuals))) > MAX_MEDIAN_RESIDUAL
     if doubtful or math.hypot(x, y) > MAX_CAMERA_SHIFT or abs(yaw) > MAX_CAMERA_TURN:
         return sight
     turn = _about_vertical(yaw)
@@ -109,6 +116,8 @@ def _about_vertical(yaw: float) -> Array:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
+MIN_LEVEL_PIXELS = 400
+"""Least number of table pixels for a correction of the camera."""
 LEVEL_STRIDE, LEVEL_WIDTH = 5, 320
 """Step between the rows and columns that are used, and width of the picture for which it holds. Smaller
 pictures use more of them."""
@@ -142,7 +151,7 @@ def level_camera(
     near = np.abs(off) < 2 * MAX_LEVEL_SHIFT
     plane = np.zeros(3)
     for _ in range(3):
-        if int(near.sum()) < 400:
+        if int(near.sum()) < MIN_LEVEL_PIXELS:
             return sight
         a = design[near]
         plane = np.asarray(np.linalg.solve(a.T @ a, a.T @ off[near]), dtype=np.float64)

@@ -57,6 +57,9 @@ MAX_UNEXPLAINED_SHARE = 0.25
 """Share of an obstacle's cells, beside those of all detections in it, above which it is still there."""
 MAX_SUPPOSED_TIME = 60.0
 """Simulated s for which an item that was given up is believed where it fell unseen."""
+MIN_SHARE_IN_ITEMS = 0.9
+"""Share of a patch's points at unrecognised items from which the patch belongs to them. The others are noise
+at its outline."""
 
 Cost: TypeAlias = Callable[[BeliefObject, Detection], float]
 
@@ -228,7 +231,7 @@ def _part_of_items(patch: UnexplainedPatch, view: PerceivedView, items: Sequence
     for o in items:
         if o.colour == patch.colour:
             there |= inside(o.shape, o.pose, points, HELD_DISTANCE if o.attached else _gate(o))
-    return float(there.mean()) >= 0.9  # the rest is noise at the outline
+    return float(there.mean()) >= MIN_SHARE_IN_ITEMS
 
 
 def _belief_from(object_id: ObjectId, d: Detection, now: float) -> BeliefObject:

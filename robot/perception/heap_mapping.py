@@ -35,12 +35,18 @@ CELL = 0.002
 """Edge length of a cell, m."""
 MAX_RISE = 2.0
 """Slope between neighbouring pixels from which on it is a cliff: a step of height over distance."""
+MAX_GAP_CELLS = 60
+"""Greatest length of a filled gap behind a cliff, cells."""
 FLOOR_NOISE = 0.003
 """Height above the floor up to which depth is the floor's, m: noise alone would lift the finger tips."""
+HOLE_ROUNDS = 2
+"""Rounds in which single missing cells get the height of their highest neighbour."""
 COARSE, HEIGHT_STEP = 6, 0.006
 """Edge length in cells, and step of height, m, of the columns that are collision geometry."""
 EMPTY_HEIGHT, EMPTY_AREA = 0.007, 8e-5
 """Height above the floor, m, and area above it, m², up to which a tote counts as empty: depth has noise."""
+HEAP_KIND = "heap"
+"""Kind of a heap in the belief."""
 
 
 def map_heights(
@@ -163,7 +169,7 @@ def heap_object(
         ObstacleBlock(b.size, (b.at[0] - middle[0], b.at[1] - middle[1], b.at[2] - middle[2])) for b in blocks
     )
     return BeliefObject(
-        heap_geometry.heap_id(region.id), "heap", "heap", "unknown", shape, "grey",
+        heap_geometry.heap_id(region.id), "heap", HEAP_KIND, "unknown", shape, "grey",
         region.frame @ Pose(middle), 0.002, 0.0, 1.0, now, place=str(region.id), blocks=moved,
     )  # fmt: skip
 
@@ -226,7 +232,7 @@ def _raise_cells(
         a, b = a.reshape(-1, 3), b.reshape(-1, 3)
         away = np.abs(b - a)
         span = np.maximum(away[:, 0], away[:, 1]) / cell
-        wide = np.flatnonzero((span > 0.9) & (span < 60))  # cells
+        wide = np.flatnonzero((span > 0.9) & (span < MAX_GAP_CELLS))
         if not len(wide):
             continue
         a, b, span = a[wide], b[wide], span[wide]
@@ -256,7 +262,7 @@ def _scatter(
 
 def _without_holes(heights: Array) -> Array:
     kernel = np.ones((3, 3), dtype=np.uint8)
-    for _ in range(2):  # rounds
+    for _ in range(HOLE_ROUNDS):
         missing = ~np.isfinite(heights)
         if not missing.any():
             break
@@ -265,6 +271,7 @@ def _without_holes(heights: Array) -> Array:
     return heights
 
 
+DEFAULT_CELLS = 3
 CELL_HEIGHT_QUANTILE = 0.9
 """Quantile of the heights in a cell that counts as its height."""
 QUANTILE_SIGMAS = 1.28
@@ -284,7 +291,7 @@ def bin_height_map(
     blocked: NDArray[np.bool_],
     bin_: Bin,
     noise: float,
-    cells: int = 3,
+    cells: int = DEFAULT_CELLS,
 ) -> BinView:
     """Compute the height map of a bin. `blocked` (h, w) marks pixels of the robot; `noise` is the depth's
     standard deviation at 0.7 m."""

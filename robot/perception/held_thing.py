@@ -17,6 +17,8 @@ from .tag_reading import read_tags
 
 HELD_REACH = 0.13
 """Distance from the TCP up to which points belong to the thing in the hand, m."""
+HAND_MARGIN = 0.006
+"""Distance from the hand's model up to which points belong to the hand, m."""
 MIN_HELD_PIXELS = 30
 """Least number of pixels of a patch of the thing."""
 
@@ -61,7 +63,7 @@ def view_held_thing(
     points = sight.origin + sight.directions(pixels) * seen[:, None]
     kept = np.linalg.norm(points - np.array(tcp.position), axis=1) < HELD_REACH
     rows, columns, seen, points = rows[kept], columns[kept], seen[kept], points[kept]
-    own = ~robot.within(points, joints, width, None, 0.006)  # m
+    own = ~robot.within(points, joints, width, None, HAND_MARGIN)
     mask = np.zeros(depth.shape, dtype=np.uint8)
     mask[rows[own], columns[own]] = 1
     mask = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)), dtype=np.uint8)

@@ -24,6 +24,8 @@ from .resting_poses import StablePose, stable_poses
 MAX_HOLE_OFFSET = 0.012
 """Greatest distance between the middle of an item's visible part, sides included, and its hole, m. The
 uncertainty of the hole's place is added."""
+MIN_PROTRUSION = 0.004
+"""Least protruding height that is recognised, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +108,7 @@ def _protruding_part(entry: CatalogueEntry, hole: Hole) -> ProtrudingPart | None
             left, shape = z - hole.depth, Box((x, y, z - hole.depth))
         case _:
             return None
-    if left < 0.004:  # m
+    if left < MIN_PROTRUSION:
         return None
     # The first stable pose is upright, as in the catalogue.
     rest = stable_poses(replace(entry, shape=shape))[0]
@@ -115,10 +117,16 @@ def _protruding_part(entry: CatalogueEntry, hole: Hole) -> ProtrudingPart | None
 
 FACE_RING_WIDTH = 0.015
 """Half width of the ring around the mouth whose points give the plane of the face, m."""
+FIT_RING_WIDTH = 0.005
+"""Width of the ring around the mouth that takes part in the fit, m: further away is another hole."""
 MAX_FACE_OFFSET = 0.012
 """Distance from the believed face beyond which points are not taken for it, m."""
 MIN_DEPTH_BELOW_FACE = 0.003
 """Depth below the face that is beyond noise, m."""
+MAX_HEIGHT_ABOVE_FACE = 0.004
+"""Height above the face from which a body hides it, m: fingers, held objects."""
+OUTLINE_WIDTHS = (0.002, 0.0006)
+"""Widths of the outline in the two fits, m: first wide, to converge from afar, then narrow, to be exact."""
 CIRCLE_RADIUS_FACTOR = 1.0016
 """Radius of the circle with the area of a regular polygon of 32 sides around a circle of radius 1."""
 MIN_MOUTH_PIXELS = 60
@@ -164,8 +172,8 @@ def detect_hole(image: RgbdImage, hole: Hole, believed: Pose, off: float) -> Det
     there = eye[:2] + rays[:, :2] * onto[:, None]
     near = (
         (onto > 0)
-        & (_depth_inside(hole, there, np.zeros(3)) > -off - 0.005)  # m: beyond is another hole
-        & (points[:, 2] < 0.004)  # m: fingers or a held object hide the face
+        & (_depth_inside(hole, there, np.zeros(3)) > -off - FIT_RING_WIDTH)
+        & (points[:, 2] < MAX_HEIGHT_ABOVE_FACE)
     )
     if int(near.sum()) < 2 * MIN_MOUTH_PIXELS:
         return None
@@ -245,7 +253,7 @@ class _Fit:
         inside = self._below > 0.5
         first = np.array([*((self._upper + self._lower) / 2)[inside].mean(axis=0), 0.0])
         place = first
-        for soft in (0.002, 0.0006):  # m: wide to converge from afar, then narrow to be exact
+        for soft in OUTLINE_WIDTHS:
             width = soft
             found = least_squares(
                 lambda guess: self._misses(guess, width),  # noqa: B023 - used up before it changes

@@ -47,8 +47,12 @@ RANKING_STRIDE = 3
 """Step between the depths that rank the starts."""
 FIT_ROUNDS = 5
 """Greatest number of steps of a fit."""
+MIN_HEIGHT_CORRECTION = 0.002
+"""Median depth error above which the believed height is corrected, m."""
 MODEL_DEPTH_SIGMA = 0.0004
 """Part of the depth's standard deviation for steep surfaces and rounded edges, m."""
+MIN_STEEP_HEIGHT = 0.1
+"""Height of an item from which its side faces matter in a picture from above, m."""
 STEEP_PIXELS = 0.8
 """Position error of a pixel's ray along each axis of the picture, pixels."""
 GOOD_MISFIT = 1.5
@@ -129,7 +133,7 @@ class ItemFitter:
         clearly demands it."""
         known = self._judge(blob, start, True, rounds)
         _, off = self._off(blob, known.stand)
-        if not len(off) or abs(float(np.median(off))) < 0.002:  # m
+        if not len(off) or abs(float(np.median(off))) < MIN_HEIGHT_CORRECTION:
             return known
         moved = self._judge(blob, known.stand, False, rounds)
         return moved if moved.misfit < known.misfit else known
@@ -239,7 +243,7 @@ class ItemFitter:
         model = ray_hits(stand.rest.entry.shape, stand.turned, stand.centre, self.sight.origin, rays)
         off = model - depths
         sigma: float | Array = self.noise * (float(depths[0]) / 0.7) ** 2 + self.model
-        if stand.rest.height > 0.1:  # m: side faces matter in a picture from above
+        if stand.rest.height > MIN_STEEP_HEIGHT:
             sigma = np.hypot(sigma, self._steepness(stand, rays, model))
         square = np.add.reduce(np.minimum((off / sigma) ** 2, OUTLIER_SIGMAS**2)) / len(depths)
         return float(square), off[np.isfinite(model)]
@@ -327,8 +331,12 @@ MAX_PART_MISFIT = 5.5
 MAX_REFINEMENT = 2.0
 """Factor of the misfit that would be taken, up to which the first fit of a cut is refined. Of 204 splits of
 touching and tumbled items that were taken, none began above 1.5."""
+MIN_PART_PIXELS = 8
+"""Least number of pixels of a part."""
 OUTSIDE_COST = 1.5
 """Cost of a pixel at the edge of an item's silhouette, and greatest cost of one inside it."""
+MIN_PART_DISTANCE = 0.010
+"""Least distance between the centres of two parts, m."""
 MAX_SHARED_VOLUME = 0.3
 """Share of a part's volume inside another part from which one of them does not exist: a leaning item is cut
 into such parts. Estimated poses of items that touch overlap by less."""
@@ -439,7 +447,7 @@ class _CutFitting:
         together have a misfit above `limit`: the first of them may be enough for that."""
         rows, columns = self.blob.patch.rows, self.blob.patch.columns
         members = [cut == k for k in range(int(cut.max()) + 1)]
-        if any(int(m.sum()) < 8 for m in members):
+        if any(int(m.sum()) < MIN_PART_PIXELS for m in members):
             return None
         patches = [self.picture.claim(rows[m], columns[m], self.blob.patch.label) for m in members]
         pieces = [outline_patch(self.picture, patch) for patch in patches]
@@ -491,7 +499,7 @@ def _are_flush(parts: list[BlobPart]) -> bool:
 def _are_distinct(parts: list[BlobPart]) -> bool:
     """Return whether the parts can be there together: solid items are not inside each other."""
     return all(
-        float(np.linalg.norm(a.centre - b.centre)) > 0.010  # m
+        float(np.linalg.norm(a.centre - b.centre)) > MIN_PART_DISTANCE
         and max(_shares(a, b, _LATTICE)) <= MAX_SHARED_VOLUME
         for a, b in _pairs(parts)
     )

@@ -45,6 +45,8 @@ DEPTH_STEP = 0.008
 """Difference in depth of neighbouring pixels from which they belong to two bodies, m."""
 MIN_BODY_PIXELS = 24
 """Least number of pixels of a body."""
+PART_GROWTH_PIXELS = 6
+"""Number of pixels by which the parts regain what was cut away between them."""
 _SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))
 
 
@@ -68,7 +70,7 @@ def split_at_depth_steps(depth: Array, rows: Pixels, columns: Pixels) -> list[tu
     owner = np.zeros(size, dtype=np.int32)
     for number, (core_rows, core_columns) in enumerate(cores, start=1):
         owner[core_rows, core_columns] = number
-    for _ in range(6):  # pixels that were cut away between the parts
+    for _ in range(PART_GROWTH_PIXELS):
         owner = _grow_parts(owner, near, inside)
     parts = [np.nonzero(owner == number) for number in range(1, len(cores) + 1)]
     return [(part_rows + y, part_columns + x) for part_rows, part_columns in parts]
@@ -89,6 +91,8 @@ TRACKING_REACH = 0.045
 """Greatest distance from its believed place at which an object is located, m."""
 NEAR_DEPTH_SIGMA = 0.0012
 """Part of the depth's standard deviation in pictures from near, m: round items are not quite round there."""
+MAX_FIT_ROUNDS = 8
+"""Greatest number of steps of a fit."""
 MAX_HEADING_CHANGE = math.radians(20)
 """Greatest difference from the believed heading, rad. Beyond it the patch is another object."""
 MAX_TRACKING_MISFIT = 3.0
@@ -364,7 +368,7 @@ def _sighting(
     rest, yaw, z = believed.rest, believed.yaw, one.pose.position[2]
     at = picture.sight.at_height(blob.middle, z)
     stand = StandingPose(rest, np.array([at[0], at[1], z]), yaw)
-    best = fitter.judged(blob, stand, 8)  # steps
+    best = fitter.judged(blob, stand, MAX_FIT_ROUNDS)
     turned = abs(math.remainder(best.stand.yaw - yaw, 2 * math.pi)) if rest.turn else 0.0
     moved = math.dist(best.stand.centre[:2], one.pose.position[:2])
     fits = (

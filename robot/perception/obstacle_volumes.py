@@ -39,6 +39,11 @@ from . import segmentation
 from .segmentation import Pixels, SegmentationInput, connected_patches
 from .view import PerceivedView, UnexplainedPatch
 
+MIN_OBSTACLE_CELLS = 6
+"""Least number of connected cells in which something was seen; fewer are noise."""
+SAME_OBSTACLE_DISTANCE = 0.05
+"""Distance to a former obstacle that left its place, within which an unexplained body is the same, m."""
+
 CELL_SIZE: Array = np.array([0.01, 0.01, 0.02])
 """Edge lengths of a cell, m; the world's origin is a corner of one."""
 HALF_DIAGONAL = float(np.linalg.norm(CELL_SIZE)) / 2
@@ -271,6 +276,8 @@ UNSEEN_REACH = 0.05
 """Distance over which an obstacle may go on where the picture shows nothing, m."""
 ROBOT_MARGIN = 0.03
 """Distance from the robot within which nothing else is supposed, m."""
+MIN_CELL_DEPTH = 0.05
+"""Least depth of a cell that a picture shows, m."""
 _SIDES = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
 
 
@@ -312,7 +319,7 @@ def _projected(view: PerceivedView, cells: Keys) -> tuple[Array, Indices, NDArra
     depth = (points - view.sight.origin) @ view.sight.rotation[:, 2]
     pixels = np.round(view.sight.pixels(points)).astype(np.int64)
     h, w = view.reach.shape
-    inside = (depth > 0.05) & (pixels >= 0).all(axis=1) & (pixels < (w, h)).all(axis=1)  # m
+    inside = (depth > MIN_CELL_DEPTH) & (pixels >= 0).all(axis=1) & (pixels < (w, h)).all(axis=1)
     return depth, pixels, inside
 
 
@@ -445,9 +452,12 @@ MAX_NOISE_SHARE = 0.03
 """Greatest share of new cells at the surface that is put down to noise."""
 MIN_ITEM_SHARE = 0.4
 """Least share of an obstacle's cells in a recognised item at which the obstacle was that item."""
+REASON_FIRST_SEEN = "depth that nothing explains"
+REASON_SEEN_AGAIN = "seen again"
 REASON_GREW = "more of it was seen"
 REASON_CLEARED = "rays pass through parts of it"
 REASON_CHANGED = "it was seen to take up other space"
+REASON_GONE = "its place was seen without it"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -495,7 +505,7 @@ def update_volumes(
         )
     gone = [name for name in former if name not in names]
     for name in gone:
-        scene.remove(name, "its place was seen without it")
+        scene.remove(name, REASON_GONE)
     return gone
 
 
@@ -547,7 +557,7 @@ def _components(
     _, marks = cv2.connectedComponents(cv2.dilate(plan, np.ones((3, 3), np.uint8)), connectivity=8)
     mark = np.asarray(marks, dtype=np.intp)[at]
     groups = [cells[mark == k] for k in range(1, int(mark.max()) + 1)]
-    groups = [g for g in groups if np.isin(g, supposed, invert=True).sum() >= 6]  # fewer are noise
+    groups = [g for g in groups if np.isin(g, supposed, invert=True).sum() >= MIN_OBSTACLE_CELLS]
     groups.sort(key=lambda g: (-len(g), int(g[0])))
     surfaces = [(patch, surface_of(view, patch)) for patch in patches]
     return [
@@ -579,7 +589,7 @@ def _match_former(seen: Sequence[_Seen], former: dict[ObjectId, Keys]) -> list[O
                 name: float(np.linalg.norm(cell_centres(former[name]).mean(axis=0) - middle)) for name in left
             }
             nearest = min(left, key=lambda name: (away[name], name))
-            if away[nearest] < 0.05:  # m
+            if away[nearest] < SAME_OBSTACLE_DISTANCE:
                 names[n] = nearest
                 left.remove(nearest)
     return names
@@ -597,7 +607,7 @@ def _store_obstacle(
         found = np.setdiff1d(np.intersect1d(supposed_cells_of(known), cells), supposed)
         if _is_unchanged(cells, before) and len(found) <= MAX_NOISE_SHARE * len(cells):
             if seen.patches:
-                scene.put(replace(known, last_seen=now), "seen again")
+                scene.put(replace(known, last_seen=now), REASON_SEEN_AGAIN)
             return
     assumed = np.isin(cells, supposed)
     shape, pose, blocks = obstacle_from_cells(merge_cells(cells[~assumed]), merge_cells(cells[assumed]))
@@ -619,7 +629,7 @@ def _is_unchanged(cells: Keys, before: Keys) -> bool:
 
 def _reason(cells: Keys, before: Keys) -> str:
     if not len(before):
-        return "depth that nothing explains"
+        return REASON_FIRST_SEEN
     more = len(np.setdiff1d(cells, before, assume_unique=True)) > 0
     less = len(np.setdiff1d(before, cells, assume_unique=True)) > 0
     return REASON_CHANGED if more and less else REASON_CLEARED if less else REASON_GREW

@@ -97,6 +97,8 @@ item lies."""
 MAX_CUT_MISFIT, MIN_CUT_SHOWN = 2.5, 0.75
 """Greatest misfit and least visible share of a blob that the hand or the picture's border cuts through. Other
 cut blobs are ignored: another picture shows them better."""
+MAX_POSITION_SIGMA = 0.012
+"""Standard deviation of a position from which on a fit is no detection, m."""
 
 
 class Perception:
@@ -381,7 +383,7 @@ class _Finding:
         """Accept the best hypothesis as a detection, or box the blob."""
         if hypotheses and is_clear(hypotheses[0], POOR_MISFIT_IN_BIN if floor.in_bin else POOR_MISFIT):
             detection = detection_from(self.picture.sight, blob, hypotheses, floor)
-            if detection.sigma_position < 0.012:  # m
+            if detection.sigma_position < MAX_POSITION_SIGMA:
                 self.detections.append(detection)
                 return
         if not self._beside_robot(blob) or self._too_large(blob, floor):

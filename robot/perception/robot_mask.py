@@ -33,6 +33,8 @@ from .camera_registration import ConvexFacets
 if TYPE_CHECKING:
     from picktree.world.robot_model import RobotModel
 
+MASK_GROWTH_PIXELS = 3
+"""Pixels by which the mask is larger than the model."""
 HULL_DIRECTIONS = 96
 """Number of directions; the furthest point in each represents a link's hull."""
 ATTACHED_PIXELS = 16
@@ -111,7 +113,7 @@ class RobotMask:
         mask = np.zeros((sight.intrinsics.height, sight.intrinsics.width), dtype=np.uint8)
         for points in self._placed(sight, joints, width, held):
             fill(mask, sight.pixels(points))
-        return _grown(mask, 3)  # pixels
+        return _grown(mask, MASK_GROWTH_PIXELS)
 
     def hidden_share(self, sight: PosedCamera, points: Array, joints: Array, width: float) -> float:
         """Return the share of the points (n, 3) in a camera's picture that the robot hides, 0 … 1.

@@ -15,6 +15,11 @@ from picktree.world import ITEM_COLOURS, Array, Intrinsics, RgbdImage
 from .camera_geometry import PosedCamera
 from .silhouette_fitting import BlobOutline, support
 
+MIN_SATURATION = 128
+"""Saturation (of 255) above which a pixel is coloured. Items are above, fixtures and robot below."""
+MIN_BRIGHTNESS = 24
+"""Brightness (of 255) below which a hue means nothing."""
+
 LABEL_NAMES: tuple[str, ...] = ("", *ITEM_COLOURS)
 """Name of each label; label 0 is no colour."""
 
@@ -32,7 +37,7 @@ _LABEL_OF_HUE = _label_of_hue()
 def labels(colour: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the index into NAMES of each pixel (h, w) of an RGB picture (h, w, 3)."""
     hsv = np.asarray(cv2.cvtColor(colour, cv2.COLOR_RGB2HSV_FULL), dtype=np.uint8)
-    coloured = (hsv[:, :, 1] > 128) & (hsv[:, :, 2] > 24)  # of 255: robot and fixtures are below
+    coloured = (hsv[:, :, 1] > MIN_SATURATION) & (hsv[:, :, 2] > MIN_BRIGHTNESS)
     return np.asarray(cv2.LUT(hsv[:, :, 0], _LABEL_OF_HUE), np.uint8) * coloured
 
 

@@ -12,6 +12,8 @@ from picktree.world import Array
 
 from .camera_geometry import PosedCamera
 
+TAG_MAGNIFICATION = 3
+"""Factor by which a picture is enlarged before tags are read: modules are 3 pixels wide at 0.85 m."""
 MAX_TAG_WINDOW, MIN_TAG_PERIMETER = 53, 0.02
 """Greatest window of the adaptive threshold, enlarged pixels, and least perimeter of a tag, as a share of the
 picture's longer side."""
@@ -26,7 +28,7 @@ def read_tags(
     begins at `corner`, a column and a row. The brightest channel sets the black square apart from any
     saturated colour about it.
     """
-    times = 3  # modules are 3 pixels wide at 0.85 m
+    times = TAG_MAGNIFICATION
     bright = np.ascontiguousarray(colour.max(axis=2))
     large = cv2.resize(bright, None, fx=times, fy=times, interpolation=cv2.INTER_CUBIC)
     settings = cv2.aruco.DetectorParameters()

@@ -35,8 +35,12 @@ SAMPLE_RESERVES = (0.1, 0.9)
 would be on the borders."""
 CURVATURE_DIVISOR = 8.0
 """Divisor of the estimate s² / CURVATURE of how far a step of s rad leaves a constraint between its ends."""
+SHORTENING_ATTEMPTS = 60
+"""Number of attempts to shorten a path."""
 MIN_SPLINE_CORNERS = 8
 """Number of corners above which a path is also tried as a spline through all of them."""
+SEARCH_ATTEMPTS = 3
+"""Number of searches, each with finer steps, when the found path cannot be timed."""
 
 
 class ConstrainedPlanner:
@@ -87,7 +91,7 @@ class ConstrainedPlanner:
         upper: Array = np.max([self._model.planned_upper, self._start, *goals], axis=0)
         stride = min(MAX_TREE_STEP, float(np.sqrt(CURVATURE_DIVISOR * self._constraints.room / 2)))
         rng = np.random.default_rng(seed)
-        for attempt in range(3):  # each with finer steps
+        for attempt in range(SEARCH_ATTEMPTS):
             search = _Search(self, lower, upper, stride / 2**attempt, EDGE_RESOLUTION / 2**attempt, rng)
             path = (
                 search.connect(self._start, goals)
@@ -256,7 +260,7 @@ class _Search:
     def shortened(self, path: Array) -> Array:
         """Cut detours off a path: straight where the constraints allow it, else by projected steps."""
         points = list(path)
-        for _ in range(60):
+        for _ in range(SHORTENING_ATTEMPTS):
             if len(points) < 3 or self._planner.spent:
                 break
             a, b = sorted(int(k) for k in self._rng.choice(len(points), 2, replace=False))

@@ -22,8 +22,11 @@ from .planning_failures import GoalInspection
 from .requests import Goal, JointGoal, NamedGoal, PoseGoal, RegionGoal
 from .trajectory_check import StartTolerance
 
+REGION_SAMPLES = 64
+"""Number of poses of a region that are tried, besides its middle."""
 
-def region_poses(region: RegionGoal, count: int = 64) -> tuple[Pose, ...]:
+
+def region_poses(region: RegionGoal, count: int = REGION_SAMPLES) -> tuple[Pose, ...]:
     """Return the pose itself, then `count` others, spread evenly over the region and sorted by their distance
     from it.
 
@@ -80,6 +83,10 @@ UNCOMFORTABLE_COST = 0.3
 """Cost above which the solution from home is tried, too, see `configuration_cost`, rad."""
 SOLUTIONS_PER_POSE = 4
 """Number of IK solutions that are searched for each pose."""
+NEAR_BATCHES = (1, 8, 16)
+"""Numbers of a region's poses that are tried together by their near solutions, in this order."""
+ENOUGH_CONFIGURATIONS = 8
+"""Number of free configurations in a region with which a search begins."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,7 +131,7 @@ class GoalSet:
                 yield self._near(self._possible(self._goal.tcp_in_world))
             case RegionGoal():
                 rest = iter(self._possible(region_poses(self._goal)))
-                for count in (1, 8, 16):  # numbers of poses that are tried together
+                for count in NEAR_BATCHES:
                     yield self._near(list(islice(rest, count)))
             case _:
                 return
@@ -138,7 +145,7 @@ class GoalSet:
             case PoseGoal(wanted):
                 return self._all(wanted, seed, None)
             case RegionGoal():
-                return self._all(region_poses(self._goal), seed, 8)
+                return self._all(region_poses(self._goal), seed, ENOUGH_CONFIGURATIONS)
             case _:
                 return [GoalConfiguration(self._joints(self._goal), 0)]
 

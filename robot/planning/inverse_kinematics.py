@@ -30,6 +30,7 @@ POSITION_ACCURACY = 1e-5
 """Accuracy of the position, m."""
 ANGLE_ACCURACY = 1e-4
 """Accuracy of the orientation, rad."""
+MAX_DESCENT_STEPS = 60
 MAX_STALLED_STEPS = 4
 """Number of steps without an improvement after which a descent is given up."""
 IMPROVEMENT_SHARE = 0.7
@@ -85,7 +86,7 @@ class IkDescent:
         weights: Array | None = None,
         stall: int = MAX_STALLED_STEPS,
         gain: float = IMPROVEMENT_SHARE,
-        steps: int = 60,
+        steps: int = MAX_DESCENT_STEPS,
     ) -> IkResult:
         """Descend from a seed (n,) within the limits (n,) towards the TCP's target in the world.
 
@@ -163,6 +164,8 @@ def target_of(pose: Pose) -> pin.SE3:
 SEED_COUNT = 2048
 """Number of configurations. Finding the nearest takes as long as two steps of a descent; twice as many save
 no step."""
+TURN_LEVER = 0.3
+"""Weight of a turn relative to a travel, m/rad."""
 
 
 class IkSeeds:
@@ -199,7 +202,7 @@ def pose_key(place: pin.SE3) -> Array:
     point: Array = np.empty(12)
     point[:3] = place.translation
     # Two rotations that differ by a small angle a are 2^½ a apart in the Frobenius norm.
-    point[3:] = (0.3 / 2**0.5) * place.rotation.ravel()  # m/rad
+    point[3:] = (TURN_LEVER / 2**0.5) * place.rotation.ravel()
     return point
 
 
@@ -336,6 +339,8 @@ Of a thousand reachable poses one takes more than twenty.
 MAX_FAILED_AFTER_SOLUTION = 10
 """Number of failed descents after which the found solutions count as all: an arm of six joints has eight at
 most."""
+SEEDS_NEAR_POSE = 48
+"""Number of IK seeds near a pose that are tried."""
 MIN_SOLUTION_DIFFERENCE = 0.1
 """Difference of all joints below which two solutions are the same, rad."""
 MIN_SEED_DIFFERENCE = 0.7
@@ -349,6 +354,8 @@ ENDLESS_LIMIT = 1e3
 """Limits of a hinge that counts as endless, rad."""
 NON_REDUNDANT_JOINTS = 6
 """Number of joints of an arm without redundancy: its first joint must turn towards the pose."""
+MIN_AXIS_DISTANCE = 0.05
+"""Distance to the axis of the first joint below which a point has no direction from it, m."""
 
 
 class InverseKinematics:
@@ -460,7 +467,7 @@ class InverseKinematics:
         random configurations.
         """
         yield near if self._facing is None else self._facing.turned(near, target)
-        around = self._known().around(pose_key(target), 48)
+        around = self._known().around(pose_key(target), SEEDS_NEAR_POSE)
         far = np.abs(around - near).max(axis=1)
         order = np.argsort(far, kind="stable")
         left = [around[int(k)] for k in order]
@@ -491,7 +498,7 @@ class _Facing:
         x, y, z, u, v, w = x - ox, y - oy, z - oz, u - ox, v - oy, w - oz
         across = ax * (y * w - z * v) + ay * (z * u - x * w) + az * (x * v - y * u)
         along = x * u + y * v + z * w - (ax * x + ay * y + az * z) * (ax * u + ay * v + az * w)
-        if across * across + along * along < 0.05**4:  # m
+        if across * across + along * along < MIN_AXIS_DISTANCE**4:
             return q
         angle = float(q[0]) + math.atan2(across, along)
         low, high = float(self._model.planned_lower[0]), float(self._model.planned_upper[0])

@@ -30,6 +30,8 @@ CORNER_RADII = (0.1, 0.05, 0.02, 0.005)
 """Distances at which corners are cut, tried in this order until the timed path is free, rad."""
 STEP_SHARES = (1.0, 0.5, 0.25)
 """Shares of the greatest step of an edge, tried in this order while paths graze."""
+ON_PATH_DISTANCE = 1e-4
+"""Distance from a path below which a configuration is on a straight part of it, rad."""
 MAX_PLAIN_CHECKS = 200
 """Number of checks of a first search without retreat paths. Where it suffices, paths are shorter."""
 MAX_IMPROVING_CHECKS = 600
@@ -220,7 +222,7 @@ class JointPlanner:
             hit = first_collision(self._way, trajectory)
             if hit is None:
                 return trajectory
-            if _distance_to_path(path, hit) < 1e-4:  # rad
+            if _distance_to_path(path, hit) < ON_PATH_DISTANCE:
                 # On a straight part, cutting less of the corners helps nothing.
                 return None
         return None
@@ -266,8 +268,13 @@ def load_planner(name: str) -> PathPlanner:
 
 RETREAT_STEP = 0.03
 """Travel of the TCP in a step, m."""
+MAX_RETREAT_LENGTH = 0.45
+"""Greatest travel in one direction, m."""
 ENOUGH_STEPS = 3
 """Number of steps from which on no other directions are tried."""
+MAX_JOINT_SWING = 0.5
+"""Greatest change of a joint in a step, rad: more means a singularity."""
+RETREAT_DAMPING = 1e-4
 
 
 def retreat_path(model: RobotModel, edge: EdgeFree, q: Array) -> list[Array]:
@@ -304,14 +311,14 @@ class _Walk:
         wanted: Array = np.zeros(rows)
         wanted[:3] = direction * RETREAT_STEP
         chain, at = list[Array](), q
-        for _ in range(round(0.45 / RETREAT_STEP)):  # m
+        for _ in range(round(MAX_RETREAT_LENGTH / RETREAT_STEP)):
             jacobian = self._model.jacobian(at)[:rows]
             damped: Array = jacobian @ jacobian.T
-            damped[np.diag_indices(rows)] += 1e-4
+            damped[np.diag_indices(rows)] += RETREAT_DAMPING
             step: Array = jacobian.T @ np.asarray(np.linalg.solve(damped, wanted), np.float64)
             behind: Array = np.minimum(np.maximum(at + step, self._lower), self._upper)
             swing = float(np.abs(behind - at).max())
-            if not 1e-3 < swing < 0.5 or not self._edge(at, behind):  # rad: more is a singularity
+            if not 1e-3 < swing < MAX_JOINT_SWING or not self._edge(at, behind):
                 break
             chain.append(behind)
             at = behind

@@ -32,6 +32,8 @@ from .trajectory_check import StartTolerance, is_trajectory_free
 IMPROVING_CHECKS = 2000
 """Number of collision checks by which a leg's path is improved ahead. They take 50 ms of the simulated second
 in which nobody waits for the plan."""
+_STANDARD_STREAMS = 3
+"""Number of open files that a worker keeps beside its connection."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,7 +162,7 @@ class PlanningWorker:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, signal.SIG_DFL)  # instead of the handler that ends a run
         # An open log would look as if its run still went on when only the worker is left.
-        os.closerange(3, connection.fileno())  # the standard streams stay open
+        os.closerange(_STANDARD_STREAMS, connection.fileno())
         os.closerange(connection.fileno() + 1, os.sysconf("SC_OPEN_MAX"))
         # What fails here fails again in the other process, which tells it.
         with suppress(Exception):

@@ -38,6 +38,10 @@ MAX_CORNER_SHARE = 0.45
 """Share of a leg that may be rounded at each of its ends."""
 MAX_LONE_CORNER_SHARE = 0.7
 """Share of the first or the last leg that may be rounded: it has one corner."""
+MIN_CORNER_COSINE = -0.9
+"""Cosine of the turn between two legs below which the arm stops: the path goes back on itself."""
+CORNER_CHECK_STEP = 0.02
+"""Distance of the configurations at which a rounded corner is checked, rad."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -205,7 +209,7 @@ class MotionChain:
         """Return the distance at which the corner between two legs is cut, at most `room` rad; None: the arm
         stops there."""
         end = before.curve.at(before.curve.length, 1)
-        if float(end @ after.curve.at(0.0, 1)) < -0.9:  # it goes back on itself
+        if float(end @ after.curve.at(0.0, 1)) < MIN_CORNER_COSINE:
             return None
         tried = sorted(
             {min(radius, room) for radius in CORNER_CUTS if min(radius, room) > 1e-3}, reverse=True
@@ -369,4 +373,4 @@ def _concatenate_trajectories(parts: Sequence[Trajectory]) -> Trajectory:
 
 
 def _check_parameters(low: float, high: float) -> Array:
-    return np.linspace(low, high, max(2, int(np.ceil((high - low) / 0.02)) + 1))  # rad
+    return np.linspace(low, high, max(2, int(np.ceil((high - low) / CORNER_CHECK_STEP)) + 1))

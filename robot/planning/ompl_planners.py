@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 MAX_EXTENSION = 1.0
 """Greatest extension of a tree, rad."""
+MAX_GEODESIC_STEP = 0.1
+"""Greatest step of a motion under constraints between two projections, rad."""
 EVALUATIONS_PER_CHECK = 5
 """Evaluations of the termination condition that stand for one collision check: lazy planners may grow without
 checks."""
@@ -208,7 +210,7 @@ class _OmplSearch:
         # Atlas and tangent bundle need equations; ours are inequalities, which have an inside.
         space = ob.ProjectedStateSpace(self._joint_space(), _Projection(self._n, constraint))
         information = ob.ConstrainedSpaceInformation(space)
-        space.setDelta(min(0.1, constraint.step))  # rad
+        space.setDelta(min(MAX_GEODESIC_STEP, constraint.step))
         free, n = self._problem.free, self._n
         information.setStateValidityChecker(lambda state: free(np.array([state[k] for k in range(n)])))
         information.setup()

@@ -22,8 +22,11 @@ MIN_HALF_EXTENT = 0.0005
 PROJECTION_RESERVE = 0.1
 """Share of its room that a projection keeps from a constraint's border, so that edges nearby keep the
 constraint."""
+MAX_PROJECTION_STEPS = 20
+"""Greatest number of Newton steps of a projection."""
 MAX_PROJECTION_CHANGE = 0.3
 """Greatest change of a joint in one Newton step, rad."""
+PROJECTION_DAMPING = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +105,7 @@ class PathConstraints:
         q = np.minimum(np.maximum(q, lower), upper)
         if not self._rows:
             return q
-        for step in range(20):  # Newton
+        for step in range(MAX_PROJECTION_STEPS):
             pin.computeJointJacobians(self._arm, self._data, q)
             pose = pin.updateFramePlacement(self._arm, self._data, self._frame)
             excess = np.concatenate([row.excess(pose, reserve) for row in self._rows])
@@ -114,7 +117,7 @@ class PathConstraints:
             jacobian = pin.getFrameJacobian(self._arm, self._data, self._frame, pin.LOCAL_WORLD_ALIGNED)
             rows = np.concatenate([row.gradient(pose) for row in self._rows])[broken] @ jacobian
             square = rows @ rows.T
-            square.ravel()[:: len(square) + 1] += 1e-6
+            square.ravel()[:: len(square) + 1] += PROJECTION_DAMPING
             change: Array = -rows.T @ np.asarray(np.linalg.solve(square, excess[broken]), np.float64)
             longest = float(np.abs(change).max())
             if longest > MAX_PROJECTION_CHANGE:

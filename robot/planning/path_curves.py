@@ -22,6 +22,8 @@ else:
     dgtsv = library_parts.library_part("scipy.linalg._flapack", "scipy.linalg.lapack.dgtsv")
 
 POLYNOMIAL_DEGREE = 5
+SAME_WAYPOINT_DISTANCE = 1e-6
+"""Distance below which two waypoints are the same, rad."""
 _FACTORS = [
     np.array([float(math.perm(power, order)) for power in range(order, POLYNOMIAL_DEGREE + 1)])
     for order in range(4)
@@ -157,7 +159,7 @@ def distinct(path: Array) -> Array:
     """Remove repeated points (m, n); begin and end stay exactly the same."""
     kept = [path[0]]
     for point in path[1:]:
-        if float(np.abs(point - kept[-1]).max()) > 1e-6:  # rad
+        if float(np.abs(point - kept[-1]).max()) > SAME_WAYPOINT_DISTANCE:
             kept.append(point)
     if len(kept) > 1:
         kept[-1] = path[-1]

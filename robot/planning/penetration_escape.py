@@ -24,8 +24,12 @@ CLEARANCE_BEYOND_MARGIN = 0.0005
 """Distance beyond its margin at which a pair counts as out, m."""
 STEP_SHARES = (1.0, 0.4, 0.15)
 """Shares of a step, tried in this order while it would bring something closer."""
+MIN_ESCAPE_STEP = 2e-4
+"""Change of the joints below which a step is none, rad."""
 APPROACH_SLACK = 0.0005
 """Greatest further approach of a pair that is too close already, m: escape happens in steps."""
+MAX_ESCAPE_STEPS = 120
+ESCAPE_DAMPING = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,13 +86,13 @@ class EscapeSearch:
         near = self._collision.separations(q, WATCHED_DISTANCE)
         allowed = _closest_by_key(near)
         ended_by = ""
-        for _ in range(120):
+        for _ in range(MAX_ESCAPE_STEPS):
             if (until_free and not _violated(near) and self._free(q)) or length >= reach - 1e-6:
                 break
             behind, ended_by = q, _blocking_words(near)
             for step in self._steps(q, near, direction):
                 tried = np.clip(q + step, self._lower, self._upper)
-                if float(np.abs(tried - q).max()) < 2e-4:  # rad
+                if float(np.abs(tried - q).max()) < MIN_ESCAPE_STEP:
                     continue
                 if self._room is not None and not self._room.holds(np.array(model.tcp(tried).position)):
                     ended_by = "the tool would leave the workspace"
@@ -186,7 +190,7 @@ class EscapeSearch:
         twist[:3] = ESCAPE_STEP * self._along(q, direction)
         jacobian = model.jacobian(q)
         square: Array = jacobian @ jacobian.T
-        square[np.diag_indices(6)] += 1e-3
+        square[np.diag_indices(6)] += ESCAPE_DAMPING
         return jacobian.T @ np.asarray(np.linalg.solve(square, twist), np.float64)
 
     def _along(self, q: Array, direction: Direction) -> Array:

@@ -19,6 +19,9 @@ from .motion_plans import ContactPair, MotionPlan
 from .path_curves import polyline_length
 from .requests import Request
 
+QUALITY_STEP = 0.05
+"""Greatest distance in joint space between two measured configurations, rad."""
+
 
 @dataclass(slots=True)
 class MeasuredCost:
@@ -141,7 +144,7 @@ def _sampled_indices(trajectory: Trajectory) -> Iterator[int]:
     since = np.inf
     for k in range(len(q)):
         since += 0.0 if k == 0 else float(np.linalg.norm(q[k] - q[k - 1]))
-        if since >= 0.05 or k == len(q) - 1:  # rad
+        if since >= QUALITY_STEP or k == len(q) - 1:
             since = 0.0
             yield k
 

@@ -41,10 +41,20 @@ from .requests import (
 )
 from .trajectory_check import EDGE_RESOLUTION, StartTolerance
 
+MAX_EXTENSIONS = 240
+"""Number of extensions of a local search."""
 MAX_EXTENSION = 0.3
 """Greatest extension of a local search, rad."""
+EXTENSION_STEP = 0.06
+"""Step between two configurations of an extension, rad."""
+ESCAPED_DISTANCE = 1.0
+"""Distance from its root at which a local search counts as having left, rad."""
 SEARCH_CHECK_BUDGET = 2500
 """Collision checks that a local search may spend."""
+CONSTRAINT_NAME = "the constraint"
+"""Name among the blocking bodies for configurations that a constraint forbids."""
+MAX_EXAMINED = 40
+"""Greatest number of blocked configurations that are examined."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +115,7 @@ class ObstructionSearch:
         tree = [root]
         hit: list[Array] = []
         end = self._collision.checks + SEARCH_CHECK_BUDGET
-        for attempt in range(240):
+        for attempt in range(MAX_EXTENSIONS):
             if self._collision.checks >= end:
                 return None
             # Paths out of narrow places begin with small moves: every second target is near.
@@ -118,7 +128,7 @@ class ObstructionSearch:
             if not along.any():
                 continue
             along = along * min(1.0, MAX_EXTENSION / float(np.linalg.norm(along)))
-            steps = max(1, int(np.ceil(float(np.linalg.norm(along)) / 0.06)))  # rad
+            steps = max(1, int(np.ceil(float(np.linalg.norm(along)) / EXTENSION_STEP)))
             reached = near
             for k in range(1, steps + 1):
                 straight = near + along * (k / steps)
@@ -129,7 +139,7 @@ class ObstructionSearch:
                 reached = q
             if reached is not near:
                 tree.append(reached)
-                if float(np.linalg.norm(reached - root)) > 1.0:  # rad
+                if float(np.linalg.norm(reached - root)) > ESCAPED_DISTANCE:
                     return None
         radius = max(float(np.linalg.norm(q - root)) for q in tree)
         return Enclosure(where, radius, self._blocked(hit))
@@ -141,7 +151,7 @@ class ObstructionSearch:
         """Count the deepest contact of each of some of these configurations."""
         if not hit:
             return BlockingBodies()
-        picked = np.unique(np.linspace(0, len(hit) - 1, min(len(hit), 40)).astype(int))
+        picked = np.unique(np.linspace(0, len(hit) - 1, min(len(hit), MAX_EXAMINED)).astype(int))
         names: Counter[str] = Counter()
         touching: dict[str, Counter[str]] = {}
         for k in picked:
@@ -150,7 +160,7 @@ class ObstructionSearch:
                 names.update((contacts[0].b,))
                 touching.setdefault(contacts[0].b, Counter()).update((contacts[0].a,))
             elif not self._constraints.hold(hit[int(k)]):
-                names.update(("the constraint",))
+                names.update((CONSTRAINT_NAME,))
         if not names:
             return BlockingBodies()
         by = tuple(name for name, _ in names.most_common())

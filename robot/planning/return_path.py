@@ -29,6 +29,7 @@ ROUNDING = 1e-7
 """Growth of an excess that counts as none, rad or m."""
 INSIDE_RESERVE = 0.01
 """Distance of the tool to the edge of its room at which straight motions aim, m."""
+INWARD_DAMPING = 1e-3
 INWARD_STEP = 0.05
 """Travel of the tool in an extension straight inwards, m."""
 INWARD_NOISE = 0.05
@@ -125,7 +126,7 @@ class ReturnSearch:
         size = float(np.linalg.norm(inside))
         if size > 0.0:
             jacobian = self._model.jacobian(q)[:3]
-            square = jacobian @ jacobian.T + 1e-3 * np.eye(3)
+            square = jacobian @ jacobian.T + INWARD_DAMPING * np.eye(3)
             wanted = inside * (INWARD_STEP / size) - jacobian @ step
             step = step + jacobian.T @ np.asarray(np.linalg.solve(square, wanted), np.float64)
         return q + step

@@ -34,6 +34,10 @@ MIN_MOVE_GAIN = 0.015
 """Share below which a corner is not moved: that takes the checks of two whole edges."""
 FIRST_CUT = 0.5
 """First distance from a corner at which it is cut, as a share of the lengths of its two edges together."""
+CUT_REDUCTION = 0.7
+"""Factor on that distance after a cut that was not free."""
+MAX_CORNER_MOVES = 60
+"""Number of attempts to move corners of a path."""
 MOVE_SHARES = (0.5, 0.25)
 """Shares of the way to the straight line by which a corner is moved in all joints together."""
 MAX_LENGTH_RATIO = 1.3
@@ -302,7 +306,7 @@ def _cut_corners(path: list[Array], between: EdgeFree) -> list[Array]:
             points[k : k + 1] = new
             shares[k : k + 1] = [FIRST_CUT] * len(new)
         else:
-            shares[k] *= 0.7
+            shares[k] *= CUT_REDUCTION
     return points
 
 
@@ -335,7 +339,7 @@ def _move_corners(path: list[Array], edge: EdgeFree, between: EdgeFree) -> list[
     """
     points, left = list(path), MIN_MOVE_GAIN * path_length(path)
     failed: list[set[int]] = [set() for _ in points]
-    for _ in range(60):
+    for _ in range(MAX_CORNER_MOVES):
         moves = [
             (*_best_move(points[k - 1], points[k], points[k + 1], failed[k]), k)
             for k in range(1, len(points) - 1)

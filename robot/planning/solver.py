@@ -46,6 +46,9 @@ from .return_path import ReturnSearch
 from .time_parameterization import time_smooth
 from .trajectory_check import StartTolerance, is_trajectory_free
 
+RETURN_ATTEMPTS = 4
+"""Number of return paths that are tried: a straight one, then others."""
+
 
 class RequestSolver:
     """Request solver for one robot in one believed scene.
@@ -151,7 +154,7 @@ class RequestSolver:
         search = ReturnSearch(self.model, self.collision, self.ik, way, begun.start, begun.constraints.hold)
         home = self.model.named(HOME_CONFIGURATION)
         why = ""
-        for attempt in range(4):  # a straight one, then others
+        for attempt in range(RETURN_ATTEMPTS):
             back = search.around(seed + attempt, begun.request.budget) if attempt else search.straight([home])
             if back is None:
                 continue

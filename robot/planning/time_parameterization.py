@@ -45,6 +45,8 @@ TORQUE_LIMIT_SHARE = 0.7
 """Share of the torque limits in the plan: the servo and a held object need the rest."""
 ACCELERATION_RISE_TIME = 0.025
 """Time in which a joint may reach its acceleration limit, s; it defines the jerk limit."""
+COSTLY_SAMPLE_STRIDE = 4
+"""Step between the samples whose torques and tool acceleration are checked: they cost more than the rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +131,7 @@ class PathLimits:
         # The servo sees these differences between samples.
         steps = (np.abs(np.diff(v, axis=0)) / (dt * acceleration[1:])).max(axis=1)
         squared[1:] = np.maximum(squared[1:], steps)
-        some = slice(None, None, 4)  # torques cost more than the rest
+        some = slice(None, None, COSTLY_SAMPLE_STRIDE)
         weight = self._weight(q[some])
         moving = np.abs(self._rnea(q[some], v[some], a[some]) - weight) / self._left(weight)
         squared[some] = np.maximum(squared[some], moving.max(axis=1))
@@ -168,6 +170,10 @@ class PathLimits:
 def least_ratio(limit: Array, each: Array) -> Array:
     """Return the greatest factor (m,) with which all joints of each row (m, n) stay within their limits."""
     return (limit / np.maximum(np.abs(each), 1e-9)).min(axis=1)
+
+
+SPEED_ROUNDING = 0.9999
+"""Share of the squared speed that a step keeps, so that rounding leaves it controllable."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -253,7 +259,7 @@ def time_optimal_law(
             return None
         squared[k] = x
         # Rounding must leave the step controllable.
-        squared[k + 1] = min(max(0.9999 * (x + 2.0 * steps[k] * u), 0.0), reach[k + 1])
+        squared[k + 1] = min(max(SPEED_ROUNDING * (x + 2.0 * steps[k] * u), 0.0), reach[k + 1])
     solver.close_solver()
     v: Array = np.sqrt(squared)
     mean = v[:-1] + v[1:]
@@ -300,6 +306,8 @@ AVERAGING_WINDOW = 0.045
 """Window over which the time law is averaged, s: from full acceleration to full braking at the jerk limit."""
 BEND_JERK_SHARE = 0.5
 """Share of the jerk limit that the path's own bends may take at a constant speed."""
+MAX_PROFILE_PASSES = 3
+"""Greatest number of plans of a profile, each slower where the averaged one exceeded a limit."""
 ACCEPTED_EXCESS = 1.01
 """Excess over a limit, as a factor, up to which a profile is not planned again: all of it goes slower."""
 GRID_DISTANCE = 0.1
@@ -367,7 +375,7 @@ def time_curve(
     speed = np.minimum(speed, np.cbrt(least_ratio(BEND_JERK_SHARE * limits.jerk, third)))
     inertia, bending = (share / TORQUE_SHARE for share in limits.torques(at, first, second))
     best: TimedTrajectory | None = None
-    for _ in range(3):  # each slower where it exceeded a limit
+    for _ in range(MAX_PROFILE_PASSES):
         law = time_optimal_law(grid, first, second, speed, acceleration, (inertia, bending))
         if law is None:
             break

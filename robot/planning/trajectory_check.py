@@ -30,6 +30,8 @@ travels about half of that.
 A path is checked far more finely after timing. One in thirty then grazes and is searched again in smaller
 steps, which costs less than smaller steps for all.
 """
+MAX_EDGE_TURN = 0.2
+"""Greatest step of `EdgeSteps` in joint space, rad (Euclidean)."""
 REACH_BEYOND_TCP = 0.1
 """Reach of hand and held object beyond the tool centre point, m."""
 
@@ -44,7 +46,7 @@ class EdgeSteps:
 
     def __init__(self, model: RobotModel) -> None:
         self._levers: Array = joint_levers(model) / MAX_EDGE_SWEEP
-        self._turns = 1.0 / 0.2  # rad (Euclidean)
+        self._turns = 1.0 / MAX_EDGE_TURN
 
     def scaled(self, share: float) -> EdgeSteps:
         """Return edges in steps of that share of the length."""

@@ -28,6 +28,8 @@ from .camera import Posture
 
 MAX_SUPPORT_GAP = 1e-3
 """Largest gap between an item and the surface on which it stands, m."""
+LANDING_DISTANCE = 1e-3
+"""Distance from the belt's end to the landing place of an item that falls off, m."""
 
 
 class KinematicBelt(BeltDrive):
@@ -91,7 +93,7 @@ class KinematicBelt(BeltDrive):
         if along <= track.length / 2:
             return
         reach = Prism.of(item, body.entry.shape, body.pose).outline.reach
-        beyond = track.length / 2 + reach + 1e-3 - along
+        beyond = track.length / 2 + reach + LANDING_DISTANCE - along
         x, y, _ = self._ahead
         self._bodies.put(replace(body, pose=body.pose.shifted((x * beyond, y * beyond, 0.0))))
         self._bodies.fall(item, self._floor)

@@ -30,6 +30,8 @@ MAX_ENTRY_TILT = math.radians(3.0)
 """Largest tilt with which an item enters a hole, rad."""
 MAX_ENTRY_ROTATION = math.radians(1.0)
 """Rotation about the hole up to which a box enters with any clearance, rad: the hand gives way."""
+MIN_ENTERED_DEPTH = 0.002
+"""Depth below the mouth from which an item is in the hole, m: more than a hand presses it into a surface."""
 MAX_SEATED_OFFSET = 0.008
 """Distance beyond the walls' clearance up to which an item in a hole stays in it, m."""
 
@@ -69,7 +71,7 @@ def _under(fixture: ObjectId, hole: Hole, mouth: Pose, shape: Shape, pose: Pose)
         return None
     item = mouth.inverse() @ pose
     x, y, _ = item.position
-    entered = bottom(shape, item) < -0.002  # m: a hand presses less into a surface
+    entered = bottom(shape, item) < -MIN_ENTERED_DEPTH
     loose = MAX_SEATED_OFFSET if entered else hole.chamfer
     if hole.form == "round":
         off = max(0.0, math.hypot(x, y) - left[0] / 2)
@@ -139,6 +141,10 @@ class KinematicBody:
         return KinematicBody(self.id, self.entry, self.colour, pose, self.friction, self.present, self.scale)
 
 
+CERTAIN_OVERLAP = 1e-6
+"""Depth inside an outline from which an overlap needs no test of edges, m: more than corners are rounded."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Prism:
     """Vertical prism of a body: an outline from above and a level top, as support for other bodies."""
@@ -206,7 +212,7 @@ class Prism:
 
     def _surrounds(self, other: Prism) -> bool:
         """Return whether the outline is a box along the axes around that of `other`."""
-        (x0, y0, _), (x1, y1, _), room = self.low, self.high, 1e-6  # m: more than corners are rounded
+        (x0, y0, _), (x1, y1, _), room = self.low, self.high, CERTAIN_OVERLAP
         return (
             x0 + room < other.low[0]
             and other.high[0] < x1 - room

@@ -158,6 +158,8 @@ CONTACT_STIFFNESS = 2.0e4
 """Stiffness of a contact with a support, N/m."""
 CONTACT_DAMPING = 60.0
 """Damping of a contact with a support, N·s/m."""
+MAX_TIP_DEPTH = 0.03
+"""Greatest depth below a top at which the finger tips still count as standing on it, m."""
 SUPPORT_HEIGHT = 2e-4
 """Height above a support over which it takes the weight of a held object, m."""
 HELD_FOOT = "held"
@@ -304,7 +306,7 @@ class KinematicContactForces:
             if z >= self._bodies.highest:
                 self._feet.hover(foot, z)
                 continue
-            above = self._bodies.tops(x, y, (z, z + 0.03))  # m
+            above = self._bodies.tops(x, y, (z, z + MAX_TIP_DEPTH))
             if not above:
                 self._feet.hover(foot, z)
                 continue

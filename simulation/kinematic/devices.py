@@ -26,6 +26,8 @@ from .bodies import KinematicBodies, KinematicBody
 
 MIN_FINGER_STEP = 1e-9
 """Change of the opening in a control period below which the fingers stand, m."""
+MIN_GRASP_OVERLAP = 0.001
+"""Least overlap of an item with the pads for a grasp, m."""
 
 
 class KinematicGripper:
@@ -126,7 +128,7 @@ class KinematicGripper:
             x, y, z = pose.position
             inside_x = min(x + float(high[0]), self._reach_x) - max(x + float(low[0]), -self._reach_x)
             inside_z = min(z + float(high[2]), self._highest) - max(z + float(low[2]), self._lowest)
-            if min(inside_x, inside_z) < 0.001:  # m
+            if min(inside_x, inside_z) < MIN_GRASP_OVERLAP:
                 continue
             left, right = y + float(low[1]), y + float(high[1])
             size = right - left

@@ -28,6 +28,10 @@ from .items import PhysicsItems
 
 SLAB_SET_BACK = 0.01
 """Travel after which the slab is set back, m. Its ends are off the belt's by half of that at most."""
+SLAB_MASS = 50.0
+"""Mass of the slab, kg: large, so that items on it do not brake it."""
+MAX_MOTOR_FORCE = 500.0
+"""Greatest force of the slab's motor, N."""
 STATIC_COLLISION_FILTER, NO_COLLISION_FILTER = (2, -3), (0, 0)
 """Collision group and mask of static bodies, and of bodies that touch nothing. Two bodies collide when either
 of them wants to."""
@@ -63,7 +67,7 @@ class PhysicsBelt(BeltDrive):
             -1,
             self._fixture.pose.position,
             self._fixture.pose.orientation,
-            linkMasses=[50.0],  # kg: items on it do not brake it
+            linkMasses=[SLAB_MASS],
             linkCollisionShapeIndices=[box],
             linkVisualShapeIndices=[-1],
             linkPositions=[(0.0, 0.0, 0.0)],
@@ -150,7 +154,7 @@ class PhysicsBelt(BeltDrive):
             SLAB_LINK,
             pb.VELOCITY_CONTROL,
             targetVelocity=speed,
-            force=500.0,
+            force=MAX_MOTOR_FORCE,
             physicsClientId=self._client,
         )
 

@@ -102,13 +102,14 @@ MAX_COLLISION_PARTS = 16
 
 MOVING_BODY_GROUP, ALL_GROUPS_MASK = 1, -1
 """Collision group of moving bodies, and the mask of the groups with which they collide."""
+FLOOR_ID = ObjectId("floor")
 
 
 def add_fixed(scene: SceneDescription, base_in_world: Pose, client: int) -> dict[int, str]:
     """Add floor, fixtures and bins for collisions, invisible to cameras; return their names by pybullet's
     body number."""
     height = floor_height(scene.fixtures, base_in_world.position[2])
-    floor = Fixture(ObjectId("floor"), Box((10.0, 10.0, 0.1)), Pose((0.0, 0.0, height - 0.05)))
+    floor = Fixture(FLOOR_ID, Box((10.0, 10.0, 0.1)), Pose((0.0, 0.0, height - 0.05)))
     bodies: dict[int, str] = {}
     for fixture in (floor, *scene.fixtures):
         check_body(fixture.id, fixture.shape, fixture.pose)

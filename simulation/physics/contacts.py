@@ -65,6 +65,12 @@ class ContactPoints:
         return self._items.name(body) or "?"
 
 
+PENETRATION_WINDOW = 1.0
+"""Time for which measured depths are kept, s."""
+PENETRATION_INTERVAL = 12
+"""Number of steps between two measurements."""
+
+
 class Penetrations:
     """Penetration monitor: contacts of items with the fixtures of one client.
 
@@ -78,7 +84,7 @@ class Penetrations:
         self._items: Mapping[ObjectId, int] = {}
         self._recent: dict[ObjectId, deque[tuple[float, float]]] = {}
         self._steps = 0
-        self.every = 12  # steps between two measurements
+        self.every = PENETRATION_INTERVAL
         self.greatest: dict[ObjectId, float] = {}
         """Greatest depth of each item that touched a fixture since `watch`, m."""
         self.lasting: dict[ObjectId, float] = {}
@@ -114,7 +120,7 @@ class Penetrations:
     def _note(self, name: ObjectId, now: float, depth: float) -> None:
         recent = self._recent.setdefault(name, deque())
         recent.append((now, depth))
-        while recent[0][0] < now - 1.0:  # s
+        while recent[0][0] < now - PENETRATION_WINDOW:
             recent.popleft()
         self.greatest[name] = max(depth, self.greatest.get(name, 0.0))
 

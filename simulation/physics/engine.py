@@ -13,6 +13,7 @@ from picktree.world import GRAVITY
 
 __all__ = ["pb"]
 STANDARD_ERROR = 2
+BUILD_MESSAGE = b"pybullet build time"
 
 
 @contextmanager
@@ -34,7 +35,7 @@ def _without_build_time() -> Generator[None]:
             os.close(kept)
             said.seek(0)
             for line in said:
-                if not line.startswith(b"pybullet build time"):
+                if not line.startswith(BUILD_MESSAGE):
                     os.write(STANDARD_ERROR, line)
 
 

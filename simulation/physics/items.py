@@ -49,6 +49,8 @@ A body off balance falls e-fold faster in each 0.05 s, so it passes neither. In 
 tremble and creep, by up to 2 mm/s, and the first test would never let them sleep. Only the robot and belts
 move a heap so slowly, and these keep it awake.
 """
+MIN_HEAP = 3
+"""Least number of items near each other that are a heap."""
 AWAKE_SLEEP_THRESHOLD = 1e-10
 """Sleep threshold of awake bodies, (m/s)² + (rad/s)²: a slower body may fall asleep again at once.
 
@@ -137,7 +139,7 @@ class SleepingItems:
         for name in list(self._places):
             if name in creeping and name not in self._asleep:
                 island = self._island(name)
-                if island is not None and island <= (creeping if len(island) >= 3 else resting):
+                if island is not None and island <= (creeping if len(island) >= MIN_HEAP else resting):
                     self.sleep(sorted(island - self._asleep))
 
     def sleep(self, names: Iterable[ObjectId]) -> None:
@@ -244,6 +246,8 @@ MAX_SETTLING_STEPS = 600
 """Greatest number of steps before time 0, if an item never comes to rest."""
 MAX_POURING_STEPS = 1200
 """The same number for scenes with heaps: layers of items fall for up to a second."""
+MIN_SPREADING_STEPS = 120
+"""Number of steps after the walls of a pile are gone: what leant on them begins to fall slowly."""
 CREEP_SPEED, CREEP_SPIN = 0.004, 0.1
 """Speed, m/s, and angular speed, rad/s, below which the items of a heap count as resting before time 0."""
 
@@ -346,7 +350,7 @@ class PhysicsItems:
             for wall in walls:
                 pb.removeBody(wall, self._client)
             self.sleepers.wake_all()
-            for _ in range(120):  # what leant on the walls begins to fall slowly
+            for _ in range(MIN_SPREADING_STEPS):
                 pb.stepSimulation(self._client)
                 self.stepped()
             self._settle(MAX_SETTLING_STEPS, heaped=True)

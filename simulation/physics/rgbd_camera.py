@@ -18,6 +18,8 @@ from picktree.world.scene import Bin, CameraDescription, Fixture, SceneDescripti
 from .bodies import add_scenery
 from .engine import Client, pb
 
+LIGHT_DIRECTION = (0.3, 0.2, 1.0)
+"""Direction towards the light, in the world."""
 HAND_CAMERA_NEAR_CLIP = 0.01
 """Near clipping distance of a camera on the hand, m. The hand hides what is behind it, also where it is too
 near to be measured."""
@@ -61,7 +63,7 @@ class CameraRenderer:
             height,
             view_matrix(optical),
             self._projection,
-            lightDirection=(0.3, 0.2, 1.0),
+            lightDirection=LIGHT_DIRECTION,
             lightColor=(1.0, 1.0, 1.0),
             shadow=0,
             lightAmbientCoeff=0.6,

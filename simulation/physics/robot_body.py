@@ -249,8 +249,14 @@ class KnuckleGearReaction:
         return rate
 
 
+KNUCKLE_GAIN = 0.2
+"""Share of a knuckle's error that one step removes."""
+BAR_GAIN = 1.0
+"""Share of the error of a joint beyond a knuckle that one step removes."""
 MAX_BAR_TORQUE_FACTOR = 3.0
 """Greatest torque of the bars that is passed on, as a multiple of the knuckle's own torque."""
+MAX_BAR_TORQUE = 200.0
+"""Greatest torque of the bars that keep a finger upright, Nm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -320,7 +326,7 @@ class LinkageMotors:
                 pb.POSITION_CONTROL,
                 targetPosition=aim,
                 force=torque + bars,
-                positionGain=0.2,
+                positionGain=KNUCKLE_GAIN,
                 velocityGain=1.0,
                 maxVelocity=(self._grip.speed or self._speed) / per_rad * abs(by),
                 physicsClientId=self._client,
@@ -333,8 +339,8 @@ class LinkageMotors:
                 pb.POSITION_CONTROL,
                 targetPosition=held.by * position[held.of] + held.offset,
                 targetVelocity=held.by * velocity[held.of],
-                force=200.0,  # Nm
-                positionGain=1.0,
+                force=MAX_BAR_TORQUE,
+                positionGain=BAR_GAIN,
                 velocityGain=1.0,
                 physicsClientId=self._client,
             )
@@ -351,6 +357,9 @@ def _is_beyond(body: int, joint: int, knuckle: int, client: int) -> bool:
 
 POSITION_GAIN = 0.3
 """Share of the position error that one step removes: tracks to 0.1 mrad at 1 rad/s."""
+FINGER_GAIN = 0.2
+GEAR_FORCE = 1000.0
+"""Greatest force of the gear between the fingers, N, or Nm."""
 
 
 class RobotBody:
@@ -469,7 +478,7 @@ class RobotBody:
             gear,
             gearRatio=gripper.gear if self._linkage is None else self._linkage.gear,
             erp=1.0,
-            maxForce=1000.0,  # N, or Nm
+            maxForce=GEAR_FORCE,
             physicsClientId=self._client,
         )
         if self._linkage is None:
@@ -538,7 +547,7 @@ class RobotBody:
                 pb.POSITION_CONTROL,
                 targetPosition=grip.width / 2,
                 force=grip.force,
-                positionGain=0.2,
+                positionGain=FINGER_GAIN,
                 velocityGain=1.0,
                 maxVelocity=grip.speed or self.description.gripper.speed,
                 physicsClientId=self._client,
