@@ -10,6 +10,7 @@ from . import (
     svg_drawing as svg_drawing,
 )
 from .check import MissionCheck as MissionCheck
-from .drawing import text as text
 from .file_kinds import CHECKS as CHECKS, file_schema as file_schema, mission_faults as mission_faults
+from .html_drawing import chart_json as chart_json
 from .mission_chart import chart as chart
+from .text_drawing import DEFAULT_COLUMNS as DEFAULT_COLUMNS, text as text

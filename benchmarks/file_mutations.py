@@ -28,9 +28,9 @@ from _file_mutants import mutant, told, told_all
 from picktree.apps.cli.file_schemas import CHECKS
 from picktree.authoring.rehearsal.case_checks import examine_cases
 from picktree.authoring.rehearsal.cases import CaseFile
+from picktree.authoring.rehearsal.leaf_roles import is_stubbed
 from picktree.authoring.rehearsal.mission_staging import scene_of, stub_mission
 from picktree.authoring.rehearsal.rehearsal import CoverageRecord, rehearse_case
-from picktree.authoring.rehearsal.trace import is_stubbed
 from picktree.files import FileError, PicktreeError
 from picktree.files.file_checks import check_files
 from picktree.files.yaml import read_document

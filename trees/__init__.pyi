@@ -76,24 +76,26 @@ from .description import (
 from .failure_reports import with_attached as with_attached
 from .leaves import AlwaysSuccess as AlwaysSuccess
 from .mission import (
-    FilesOnDisk as FilesOnDisk,
-    IN_LIBRARY as IN_LIBRARY,
-    LIBRARY as LIBRARY,
     MAIN as MAIN,
-    MissionDiagnostics as MissionDiagnostics,
-    MissionFiles as MissionFiles,
     NodeSpec as NodeSpec,
     Plugin as Plugin,
-    RecordedFiles as RecordedFiles,
     TreeSpec as TreeSpec,
     bottom_up as bottom_up,
     called_by as called_by,
     check_calls as check_calls,
+    reachable as reachable,
+)
+from .mission_files import (
+    FilesOnDisk as FilesOnDisk,
+    IN_LIBRARY as IN_LIBRARY,
+    LIBRARY as LIBRARY,
+    MissionFiles as MissionFiles,
+    RecordedFiles as RecordedFiles,
     library_names as library_names,
     name_of as name_of,
     path_of as path_of,
-    reachable as reachable,
 )
+from .mission_diagnostics import MissionDiagnostics as MissionDiagnostics
 from .port_types import (
     NAMES_IN_FILES as NAMES_IN_FILES,
     Name as Name,

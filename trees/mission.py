@@ -8,176 +8,18 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
-from typing import Final, Literal, Protocol
+from typing import Final, Literal
 
-from picktree.files import Diagnostic, Expression, Location, Mark, PicktreeError, file_system, suggest_name
-from picktree.files.yaml import Document, read_document
+from picktree.files import Diagnostic, Expression, Mark
+from picktree.files.yaml import Document
 
+from .mission_files import name_of
 from .node import Node
 from .ports import PortDeclaration
 from .references import Assignment, Binding
 
 MAX_NODES: Final = 10_000
 """Maximum number of nodes of a mission, with sub-trees expanded."""
-MAX_FAULTS: Final = 200
-"""Maximum number of errors that are kept; further ones are counted."""
-
-
-class MissionDiagnostics:
-    """Errors of one mission, over all its files."""
-
-    def __init__(self) -> None:
-        self._kept: list[Diagnostic] = []
-        self._more = 0
-        self._nodes = 0
-        self._left_out: list[str] = []
-
-    def has_room(self, document: Document, loc: Location) -> bool:
-        """Count a node of the text; return False when there are too many for the mission to be built."""
-        self._nodes += 1
-        if self._nodes == MAX_NODES + 1:
-            message = f"here is node number {self._nodes} of the mission"
-            self.at(document, loc, "", message, f"at most {MAX_NODES} nodes", code="P236")
-        return self._nodes <= MAX_NODES
-
-    @property
-    def full(self) -> bool:
-        """Whether another error would only be counted."""
-        return len(self._kept) >= MAX_FAULTS
-
-    def __len__(self) -> int:
-        return len(self._kept) + self._more
-
-    def add(self, fault: Diagnostic) -> None:
-        if self.full:
-            self._more += 1
-        else:
-            self._kept.append(fault)
-
-    def at(
-        self,
-        document: Document,
-        loc: Location,
-        trail: str,
-        message: str,
-        hint: str = "",
-        *,
-        code: str,
-        key: bool = False,
-        detail: str = "",
-    ) -> None:
-        """Add an error about the value at `loc`, or (`key`) about its key."""
-        if self.full:
-            self._more += 1
-            return
-        mark = document.key_mark(loc) if key else document.mark(loc)
-        self._kept.append(Diagnostic(mark, trail, message, hint, code, detail=detail))
-
-    def leave_out(self, trail: str) -> None:
-        """Note a node that is not read because of an error that is reported elsewhere."""
-        self._left_out.append(trail)
-
-    def nearest(self, name: str, known: Iterable[str]) -> str:
-        """Return the nearest name as `suggest_name`, which is costly; empty when the list is full."""
-        return "" if self.full else suggest_name(name, known)
-
-    def within(self, tree: str) -> bool:
-        """Whether any error lies in that tree, or a node that was left out."""
-        starts = (f"{tree}/", f"trees.{tree}.")
-        names = (tree, f"trees.{tree}")
-        places = (*(fault.where for fault in self._kept), *self._left_out)
-        return any(place in names or place.startswith(starts) for place in places)
-
-    def all(self) -> tuple[Diagnostic, ...]:
-        """Return the errors in the order of the files; the last one gives the number that was left out."""
-        kept = sorted(dict.fromkeys(self._kept), key=lambda fault: fault.mark)
-        if self._more:
-            message = f"and {self._more} more faults"
-            kept.append(Diagnostic(kept[-1].mark, "", message, "mend those above first", "P200"))
-        return tuple(kept)
-
-
-LIBRARY: Final = Path(__file__).parent / "library"
-"""Folder of the sub-trees that come with picktree."""
-IN_LIBRARY: Final = "library/"
-
-
-class MissionFiles(Protocol):
-    """Source of included files by name: `common.yaml`, `parts/bins.yaml`, or `library/recovery`.
-
-    A name is relative to the mission's folder and never leads out of it.
-    """
-
-    def document(self, name: str) -> Document:
-        """Return the file. Raises PicktreeError when there is none, FileError when it cannot be read."""
-        ...
-
-
-class FilesOnDisk:
-    """Files in the mission's folder, and the library.
-
-    `unsaved`: texts that an editor holds, by path; they count before those on the disk.
-    """
-
-    def __init__(self, folder: Path, unsaved: Mapping[Path, str] | None = None) -> None:
-        self._folder = folder
-        self._unsaved = {path.absolute(): text for path, text in (unsaved or {}).items()}
-
-    def document(self, name: str) -> Document:
-        path = path_of(name, self._folder)
-        text = self._unsaved.get(path.absolute())
-        if text is not None:
-            return read_document(path, "mission", text)
-        if not file_system.is_file(path):
-            raise PicktreeError(_missing(name, self._folder))
-        if not name.startswith(IN_LIBRARY) and not _inside(path, self._folder):
-            raise PicktreeError(f"{name!r} leads out of the mission's folder by a symbolic link")
-        return read_document(path, "mission")
-
-
-class RecordedFiles:
-    """Texts of included files from a log, by the names under which the mission includes them."""
-
-    def __init__(self, texts: Mapping[str, str], folder: Path) -> None:
-        self._texts, self._folder = texts, folder
-
-    def document(self, name: str) -> Document:
-        if name not in self._texts:
-            raise PicktreeError(f"the record holds no file {name!r}")
-        return read_document(path_of(name, self._folder), "mission", self._texts[name])
-
-
-def path_of(name: str, folder: Path) -> Path:
-    """Return the path of a file by the name under which a mission in `folder` includes it."""
-    if name.startswith(IN_LIBRARY) and not name.endswith((".yaml", ".yml")):
-        return LIBRARY / f"{name.removeprefix(IN_LIBRARY)}.yaml"
-    return folder / name
-
-
-def name_of(path: Path, folder: Path) -> str:
-    """Return the name under which a mission in `folder` includes a file: the inverse of `path_of`."""
-    if path.parent == LIBRARY:
-        return f"{IN_LIBRARY}{path.stem}"
-    return path.relative_to(folder).as_posix()
-
-
-def library_names() -> tuple[str, ...]:
-    """Return the names that are valid after `library/`."""
-    return file_system.shipped_names(LIBRARY)
-
-
-def _inside(path: Path, folder: Path) -> bool:
-    try:
-        return path.resolve().is_relative_to(folder.resolve())
-    except (OSError, RuntimeError):  # a circle of symbolic links
-        return False
-
-
-def _missing(name: str, folder: Path) -> str:
-    if path_of(name, folder).parent == LIBRARY:
-        wanted = name.removeprefix(IN_LIBRARY)
-        return f"the library has no {wanted!r} ({suggest_name(wanted, library_names())})"
-    return f"there is no file {name!r} beside the mission"
 
 
 MAIN = "Main"

@@ -11,7 +11,7 @@ import numpy as np
 import orjson
 
 from picktree.analysis import Run
-from picktree.authoring import chart, drawing, mission_chart
+from picktree.authoring import chart, chart_json, mission_chart
 from picktree.files import PicktreeError
 from picktree.logs import BeliefEvent, log_records, node_visits
 from picktree.trees import RecordedFiles
@@ -215,7 +215,7 @@ def pack_tree(run: Run) -> Section:
         "tree",
         {
             "charts": [
-                {"since": at.time, "chart": cast(Packable, drawing.chart_json(chart))}
+                {"since": at.time, "chart": cast(Packable, chart_json(chart))}
                 for at, chart in zip(run.trees, charts, strict=True)
             ],
             "paths": [node.path for node in table.nodes],

@@ -288,15 +288,13 @@ def render(
     ] = False,
 ) -> None:
     """Draw a mission: its trees, ports, conditions, and what recovers from which failure."""
-    from picktree.authoring import drawing, mission_chart, text
+    from picktree.authoring import DEFAULT_COLUMNS, drawing, mission_chart, text
 
     suffix = drawing.suffix_of(output.name) if output is not None else ".txt"
     charted = mission_chart.chart_of_file(file)
     if output is None:
         columns = (
-            shutil.get_terminal_size((drawing.DEFAULT_COLUMNS, 0)).columns
-            if sys.stdout.isatty()
-            else drawing.DEFAULT_COLUMNS
+            shutil.get_terminal_size((DEFAULT_COLUMNS, 0)).columns if sys.stdout.isatty() else DEFAULT_COLUMNS
         )
         show(text(charted, columns=columns, expand=expand), None)
         return

@@ -229,7 +229,10 @@ def _start(mark: Mark) -> types.Range:
 def serve(source: BinaryIO, target: BinaryIO, version: str) -> None:
     """Serve one editor until it ends the session."""
     server = LanguageServer(_SOURCE, version)
-    _offer(server, Session(server))
+    session = Session(server)
+    _offer_checks(server, session)
+    _offer_completion(server, session)
+    _offer_names(server, session)
     # What the imports made stays: the collector need not look at it after every edit.
     gc.collect()
     gc.freeze()
@@ -237,7 +240,9 @@ def serve(source: BinaryIO, target: BinaryIO, version: str) -> None:
     server.start_io(source, target)
 
 
-def _offer(server: LanguageServer, session: Session) -> None:
+def _offer_checks(server: LanguageServer, session: Session) -> None:
+    """Check a document while it is edited, and offer what mends it."""
+
     @server.feature(types.TEXT_DOCUMENT_DID_OPEN)
     def opened(params: types.DidOpenTextDocumentParams) -> None:
         session.check(params.text_document.uri)
@@ -260,6 +265,12 @@ def _offer(server: LanguageServer, session: Session) -> None:
     def fixes(params: types.CodeActionParams) -> list[types.CodeAction]:
         uri = params.text_document.uri
         return [action for each in params.context.diagnostics if (action := _action(uri, each))]
+
+    del opened, changed, saved, closed, fixes
+
+
+def _offer_completion(server: LanguageServer, session: Session) -> None:
+    """Complete what is typed, and explain what is pointed at."""
 
     @server.feature(
         types.TEXT_DOCUMENT_COMPLETION,
@@ -289,6 +300,12 @@ def _offer(server: LanguageServer, session: Session) -> None:
             return None
         span, text = found
         return types.Hover(types.MarkupContent(types.MarkupKind.Markdown, text), session.range(uri, span))
+
+    del complete, hover
+
+
+def _offer_names(server: LanguageServer, session: Session) -> None:
+    """Find, list and rename what has a name."""
 
     @server.feature(types.TEXT_DOCUMENT_DEFINITION)
     def definition(params: types.DefinitionParams) -> types.Location | None:
@@ -338,20 +355,7 @@ def _offer(server: LanguageServer, session: Session) -> None:
 
         return [shown(each) for each in session.file(uri).symbols()]
 
-    del (
-        opened,
-        changed,
-        saved,
-        closed,
-        fixes,
-        complete,
-        hover,
-        definition,
-        references,
-        prepare,
-        rename,
-        outline,
-    )
+    del definition, references, prepare, rename, outline
 
 
 def _action(uri: str, found: types.Diagnostic) -> types.CodeAction | None:

@@ -9,17 +9,11 @@ from picktree.trees import Mission
 from picktree.trees.loading import SceneNames
 
 from .arm_use import at_the_same_time, cleaning_arm, left_in_hand, nothing_held, started_anew
+from .constants import short_timeouts, unknown_objects
 from .endless_loops import endless, only_failing, unbounded_recovery, vain_attempts
+from .handlers import needless_handlers, unhandled
 from .mission_survey import LintModel
-from .needless_nodes import (
-    needless_defaults,
-    needless_handlers,
-    short_timeouts,
-    unhandled,
-    unknown_objects,
-    unreachable,
-    without_effect,
-)
+from .needless_nodes import needless_defaults, unreachable, without_effect
 from .unused import breakpoints, never_read, read_before_written, unused_files, unused_ports, unused_trees
 
 RULES: tuple[Callable[[LintModel], Iterable[Diagnostic]], ...] = (

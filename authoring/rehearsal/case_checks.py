@@ -47,9 +47,9 @@ from .cases import (
     or_else,
     read_cases,
 )
+from .leaf_roles import NodeRole, may_fail_with, roles_of
 from .mission_staging import StubbedMission, play_case, scene_of, stub_mission
 from .rehearsal_world import HAND, TABLE, UNKNOWN, MissingOutput
-from .trace import NodeRole, may_fail_with, roles_of
 
 
 class CaseNames:

@@ -27,8 +27,9 @@ from picktree.world import Failure, Plain, cause_named
 from picktree.world.scene import SceneDescription, load_scene
 
 from .cases import LeafAnswer, RehearsalCase
+from .leaf_roles import NodeRole, follows_from_belief, is_stubbed, roles_of
 from .rehearsal_world import Contradiction, MissingOutput, RehearsalWorld
-from .trace import NodeRole, ScriptedAnswers, Trace, follows_from_belief, is_stubbed, roles_of
+from .trace import ScriptedAnswers, Trace
 
 DEFAULT_MAX_TICKS = 10_000
 """Default limit of a case, ticks."""

@@ -29,6 +29,7 @@ from picktree.world import Plain, all_causes, matches
 
 from .case_checks import examine_cases
 from .cases import CaseFile, RehearsalCase
+from .leaf_roles import NodeRole
 from .mission_staging import StubbedMission, play_case, scene_of, stub_mission
 from .rehearsal_world import TICK_PERIOD
 from .trace import (
@@ -40,7 +41,6 @@ from .trace import (
     LeafEnded,
     LeafRun,
     LeafStarted,
-    NodeRole,
     NoteTaken,
     Trace,
 )

@@ -11,7 +11,8 @@ from textwrap import dedent
 import pytest
 
 from picktree.authoring import chart, chart_of_file, svg, text
-from picktree.authoring.drawing import dot, drawing_text, suffix_of
+from picktree.authoring.dot_drawing import dot
+from picktree.authoring.drawing import drawing_text, suffix_of
 from picktree.authoring.mission_chart import Chart, ChartPort
 from picktree.files import PicktreeError
 from picktree.trees.loading import parse_mission

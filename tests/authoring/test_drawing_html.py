@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from picktree.authoring import chart, chart_of_file
-from picktree.authoring.drawing import chart_json, html
+from picktree.authoring.html_drawing import chart_json, html
 from picktree.authoring.mission_chart import Chart
 from picktree.authoring.svg_drawing import PAGE_FOLDER
 

@@ -8,7 +8,8 @@ import pytest
 
 from picktree.files.yaml import read_document
 from picktree.trees.loading import MissionReadResult, NodeRegistry, examine
-from picktree.trees.mission import MAX_FAULTS, MAX_NODES
+from picktree.trees.mission import MAX_NODES
+from picktree.trees.mission_diagnostics import MAX_FAULTS
 
 from ..effort import counted
 
