@@ -26,7 +26,7 @@ from pydantic import TypeAdapter
 
 from picktree.analysis.compare import RunOutcome, align, message_differences, outcome_of, run_diff
 from picktree.files import FileError, PicktreeError, fault_lines
-from picktree.logs import RunResult, log_records
+from picktree.logs import RunResult, arithmetic_record
 from picktree.session import Observer, RecordedRun, Session, arithmetic, environment, run_recipe
 from picktree.trees import TickReport
 from picktree.world.scene import load_scene
@@ -50,13 +50,13 @@ class Reason:
         return f"{self.what}: {self.recorded or 'none'} then, {self.now or 'none'} now"
 
 
-def reasons(run: Run, now: log_records.Arithmetic) -> tuple[Reason, ...]:
+def reasons(run: Run, now: arithmetic_record.Arithmetic) -> tuple[Reason, ...]:
     """Return the differences, the likeliest first; empty when everything is as in the log.
 
     `now` is the arithmetic of the process that has run it again.
     """
     recorded = run.info.arithmetic
-    departed = log_records.arithmetic_difference(recorded, now)
+    departed = arithmetic_record.arithmetic_difference(recorded, now)
     return (
         *_changed_attachments(run),
         *_sources(run),
@@ -435,7 +435,7 @@ def resimulate(
             difference=answer.difference,
             trees=answer.trees,
             reasons=(
-                reasons(run, log_records.Arithmetic.from_words(answer.arithmetic))
+                reasons(run, arithmetic_record.Arithmetic.from_words(answer.arithmetic))
                 if answer.difference or answer.trees
                 else ()
             ),

@@ -10,7 +10,7 @@ from typing import Any
 
 from picktree.analysis.compare import RunOutcome, align, message_differences, outcome_of, run_diff
 from picktree.files import Diagnostic, PicktreeError
-from picktree.logs import RunResult, RunStatus, log_records
+from picktree.logs import RunResult, RunStatus, arithmetic_record
 from picktree.session import Observer, RecordedRun, RunCounters, Session, arithmetic, run_recipe, tally_of
 from picktree.simulation import new_states
 
@@ -242,7 +242,7 @@ def what_if(
             now=_outcome(result, result.failures, session.execution.tally, result.log, ""),
             status=result.status,
             parting=_parting(run, result.log, begin),
-            arithmetic=log_records.arithmetic_difference(run.info.arithmetic, arithmetic()),
+            arithmetic=arithmetic_record.arithmetic_difference(run.info.arithmetic, arithmetic()),
             warnings=changed.warnings,
             new_log=result.log,
         )

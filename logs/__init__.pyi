@@ -3,6 +3,7 @@ from .run_result import RunResult as RunResult
 
 # for other rooms
 from . import (
+    arithmetic_record as arithmetic_record,
     binary_gltf as binary_gltf,
     episode_counts as episode_counts,
     item_episodes as item_episodes,

@@ -9,7 +9,8 @@ from typing import Annotated, Self, cast, get_args
 
 from picktree.world import EVENT_KINDS, EventField, JournalEvent, OtherEvent, event_fields, event_types
 
-from .log_records import BodyRecord, Event, decode, is_viewable, record_adapter, schema, value_schema
+from .json_schema import is_viewable, schema, value_schema
+from .log_records import BodyRecord, Event, decode, record_adapter
 
 
 class ImageEvent(JournalEvent, kind="image"):

@@ -21,11 +21,11 @@ from picktree.logs.recording import decode_colour, decode_depth, foxglove_messag
 from picktree.world import Intrinsics, JournalEvent, Plan
 
 from . import topics
+from .arithmetic_record import Arithmetic
 from .event_records import decode_event
 from .log_files import JoinedLog, find_log, part_paths
 from .log_records import (
     FORMAT,
-    Arithmetic,
     Candidates,
     Control,
     Joints,

@@ -23,7 +23,7 @@ from picktree.world import Plan
 
 from . import log_records
 from .event_records import event_schema
-from .log_records import schema
+from .json_schema import schema
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 PROBE_DISTANCE: Final = 0.004
 """Distance by which the fingers try to close, m: they do when nothing is between them."""
 MIN_PROBE_SHARE: Final = 0.5
-"""Share of PROBE from which the fingers count as closing."""
+"""Share of PROBE_DISTANCE from which the fingers count as closing."""
 MIN_PROBE_FORCE: Final = 5.0
 """Least force of each finger during the probe, N; a higher force already set is kept."""
 UNKNOWN_OBJECT_SIZE: Final = 0.10

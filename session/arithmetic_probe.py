@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from picktree.files import blas_kernels, departures, library_parts, numpy_kernels
-from picktree.logs import log_records
+from picktree.logs import arithmetic_record
 
 _PACKAGES: Final = {
     "numpy": "numpy",
@@ -31,12 +31,12 @@ _Results: TypeAlias = list[NDArray[Any]]
 
 
 @cache
-def arithmetic() -> log_records.Arithmetic:
+def arithmetic() -> arithmetic_record.Arithmetic:
     """Return the arithmetic of this process. The probe takes about 20 ms of CPU, once."""
     numbers = _numbers()
     probes = {name: _fingerprint(probe(numbers.copy())) for name, probe in _PROBES.items()}  # loads kernels
     kernels = {"numpy": numpy_kernels(), **{f"OpenBLAS in {k}": v for k, v in sorted(blas_kernels().items())}}
-    return log_records.Arithmetic(_versions(), kernels, probes, departures())
+    return arithmetic_record.Arithmetic(_versions(), kernels, probes, departures())
 
 
 def _versions() -> dict[str, str]:

@@ -13,7 +13,7 @@ from typing import Any, Final
 from pydantic import TypeAdapter, ValidationError
 
 from picktree.files import PicktreeError
-from picktree.logs import Digest, RunRecord, log_files, log_records, topics
+from picktree.logs import Digest, RunRecord, arithmetic_record, log_files, log_records, topics
 from picktree.logs.recording import WHOLE_STATE_PERIOD, RecordingState, fold_states, read_state
 from picktree.robot.planning import has_second_core
 from picktree.simulation import FaultState, checkpoints
@@ -251,7 +251,7 @@ def _from_checkpoint(recorded: RecordedRun) -> tuple[Recipe, str, float]:
             f"going on with {run.path} from {name.removesuffix('.json')}: {state.time:.2f} s, "
             f"{_done(state.items_done)}"
         )
-    departed = log_records.arithmetic_difference(run.info.arithmetic, arithmetic())
+    departed = arithmetic_record.arithmetic_difference(run.info.arithmetic, arithmetic())
     if departed:
         told = f"{told}\n{departed}"
     return recipe, told, _since(recipe)

@@ -108,7 +108,7 @@ class WatchScene(Decorator):
                 raise
             return
         self._seen = now
-        world.thinking.beside(world.vision.cost)
+        world.thinking.add_unowed(world.vision.cost)
 
 
 def _in_hand(world: TreeWorld) -> str:

@@ -26,7 +26,7 @@ class Stopwatch:
             self._switch()
             self._running.pop()
 
-    def move(self, seconds: float, part: str) -> None:
+    def reassign(self, seconds: float, part: str) -> None:
         """Count that many seconds of the part now measured for `part` instead. This suits short and
         frequent work, such as a physics step."""
         self._seconds[part] = self._seconds.get(part, 0.0) + seconds
@@ -48,8 +48,8 @@ class Stopwatch:
 class ComputeTimeAccount:
     """Simulated seconds of computing that are owed to the clock, paid in whole ticks.
 
-    The remainder below one tick is carried over, so that many small thoughts are charged as much as one
-    large one. It is state: it belongs into a checkpoint.
+    The remainder below one tick is carried over, so that many short computations are charged as much as one
+    long one. It is state: it belongs into a checkpoint.
     """
 
     def __init__(self, tick: float) -> None:
@@ -63,8 +63,8 @@ class ComputeTimeAccount:
         self.owed += seconds
         self.total += seconds
 
-    def beside(self, seconds: float) -> None:
-        """Count what was thought beside that for which skills wait: no one owes it."""
+    def add_unowed(self, seconds: float) -> None:
+        """Count computing for which no skill waits, so that nothing is owed."""
         self.total += seconds
 
     def charge(self) -> Generator[None, None, None]:

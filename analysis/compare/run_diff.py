@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeAlias
 
 from picktree.analysis import Run
 from picktree.files import short_names
-from picktree.logs import is_simulated, lacking_topics, log_records, node_visits, topics
+from picktree.logs import arithmetic_record, is_simulated, lacking_topics, log_records, node_visits, topics
 from picktree.session import environment
 
 from .alignment import Alignment, Divergence, How, align
@@ -157,7 +157,7 @@ def compare_settings(a: Run, b: Run) -> SetupDiff:
     return SetupDiff(
         value_changes(_settings(a.info), _settings(b.info)),
         tuple(_files(a, b)),
-        log_records.arithmetic_difference(a.info.arithmetic, b.info.arithmetic, "in B"),
+        arithmetic_record.arithmetic_difference(a.info.arithmetic, b.info.arithmetic, "in B"),
     )
 
 

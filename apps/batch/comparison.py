@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from picktree.analysis import Run
 from picktree.analysis.compare import Alignment, Divergence, align, message_differences, run_diff
 from picktree.files import PicktreeError
-from picktree.logs import log_records, node_visits
+from picktree.logs import arithmetic_record, node_visits
 
 from .executor import Executor
 from .local_executor import LocalExecutor
@@ -89,7 +89,7 @@ class RecipeOutcomes:
     """Label with the batch's folder, as on the command line."""
     folder: Path
     outcomes: Mapping[int, JobOutcome]
-    arithmetics: tuple[log_records.Arithmetic, ...] = ()
+    arithmetics: tuple[arithmetic_record.Arithmetic, ...] = ()
     """Arithmetics of the processes that computed its jobs, without repetition."""
 
 
@@ -129,14 +129,14 @@ def read_recipe(where: str) -> RecipeOutcomes:
 
 def _arithmetics(
     versions: Iterable[tuple[str, str, str]], jobs: Container[str]
-) -> tuple[log_records.Arithmetic, ...]:
+) -> tuple[arithmetic_record.Arithmetic, ...]:
     words: dict[str, dict[str, str]] = {}
     for job, library, version in versions:
         if job in jobs:
             words.setdefault(job, {})[library] = version
-    found: list[log_records.Arithmetic] = []
+    found: list[arithmetic_record.Arithmetic] = []
     for table in words.values():
-        arithmetic = log_records.Arithmetic.from_words(table)
+        arithmetic = arithmetic_record.Arithmetic.from_words(table)
         if arithmetic not in found:
             found.append(arithmetic)
     return tuple(found)
@@ -359,7 +359,7 @@ def _arithmetic_difference(a: RecipeOutcomes, b: RecipeOutcomes) -> str:
     """Return the difference in arithmetic between jobs of A and B, or within one of them; empty when none."""
     sides = ((a, b, "in B"), (a, a, "in other jobs of A"), (b, b, "in other jobs of B"))
     said = (
-        log_records.arithmetic_difference(one, other, where)
+        arithmetic_record.arithmetic_difference(one, other, where)
         for first, second, where in sides
         for one in first.arithmetics
         for other in second.arithmetics

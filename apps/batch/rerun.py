@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from picktree.files import PicktreeError
-from picktree.logs import log_records
+from picktree.logs import arithmetic_record
 from picktree.session import LOG_FILE_NAME
 
 from .executor import Event, Executor, JobFailed, JobFinished, JobOrder
@@ -177,10 +177,10 @@ def _move_run(run: Path, target: Path) -> Path:
 
 
 def _otherwise(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
-    departed = log_records.arithmetic_difference(
-        log_records.Arithmetic.from_words(then), log_records.Arithmetic.from_words(now)
+    departed = arithmetic_record.arithmetic_difference(
+        arithmetic_record.Arithmetic.from_words(then), arithmetic_record.Arithmetic.from_words(now)
     )
-    libraries = sorted(name for name in {*then, *now} if not name.startswith(log_records.PREFIXES))
+    libraries = sorted(name for name in {*then, *now} if not name.startswith(arithmetic_record.PREFIXES))
     changed = [name for name in libraries if then.get(name, "") != now.get(name, "")]
     said = [f"{name}: recorded {then.get(name) or 'none'}, now {now.get(name) or 'none'}" for name in changed]
     return [departed, *said] if departed else said

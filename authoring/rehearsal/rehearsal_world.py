@@ -289,7 +289,7 @@ TICK_PERIOD = 0.05
 
 
 class TickClock:
-    """Simulated time: the number of past ticks times TICK."""
+    """Simulated time: the number of past ticks times TICK_PERIOD."""
 
     def __init__(self) -> None:
         self.ticks = 0

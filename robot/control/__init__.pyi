@@ -29,7 +29,7 @@ from .gripper_motion import (
     OPENING_FORCE as OPENING_FORCE,
 )
 from .joint_controllers import HoldController as HoldController
-from .motion_lease import above_limit as above_limit
+from .force_guard import above_limit as above_limit
 from .motions import ArmMotion as ArmMotion
 from .payload_estimate import (
     MassEstimate as MassEstimate,

@@ -32,9 +32,10 @@ from picktree.world.robot_model import RobotModel
 
 from .commands import Controller, JointCommand
 from .external_torque import MIN_EXPLAINED_SHARE
+from .force_guard import ContactGuard, ForceGuard
 from .impedance import CartesianImpedance, ContactReflex
 from .joint_controllers import BrakeController, HoldController
-from .motion_lease import ContactGuard, ForceGuard, Lease
+from .motion_lease import Lease
 from .safety_monitor import MonitorState, SafetyMonitor
 from .wrist_wrench import MAX_QUIET_DEVIATION, WRIST_WINDOW, BiasEstimator, WristWrench
 
@@ -500,7 +501,7 @@ class ControlLoop:
             step = self.step
             for _ in range(periods):
                 step()
-            self._stopwatch.move(self._stepping, "physics")
+            self._stopwatch.reassign(self._stepping, "physics")
 
     def step(self) -> None:
         """Run one control period."""

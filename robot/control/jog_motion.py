@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, cast
+from typing import Literal, TypeAlias
 
 from picktree.files import PicktreeError
 from picktree.world import (
@@ -22,8 +22,9 @@ from picktree.world.robot_model import RobotModel
 
 from .commands import MAX_TWIST_ANGULAR_SPEED, MAX_TWIST_SPEED, Doing, Twist
 from .control_loop import ControlLoop
-from .motion_lease import ForceGuard, Lease, above_limit
-from .velocity_controller import JogController
+from .force_guard import ForceGuard, above_limit
+from .motion_lease import Lease
+from .velocity_controller import JogController, SpeedRestriction
 
 StoppedBy: TypeAlias = Literal["done", "contact", "collision", "joint_limit", "singularity", "workspace"]
 
@@ -45,6 +46,10 @@ STANDING_SPEED_SHARE = 0.02
 """Share of the commanded speed below which a jog stands."""
 
 
+MIN_TRAVEL_LEFT = 1e-4
+"""Remaining travel of the TCP below which a jog has gone its distance, m."""
+
+
 STANDING_TICKS = 4
 """Ticks at a standstill before a jog counts as stopped: it needs time to get going."""
 
@@ -63,7 +68,7 @@ class JogFeedback:
     share: float
     """Share of the last twist that the arm follows, 0 … 1."""
     held_by: str
-    """Reason for a slower motion: `collision PART at BODY`, `joint_limit NAME`, `singularity`, `workspace`,
+    """Reason for a slower motion: `collision hand at table`, `joint_limit NAME`, `singularity`, `workspace`,
     or empty."""
 
 
@@ -136,48 +141,46 @@ class JogMotion:
         loop = self._loop
         jog = JogController(self._model, loop.period, loop.monitor.limits.workspace, distance)
         lease.run(jog, guard)
-        stays = isinstance(twists, Twist)
-        begun, at, travelled = loop.now, loop.tcp, 0.0
-        share, standing, blocked = 1.0, 0, tuple[str, ...]()
+        begun, tcp, travelled = loop.now, loop.tcp, 0.0
+        share, ticks_at_rest, blocked = 1.0, 0, tuple[str, ...]()
         stopped_by: StoppedBy = "done"
+        detail = ""
         while True:
-            held_by = f"collision {', '.join(blocked)}" if blocked else jog.law.held_by
             elapsed = loop.now - begun
-            if stays:
-                wanted: Twist | None = twists if elapsed < duration - 1e-9 else None
-            else:
-                status = JogFeedback(
-                    elapsed, loop.tcp, travelled, guard.size(loop.wrist.force), share, held_by
-                )
-                wanted = twists(status) if elapsed < duration - 1e-9 else None
-            if wanted is None or jog.state.left < 1e-4:  # m: the travel is done
+            if elapsed >= duration - 1e-9:
                 break
-            wanted = _checked_twist(wanted)
-            share, blocked = self._share(jog, wanted, share)
-            jog.command(wanted.scaled(share))
+            if isinstance(twists, Twist):
+                twist: Twist | None = twists
+            else:
+                held_by = str(_restriction(jog, blocked) or "")
+                force = guard.size(loop.wrist.force)
+                twist = twists(JogFeedback(elapsed, loop.tcp, travelled, force, share, held_by))
+            if twist is None or jog.state.left < MIN_TRAVEL_LEFT:
+                break
+            twist = _checked_twist(twist)
+            share, blocked = self._share(jog, twist, share)
+            jog.command(twist.scaled(share))
             yield
             check(lease)
-            travelled += loop.tcp.distance(at)
-            at = loop.tcp
+            travelled += loop.tcp.distance(tcp)
+            tcp = loop.tcp
             if guard.contact is not None:
-                stopped_by = "contact"
                 break
             if jog.late:
                 yield from until_rest(lease)
                 raise Failure(control.TIMEOUT, "a jog has had no command in time, and has stopped")
-            standing = standing + 1 if _stands(jog, wanted) else 0
-            if stays and standing >= STANDING_TICKS and (blocked or jog.law.held_by):
-                held_by = f"collision {', '.join(blocked)}" if blocked else jog.law.held_by
-                stopped_by = cast(StoppedBy, held_by.partition(" ")[0])
+            ticks_at_rest = ticks_at_rest + 1 if _stands(jog, twist) else 0
+            restriction = _restriction(jog, blocked)
+            if isinstance(twists, Twist) and ticks_at_rest >= STANDING_TICKS and restriction is not None:
+                stopped_by, detail = restriction.kind, restriction.detail
                 break
-        detail = held_by.partition(" ")[2] if stopped_by not in ("done", "contact") else ""
         jog.brake()
         yield from until_rest(lease)
         check(lease)
-        travelled += loop.tcp.distance(at)
+        travelled += loop.tcp.distance(tcp)
+        force = 0.0
         if guard.contact is not None:
-            stopped_by = "contact"
-        force = 0.0 if guard.contact is None else math.hypot(*guard.contact)
+            stopped_by, force = "contact", math.hypot(*guard.contact)
         limit = loop.monitor.limits.force
         return JogResult(stopped_by, detail, travelled, loop.now - begun, force, loop.tcp, limit)
 
@@ -197,6 +200,11 @@ class JogMotion:
                 return share, blocked
             blocked = hit
         return 0.0, blocked
+
+
+def _restriction(jog: JogController, blocked: tuple[str, ...]) -> SpeedRestriction | None:
+    """Return the reason why the jog is slower than commanded; `blocked`: pairs that would touch."""
+    return SpeedRestriction("collision", ", ".join(blocked)) if blocked else jog.law.restriction
 
 
 def _stands(jog: JogController, wanted: Twist) -> bool:

@@ -19,10 +19,10 @@ from .commands import ContactThresholds, Doing, JointImpedanceResult
 from .contact_motion import ContactMotion
 from .control_loop import ControlLoop
 from .external_torque import static_external_torque
+from .force_guard import ForceGuard
 from .impedance import YIELD_TIME, GravityCompensationController, JointImpedanceController, slowed_trajectory
 from .jog_motion import JogMotion, JogResult, Lookout, Twists
 from .joint_controllers import HoldController
-from .motion_lease import ForceGuard
 from .trajectory_motion import TrajectoryCheck
 
 MAX_SOFT_DELAY = 2.0

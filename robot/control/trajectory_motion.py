@@ -15,8 +15,9 @@ from picktree.world.robot_model import RobotModel
 
 from .commands import Doing
 from .control_loop import ControlLoop
+from .force_guard import ForceGuard, above_limit
 from .joint_controllers import TrajectoryController, reversed_trajectory
-from .motion_lease import ForceGuard, Lease, above_limit
+from .motion_lease import Lease
 
 Watch: TypeAlias = Callable[[], Failure | None]
 """Callable for each tick of a motion. A failure that it returns brakes the arm and is then raised."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -67,6 +67,18 @@ class JogState:
         return JogState(self.q.copy(), self.v.copy(), self.twist.copy(), self.left)
 
 
+@dataclass(frozen=True, slots=True)
+class SpeedRestriction:
+    """Reason why a jog is slower than commanded."""
+
+    kind: Literal["collision", "joint_limit", "singularity", "workspace"]
+    detail: str = ""
+    """Pairs of bodies that would touch, or the joint; empty for a singularity and the workspace."""
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.detail}".rstrip()
+
+
 class JogSetpointGenerator:
     """Generator of the jog's set-points. Every limit only slows the twist down and keeps its direction."""
 
@@ -76,9 +88,8 @@ class JogSetpointGenerator:
         self._data = model.arm.createData()
         self._lower: Array = model.lower + SOFT_LIMIT_MARGIN
         self._upper: Array = model.upper - SOFT_LIMIT_MARGIN
-        self.held_by = ""
-        """Reason why the last step was slower than commanded: `joint_limit panda_joint1`, `singularity`,
-        `workspace`, or empty."""
+        self.restriction: SpeedRestriction | None = None
+        """Reason why the last step was slower than commanded; None: it was not."""
 
     def step(self, state: JogState, wanted: Twist, dt: float) -> None:
         """Move `state` on by `dt` s."""
@@ -86,7 +97,7 @@ class JogSetpointGenerator:
         # The Jacobian halfway through the step keeps the tool on its line.
         jacobian, rotation, tool = self._kinematics(q + (0.5 * dt) * state.v)
         least = _least(jacobian)
-        self.held_by = ""
+        self.restriction = None
         target = np.array([*wanted.linear, *wanted.angular])
         if wanted.frame == "tool":
             target = np.concatenate([rotation @ target[:3], rotation @ target[3:]])
@@ -128,7 +139,7 @@ class JogSetpointGenerator:
         ahead = q + v * (0.02 / max(float(np.abs(v).max()), 1e-9))  # rad of joint travel
         if _least(self._kinematics(ahead)[0]) >= least:
             return 1.0
-        self.held_by = "singularity"
+        self.restriction = SpeedRestriction("singularity")
         return max(0.0, (least - STOP_SINGULAR_VALUE) / (SLOW_SINGULAR_VALUE - STOP_SINGULAR_VALUE))
 
     def _inside(self, tool: Vector3, target: Array) -> float:
@@ -139,7 +150,7 @@ class JogSetpointGenerator:
         most = min(math.sqrt(1.6 * MAX_TWIST_DECREASE[0] * room), room / MIN_EDGE_APPROACH_TIME)
         if most >= speed:
             return 1.0
-        self.held_by = "workspace"
+        self.restriction = SpeedRestriction("workspace")
         return most / speed
 
     def _share(self, q: Array, v: Array) -> float:
@@ -152,7 +163,7 @@ class JogSetpointGenerator:
         k = int(shares.argmin())
         share = float(shares[k])
         if share < 1.0 and near[k] < fast[k]:
-            self.held_by = f"joint_limit {self._model.description.joints[k]}"
+            self.restriction = SpeedRestriction("joint_limit", self._model.description.joints[k])
         return min(1.0, share)
 
     def _span(self, q: Array) -> tuple[Array, Array]:
@@ -208,14 +219,14 @@ class JogController:
     def ahead(self, wanted: Twist, time: float, step: float) -> Array:
         """Return configurations (k, n), one each `step` s, for `time` s of a twist and braking after it."""
         state = self.state.copy()
-        held_by = self.law.held_by
+        restriction = self.law.restriction
         path = [state.q]
         for k in range(120):
             self.law.step(state, wanted if k * step < time else Twist(), step)
             path.append(state.q)
             if k * step >= time and float(np.abs(state.v).max()) < 1e-3:
                 break
-        self.law.held_by = held_by
+        self.law.restriction = restriction
         return np.array(path)
 
 

@@ -25,13 +25,13 @@ from picktree.world import (
 )
 from picktree.world import world as world_causes
 
+from .candidate_search import CandidateSearch
 from .compliant_closing import close
 from .grip_force import GripForce, grip_force
 from .heap_grasps import colour_between, grasps
 from .held_object import GripCheck, inflated_hull, measure_grip, mesh_of
 from .pick_candidates import PickPlaceCandidate, count_rejections, describe_rejections
 from .pick_place_motions import LIFT_GUARD_FORCE, lift
-from .pick_stream import CandidateSearch
 from .replanning import plan_after_stop
 from .weighing import register_payload, update_payload_mass
 

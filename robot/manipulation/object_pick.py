@@ -12,6 +12,7 @@ from picktree.robot import Handover
 from picktree.world import Failure, ObjectId, event_types, grasp, planning, world_facts
 from picktree.world import world as world_causes
 
+from .candidate_search import CandidateSearch
 from .compliant_closing import close
 from .grip_force import GripForce, grip_force
 from .held_object import GripCheck, measure_grip, release_object
@@ -25,7 +26,6 @@ from .pick_place_motions import (
     plan_transfer_from_here,
     take_transfer,
 )
-from .pick_stream import CandidateSearch
 from .replanning import ReplanBudget, TargetMoved, TargetWatch, plan_after_stop
 from .visual_servoing import servo_to_grasp
 from .weighing import LiftWeighing, payload_force, register_payload, update_payload_mass

@@ -34,7 +34,7 @@ class BackgroundModel:
     guard: NDArray[np.float64]
     """Depth of walls and of fixtures other than the table, swollen by their margins, m; inf elsewhere."""
     label: NDArray[np.uint8]
-    """Label of the painted colour, see `segmentation.NAMES`."""
+    """Label of the painted colour, see `segmentation.LABEL_NAMES`."""
     table: NDArray[np.bool_]
     """Pixels where the table top is seen."""
     in_bin: NDArray[np.bool_]

@@ -136,8 +136,9 @@ class RobotMask:
         held: tuple[Shape, Pose] | None,
         reach: float = HAND_REACH,
     ) -> NDArray[np.bool_]:
-        """Return the pixels (h, w) that show something within MOUNTING of the robot or the held object, at
-        most `reach` m from the TCP.
+        """Return the pixels (h, w) that show something within MOUNTING_ERROR of the robot or the held object.
+
+        They are at most `reach` m from the TCP.
 
         A hand camera sees the fingers from so near that an error of its mounting shifts them far beyond
         `paint`. The same happens overhead where the arm is high.
@@ -239,7 +240,7 @@ def fill(mask: NDArray[np.uint8], pixels: Array) -> None:
 def add_attached_parts(
     robot: NDArray[np.bool_], height: Array, known: NDArray[np.bool_], above: float
 ) -> NDArray[np.bool_]:
-    """Add to the mask what is connected to it, higher than `above` m and at most HANGS pixels away.
+    """Add to the mask what is connected to it, higher than `above` m and at most ATTACHED_PIXELS away.
 
     These are cables, and parts that the model lacks. What goes on beyond, at an even height, is a body beside
     or behind the robot, and left out as a whole.

@@ -35,7 +35,7 @@ _LABEL_OF_HUE = _label_of_hue()
 
 
 def labels(colour: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the index into NAMES of each pixel (h, w) of an RGB picture (h, w, 3)."""
+    """Return the index into LABEL_NAMES of each pixel (h, w) of an RGB picture (h, w, 3)."""
     hsv = np.asarray(cv2.cvtColor(colour, cv2.COLOR_RGB2HSV_FULL), dtype=np.uint8)
     coloured = (hsv[:, :, 1] > MIN_SATURATION) & (hsv[:, :, 2] > MIN_BRIGHTNESS)
     return np.asarray(cv2.LUT(hsv[:, :, 0], _LABEL_OF_HUE), np.uint8) * coloured
@@ -69,7 +69,7 @@ class SegmentationInput:
     height: Array
     """Height in the world, m; meaningless where the depth is unknown."""
     label: NDArray[np.uint8]
-    """Label of each pixel's colour, see NAMES; 0 for grey."""
+    """Label of each pixel's colour, see LABEL_NAMES; 0 for grey."""
     blocked: NDArray[np.bool_]
     """Pixels behind the robot, the held object, or walls and their margins: nothing is known there."""
     owner: NDArray[np.int32]

@@ -109,7 +109,7 @@ def _turn(yaw: float) -> Array:
 
 
 def _tangent_circle(sight: PosedCamera, stand: StandingPose) -> Array:
-    """Return the polygon (RING, 3) of the circle's area where the camera's rays graze a sphere."""
+    """Return the polygon (CIRCLE_CORNERS, 3) of the circle's area where the camera's rays graze a sphere."""
     radius = stand.rest.below
     away = stand.centre - sight.origin
     squared = float(away @ away)

@@ -116,7 +116,7 @@ class PerceivedView:
     depth: Array
     """Depth of each pixel (h, w), m; 0 where unknown."""
     label: NDArray[np.uint8]
-    """Label of each pixel's colour (h, w), see `segmentation.NAMES`."""
+    """Label of each pixel's colour (h, w), see `segmentation.LABEL_NAMES`."""
     blocked: NDArray[np.bool_]
     """Pixels without information (h, w): robot, held object, walls."""
     reach: NDArray[np.float32]

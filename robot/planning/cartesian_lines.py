@@ -40,7 +40,7 @@ def plan_line(
 ) -> LineResult:
     """Plan a line from start (n,) straight to a pose, its orientation turned evenly (slerp).
 
-    Steps of the TCP are at most STEP and TURN; each is solved from the one before.
+    Steps of the TCP are at most MAX_LINE_STEP and MAX_LINE_TURN; each is solved from the one before.
     """
     begin = model.tcp(start)
     length, turn = begin.distance(tcp_in_world), begin.angle(tcp_in_world)

@@ -34,7 +34,7 @@ SAMPLE_RESERVES = (0.1, 0.9)
 """Range of the share of their room that samples keep from the constraints' borders. Without it all samples
 would be on the borders."""
 CURVATURE_DIVISOR = 8.0
-"""Divisor of the estimate s² / CURVATURE of how far a step of s rad leaves a constraint between its ends."""
+"""Divisor in the estimate s² / CURVATURE_DIVISOR, rad: how far a step of s rad leaves a constraint."""
 SHORTENING_ATTEMPTS = 60
 """Number of attempts to shorten a path."""
 MIN_SPLINE_CORNERS = 8

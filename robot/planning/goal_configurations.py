@@ -33,13 +33,13 @@ def region_poses(region: RegionGoal, count: int = REGION_SAMPLES) -> tuple[Pose,
     A turn, a tilt or a shift counts by its share of the allowed one. Additive recurrence on powers of the
     generalised golden ratio: Roberts, "The unreasonable effectiveness of quasirandom sequences" (2018).
     """
-    freedoms = _free_dimensions(region)
-    if not any(freedoms):
+    is_free = _free_dimensions(region)
+    if not any(is_free):
         return (region.tcp_in_world,)
-    points = _quasirandom_points(count, sum(freedoms))
+    points = _quasirandom_points(count, sum(is_free))
     units = np.full((count, 6), 0.5)
-    units[:, np.flatnonzero(freedoms)] = points
-    off = [_distance_share(region, freedoms, unit) for unit in units]
+    units[:, np.flatnonzero(is_free)] = points
+    off = [_distance_share(region, is_free, unit) for unit in units]
     nearest = sorted(range(count), key=lambda k: off[k])
     return (region.tcp_in_world, *(_region_pose(region, units[k]) for k in nearest))
 
@@ -59,10 +59,10 @@ def _quasirandom_points(count: int, dimensions: int) -> Array:
     return np.mod(0.5 + np.arange(1, count + 1)[:, None] * steps, 1.0)
 
 
-def _distance_share(region: RegionGoal, freedoms: tuple[bool, ...], unit: Array) -> float:
+def _distance_share(region: RegionGoal, is_free: tuple[bool, ...], unit: Array) -> float:
     shares = [abs(2 * float(u) - 1) for u in unit]
     shares[1], shares[2] = math.sqrt(float(unit[1])), 0.0
-    return math.hypot(*(share for share, free in zip(shares, freedoms, strict=True) if free))
+    return math.hypot(*(share for share, free in zip(shares, is_free, strict=True) if free))
 
 
 def _region_pose(region: RegionGoal, unit: Array) -> Pose:
@@ -105,7 +105,7 @@ class GoalSet:
         model: RobotModel,
         ik: InverseKinematics,
         inspection: GoalInspection,
-        way: StartTolerance,
+        start_tolerance: StartTolerance,
         start: Array,
         constraints: PathConstraints,
         goal: Goal,
@@ -113,7 +113,7 @@ class GoalSet:
         self._model = model
         self._inspection = inspection
         self._ik = ik
-        self._way = way
+        self._start_tolerance = start_tolerance
         self._start = start
         self._constraints = constraints
         self._goal = goal
@@ -136,24 +136,24 @@ class GoalSet:
             case _:
                 return
 
-    def all(self, seed: int) -> list[GoalConfiguration]:
+    def sample(self, seed: int) -> list[GoalConfiguration]:
         """Return free configurations for all poses of the goal, for a region until there are enough.
 
         Fails with planning.no_ik, .goal_in_collision or .constraint when there is none.
         """
         match self._goal:
-            case PoseGoal(wanted):
-                return self._all(wanted, seed, None)
+            case PoseGoal(poses):
+                return self._sample(poses, seed, None)
             case RegionGoal():
-                return self._all(region_poses(self._goal), seed, ENOUGH_CONFIGURATIONS)
+                return self._sample(region_poses(self._goal), seed, ENOUGH_CONFIGURATIONS)
             case _:
                 return [GoalConfiguration(self._joints(self._goal), 0)]
 
-    def _possible(self, wanted: tuple[Pose, ...]) -> list[tuple[int, Pose]]:
+    def _possible(self, poses: tuple[Pose, ...]) -> list[tuple[int, Pose]]:
         """Return the numbered poses in the workspace at which the constraints hold."""
         return [
             (k, pose)
-            for k, pose in enumerate(wanted)
+            for k, pose in enumerate(poses)
             if self._inspection.outside(pose.position) is None and not self._constraints.broken_by(pose)
         ]
 
@@ -161,27 +161,27 @@ class GoalSet:
         targets: list[GoalConfiguration] = []
         for k, pose in possible:
             q = self._ik.descend(pose, self._start)
-            if q is not None and self._way.free(q):
+            if q is not None and self._start_tolerance.free(q):
                 targets.append(GoalConfiguration(q, k))
             if q is None or configuration_cost(self._model, q) > UNCOMFORTABLE_COST:
                 other = self._ik.descend(pose, self._home)
-                if other is not None and self._way.free(other):
+                if other is not None and self._start_tolerance.free(other):
                     targets.append(GoalConfiguration(other, k))
         return targets
 
-    def _all(self, wanted: tuple[Pose, ...], seed: int, enough: int | None) -> list[GoalConfiguration]:
-        if not wanted:
+    def _sample(self, poses: tuple[Pose, ...], seed: int, enough: int | None) -> list[GoalConfiguration]:
+        if not poses:
             raise PicktreeError("the goal names no pose")
-        possible = self._possible(wanted)
+        possible = self._possible(poses)
         if not possible:
-            raise self._impossible(wanted)
+            raise self._impossible(poses)
         rng = np.random.default_rng(seed)
         before = self._ik.solves
         targets: list[GoalConfiguration] = []
         rejected: list[GoalConfiguration] = []
         for k, pose in possible:
             for q in self._ik.solutions(pose, rng, self._start, SOLUTIONS_PER_POSE):
-                (targets if self._way.free(q) else rejected).append(GoalConfiguration(q, k))
+                (targets if self._start_tolerance.free(q) else rejected).append(GoalConfiguration(q, k))
             if enough is not None and len(targets) >= enough:
                 break
         if targets:
@@ -189,19 +189,19 @@ class GoalSet:
         if not rejected:
             solves = self._ik.solves - before
             nearest = self._ik.nearest(possible[0][1], self._start)
-            raise planning_failures.out_of_reach(self._model, wanted, solves, nearest)
+            raise planning_failures.out_of_reach(self._model, poses, solves, nearest)
         each = [self._inspection.rejection(target.q) for target in rejected]
-        raise planning_failures.goal_rejected(each, len(wanted))
+        raise planning_failures.goal_rejected(each, len(poses))
 
-    def _impossible(self, wanted: tuple[Pose, ...]) -> Failure:
+    def _impossible(self, poses: tuple[Pose, ...]) -> Failure:
         """Build the failure of poses that workspace or constraints exclude, whatever the arm's
         configuration."""
-        off = [outside for pose in wanted if (outside := self._inspection.outside(pose.position)) is not None]
-        if len(off) == len(wanted):
+        off = [outside for pose in poses if (outside := self._inspection.outside(pose.position)) is not None]
+        if len(off) == len(poses):
             return planning_failures.outside_workspace(
-                "at the goal", min(off, key=lambda one: one.by), len(wanted)
+                "at the goal", min(off, key=lambda one: one.by), len(poses)
             )
-        each = [broken for pose in wanted if (broken := self._constraints.broken_by(pose))]
+        each = [broken for pose in poses if (broken := self._constraints.broken_by(pose))]
         return planning_failures.constraint_violated(
             "at the goal", min(each, key=lambda broken: broken[0].by)
         )
@@ -212,6 +212,6 @@ class GoalSet:
             raise planning_failures.outside_limits(self._model, q)
         if broken := self._constraints.broken(q):
             raise planning_failures.constraint_violated("at the goal", broken)
-        if not self._way.free(q):
+        if not self._start_tolerance.free(q):
             raise planning_failures.goal_rejected([self._inspection.rejection(q)], 1)
         return q

@@ -50,7 +50,7 @@ class JointMargin:
 
 @dataclass(frozen=True, slots=True)
 class PlanQuality:
-    """Quality of a plan, measured along the timed trajectory every STEP rad."""
+    """Quality of a plan, measured along the timed trajectory every QUALITY_STEP."""
 
     length: float
     """Length in joint space, rad."""
@@ -139,7 +139,7 @@ def _nearer(a: NearestBody | None, b: NearestBody | None, since: float) -> Neare
 
 
 def _sampled_indices(trajectory: Trajectory) -> Iterator[int]:
-    """Yield samples at most about STEP apart; the first and the last among them."""
+    """Yield samples at most about QUALITY_STEP apart; the first and the last among them."""
     q = trajectory.position
     since = np.inf
     for k in range(len(q)):

@@ -273,7 +273,7 @@ class PlanService:
     def _resolved(self, order: ChainOrder, outcome: LookaheadOutcome) -> None:
         """Record what was planned ahead."""
         plan, belief = outcome.answer.plan, order.belief
-        self._thinking.beside(outcome.cost)
+        self._thinking.add_unowed(outcome.cost)
         if isinstance(plan, MotionPlan):
             self.made.note(plan, CheckedBelief(belief.version, belief.allowed, order.width))
         start = order.start if order.legs[0].start is None else order.legs[0].start

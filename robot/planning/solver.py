@@ -234,7 +234,7 @@ class RequestSolver:
             found = planner.direct([target.q for target in near])
             if found is not None:
                 return found, near
-        targets = goals.all(seed)
+        targets = goals.sample(seed)
         ends = [target.q for target in targets]
         return (planner.direct(ends) if direct else None) or planner.around(ends, seed), targets
 

@@ -166,8 +166,10 @@ def first_collision(kept: ConfigurationCheck, trajectory: Trajectory) -> Array |
 
 
 def sampled_configurations(model: RobotModel, trajectory: Trajectory) -> Array:
-    """Sample configurations (m, n) along a trajectory, start and end included, at most STEP and TURN
-    apart."""
+    """Sample configurations (m, n) along a trajectory, start and end included.
+
+    They are at most MAX_TCP_STEP and MAX_JOINT_STEP apart.
+    """
     q = trajectory.position
     tool = model.tcp_positions(q)
     moved: Array = np.linalg.norm(np.diff(tool, axis=0), axis=1) / MAX_TCP_STEP

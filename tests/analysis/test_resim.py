@@ -14,7 +14,7 @@ from picktree.analysis.compare.message_differences import MessageDifference
 from picktree.analysis.resim import ResimAnswer, ResimOrder, notes, reasons, run_order
 from picktree.files import PicktreeError
 from picktree.logs import RunLog, RunResult
-from picktree.logs.log_records import Arithmetic
+from picktree.logs.arithmetic_record import Arithmetic
 from picktree.session import Observer, RunRequest, Session, environment
 from picktree.session.mission_edits import MissionReload
 from picktree.trees import TickReport

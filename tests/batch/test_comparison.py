@@ -14,7 +14,7 @@ from picktree.apps.batch import JobRow, RecipeComparison, compare_recipes, json_
 from picktree.apps.batch.comparison import Criterion, JobOutcome, RecipeOutcomes
 from picktree.apps.batch.tables import JobRows
 from picktree.files import PicktreeError
-from picktree.logs.log_records import Arithmetic
+from picktree.logs.arithmetic_record import Arithmetic
 
 from .test_store import MISSED, SUCCESS, store
 

@@ -10,7 +10,7 @@ import pytest
 
 from picktree.files import PicktreeError
 from picktree.robot.control import JogFeedback, JogResult, Twist
-from picktree.robot.control.velocity_controller import JogSetpointGenerator, JogState
+from picktree.robot.control.velocity_controller import JogSetpointGenerator, JogState, SpeedRestriction
 from picktree.simulation import Backend
 from picktree.world import Array, Bounds, Failure
 
@@ -126,7 +126,7 @@ def test_the_edge_of_the_workspace() -> None:
     state = JogState(HOME.copy(), np.zeros(7), np.zeros(6))
     for _ in range(600):
         law.step(state, Twist((0.0, 0.3, 0.0)), 1 / 240)
-    assert law.held_by == "workspace"
+    assert law.restriction == SpeedRestriction("workspace")
     assert 0.19 < MODEL.tcp(state.q).position[1] < 0.2 < edge
 
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from picktree.robot.control import HoldController, Payload
+from picktree.robot.control.force_guard import ForceGuard
 from picktree.robot.control.joint_controllers import TrajectoryController
-from picktree.robot.control.motion_lease import ForceGuard, Lease
+from picktree.robot.control.motion_lease import Lease
 from picktree.world import Array
 
 from .control_cell import HOME, MODEL, TICK, Cell, swing

@@ -12,9 +12,9 @@ import pytest
 from picktree.robot.control import HoldController, SafetyMonitor
 from picktree.robot.control.commands import JointCommand
 from picktree.robot.control.control_loop import ArmDrive, ArmSampler, Supervision, Watchdog
+from picktree.robot.control.force_guard import ContactGuard, ForceGuard
 from picktree.robot.control.impedance import ContactReflex
 from picktree.robot.control.joint_controllers import BrakeController, TrajectoryController
-from picktree.robot.control.motion_lease import ContactGuard, ForceGuard
 from picktree.robot.control.wrist_wrench import BiasEstimator, WristWrench
 from picktree.world import GRAVITY, Array, Hardware, JointState, Journal, SensorStamps, Wrench, safety
 

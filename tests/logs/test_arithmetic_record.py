@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from picktree.logs.log_records import Arithmetic, arithmetic_difference
+from picktree.logs.arithmetic_record import Arithmetic, arithmetic_difference
 from picktree.session import arithmetic
 
 THEN = Arithmetic(

@@ -10,6 +10,7 @@ import pytest
 
 from picktree.robot import World
 from picktree.robot.manipulation import grasp_candidates
+from picktree.robot.manipulation.candidate_search import CandidateSearch
 from picktree.robot.manipulation.grasps import GraspCandidate
 from picktree.robot.manipulation.pick_candidates import (
     APPROACH_STAGE,
@@ -23,7 +24,6 @@ from picktree.robot.manipulation.pick_candidates import (
     count_rejections,
     describe_rejections,
 )
-from picktree.robot.manipulation.pick_stream import CandidateSearch
 from picktree.session import assemble_world
 from picktree.simulation import build_hardware
 from picktree.world import (

@@ -9,9 +9,9 @@ import pytest
 
 from picktree.robot import World
 from picktree.robot.manipulation import grasp_candidates
+from picktree.robot.manipulation.candidate_search import CandidateSearch
 from picktree.robot.manipulation.grasps import OUTER_ROOM, WIDE_EXCESSES, widened
 from picktree.robot.manipulation.pick_place_motions import MAX_TOP_ERROR
-from picktree.robot.manipulation.pick_stream import CandidateSearch
 from picktree.world import Array, BeliefObject, Box, ObjectId, Pose, Trajectory
 from picktree.world.robot_model.description import Linkage
 

@@ -13,7 +13,7 @@ import trimesh
 
 from picktree.files import FileError, PicktreeError
 from picktree.simulation.physics import Client, RobotBody
-from picktree.simulation.physics.robot_body import patched_urdf
+from picktree.simulation.physics.engine_urdf import patched_urdf
 from picktree.world import Box
 from picktree.world.robot_model import RobotModel, load_robot, parse_robot
 from picktree.world.robot_model.robot_file import robot_names

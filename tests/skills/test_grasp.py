@@ -12,9 +12,9 @@ import pytest
 from pydantic import TypeAdapter
 
 from picktree.robot.manipulation import grasp_candidates
+from picktree.robot.manipulation.candidate_search import CandidateSearch
 from picktree.robot.manipulation.held_object import GripCheck, LightObject
 from picktree.robot.manipulation.pick_candidates import PickPlaceCandidate
-from picktree.robot.manipulation.pick_stream import CandidateSearch
 from picktree.robot.planning import Request
 from picktree.simulation import Backend
 from picktree.simulation.kinematic import KinematicHardware

@@ -74,7 +74,7 @@ class Watched:
 def test_pictures_are_taken_at_intervals_and_known_when_they_were_thought_about() -> None:
     watched = Watched()
     thought = list[float]()
-    watched.cell.world.thinking.beside = thought.append  # type: ignore[method-assign]
+    watched.cell.world.thinking.add_unowed = thought.append  # type: ignore[method-assign]
     cost = watched.cell.world.vision.cost = 0.2
     watched.until(1.6)
     assert watched.taken == pytest.approx([0.0, 0.5, 1.0, 1.5])

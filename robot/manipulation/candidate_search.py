@@ -76,18 +76,19 @@ class _Branch:
     """Next test. None: all cheap tests are passed."""
     guess: float = 0.0
     """Estimate of the unknown cost, s."""
-    over: Array | None = None
-    at: Array | None = None
+    q_pre_grasp: Array | None = None
+    """Configuration at the pre-grasp (n,), rad; None: not tested yet. `q_grasp` and `q_place` likewise."""
+    q_grasp: Array | None = None
     level: ReleaseLevel | None = None
     landing: PlaceCandidate | None = None
-    above: Array | None = None
-    passed: int = 0
+    q_place: Array | None = None
+    stages_passed: int = 0
     """Number of passed stages."""
 
     @property
     def bound(self) -> float:
         """Priority in the search, s; the least comes first."""
-        return self.known + self.guess - STAGE_BONUS * self.passed
+        return self.known + self.guess - STAGE_BONUS * self.stages_passed
 
     @property
     def place(self) -> str:
@@ -216,7 +217,7 @@ class CandidateSearch:
             return
         grasp = widened(world.queries, self._belief, grasp, world.robot.description.gripper)
         known = branch.known + (SLOW_DESCENT_COST if grasp.narrow else 0.0)
-        yield replace(branch, grasp=grasp, known=known, passed=1, test=self._grasp_reached)
+        yield replace(branch, grasp=grasp, known=known, stages_passed=1, test=self._grasp_reached)
 
     def _grasp_reached(self, branch: _Branch) -> Iterator[_Branch]:
         grasp = branch.grasp
@@ -231,7 +232,9 @@ class CandidateSearch:
             return
         self.trail.passed(grasp, pick_candidates.GRASP_STAGE)
         known = branch.known + joint_travel_time(self._world.robot, self._start, over.q)
-        held = replace(branch, known=known, guess=0.0, over=over.q, at=at.q, passed=3, test=None)
+        held = replace(
+            branch, known=known, guess=0.0, q_pre_grasp=over.q, q_grasp=at.q, stages_passed=3, test=None
+        )
         if self._target is None:
             if self._hole is None or self._over_hole(held, self._hole):
                 yield held
@@ -253,24 +256,26 @@ class CandidateSearch:
         level = next(self._places[branch.grasp.name].levels, None)
         if level is not None:
             way = known_travel_time(self._world.robot, branch.grasp.tcp_in_world, *level.spot.centre)
-            yield replace(branch, level=level, guess=level.cost + way, passed=3, test=self._lands)
+            yield replace(branch, level=level, guess=level.cost + way, stages_passed=3, test=self._lands)
 
     def _lands(self, branch: _Branch) -> Iterator[_Branch]:
         """Yield the places over one cell, and after them the next cell."""
         level, target, grasp = branch.level, self._target, branch.grasp
         assert level is not None and target is not None
-        if self._leads_nowhere(grasp):
+        if self._is_exhausted(grasp):
             return
         for landing in place_candidates(self._world, target, level, self._belief.shape, self._in_tcp(grasp)):
             guess = estimated_travel_time(self._world.robot, grasp.tcp_in_world, landing.above)
             known = branch.known + level.cost
-            yield replace(branch, known=known, guess=guess, landing=landing, passed=3, test=self._has_room)
+            yield replace(
+                branch, known=known, guess=guess, landing=landing, stages_passed=3, test=self._has_room
+            )
         yield from self._next_level(branch)
 
     def _has_room(self, branch: _Branch) -> Iterator[_Branch]:
         landing, level, places = branch.landing, branch.level, self._places[branch.grasp.name]
         assert landing is not None and level is not None
-        if places.taken[level.name] >= MAX_TAKEN_TURNS or self._leads_nowhere(branch.grasp):
+        if places.taken[level.name] >= MAX_TAKEN_TURNS or self._is_exhausted(branch.grasp):
             return
         there = landing.above @ self._in_tcp(branch.grasp)
         contacts = self._world.queries.free(
@@ -285,13 +290,13 @@ class CandidateSearch:
         in_tcp, width = self._in_tcp(branch.grasp), branch.grasp.expected_width
         free = opens_freely(self._world, landing, self._belief, in_tcp, width)
         known = branch.known + (0.0 if free else PRESSING_RELEASE_COST)
-        yield replace(branch, known=known, passed=4, test=self._place_reached)
+        yield replace(branch, known=known, stages_passed=4, test=self._place_reached)
 
     def _place_reached(self, branch: _Branch) -> Iterator[_Branch]:
-        landing, level, grasp, at = branch.landing, branch.level, branch.grasp, branch.at
+        landing, level, grasp, at = branch.landing, branch.level, branch.grasp, branch.q_grasp
         assert landing is not None and level is not None and at is not None
         places = self._places[grasp.name]
-        if places.unreached[level.name] >= MAX_UNREACHED_TURNS or self._leads_nowhere(grasp):
+        if places.unreached[level.name] >= MAX_UNREACHED_TURNS or self._is_exhausted(grasp):
             return
         places.asked += 1
         found = self._reach_holding(landing.above, at, grasp)
@@ -304,11 +309,11 @@ class CandidateSearch:
             return
         self.trail.passed(grasp, pick_candidates.PLACE_STAGE)
         known = branch.known + joint_travel_time(self._world.robot, at, found.q)
-        yield replace(branch, known=known, guess=0.0, above=found.q, passed=5, test=None)
+        yield replace(branch, known=known, guess=0.0, q_place=found.q, stages_passed=5, test=None)
 
     def _over_hole(self, branch: _Branch, hole: Hole) -> bool:
         """Return whether the arm reaches a pose over the hole with the item, at any of its rotations."""
-        in_tcp, at = self._in_tcp(branch.grasp), branch.at
+        in_tcp, at = self._in_tcp(branch.grasp), branch.q_grasp
         assert at is not None
         found: ReachResult | None = None
         for tcp in hover_poses(self._world, hole.id, self._belief.shape, in_tcp):
@@ -329,7 +334,7 @@ class CandidateSearch:
             Request(PoseGoal((tcp,)), start=near, width=grasp.expected_width, holding=holding)
         )
 
-    def _leads_nowhere(self, grasp: GraspCandidate) -> bool:
+    def _is_exhausted(self, grasp: GraspCandidate) -> bool:
         """Return whether enough places of a grasp were tested."""
         places = self._places[grasp.name]
         most = MAX_TESTED_PLACES if self._barren < MAX_BARREN_GRASPS else FEW_TESTED_PLACES
@@ -342,9 +347,9 @@ class CandidateSearch:
     # ---- planning
 
     def _approach(self, branch: _Branch, speed: float, *, gently: bool) -> Doing[PickPlaceCandidate | None]:
-        assert branch.over is not None and branch.at is not None
+        assert branch.q_pre_grasp is not None and branch.q_grasp is not None
         world, grasp = self._world, branch.grasp
-        legs = approach(world, self._belief.id, grasp, branch.over, speed, gently=gently)
+        legs = approach(world, self._belief.id, grasp, branch.q_pre_grasp, speed, gently=gently)
         try:
             rounded = grasp.rounded(world.handling.approach, world.handling.rounded)
             plan = yield from world.plan.through(legs, node=self._node, rounded=rounded)
@@ -363,9 +368,9 @@ class CandidateSearch:
             grasp,
             branch.landing,
             self._in_tcp(grasp),
-            branch.over,
+            branch.q_pre_grasp,
             plan.trajectory.end,
-            branch.above,
+            branch.q_place,
             branch.known,
             plan,
         )
@@ -375,13 +380,13 @@ class CandidateSearch:
 
         From another one the arm may go straight down where its elbow would touch something before.
         """
-        assert branch.over is not None
+        assert branch.q_pre_grasp is not None
         if branch.grasp.name in self._turned or len(self._turned) == MAX_TURNED_GRASPS:
             return
         self._turned.add(branch.grasp.name)
         tcp = branch.grasp.pre_grasp(self._world.handling.approach)
         for over in self._world.plan.postures(self._request(tcp, self._start, branch.grasp)):
-            if np.abs(over - branch.over).max() > MIN_POSTURE_DIFFERENCE:
+            if np.abs(over - branch.q_pre_grasp).max() > MIN_POSTURE_DIFFERENCE:
                 longer = joint_travel_time(self._world.robot, self._start, over)
                 yield replace(branch, over=over, known=branch.known + longer)
 
