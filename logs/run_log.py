@@ -82,7 +82,7 @@ def run_settings(metadata: Mapping[str, Mapping[str, str]], tick: float, path: P
             limit=float(words["limit"]) if "limit" in words else None,
             own_scene=words.get("own_scene", "true") == "true",
             machine=metadata.get("picktree.machine", {}),
-            arithmetic=Arithmetic.from_words(metadata.get("picktree.files.arithmetic", {})),
+            arithmetic=Arithmetic.from_words(metadata.get("picktree.arithmetic", {})),
             files=metadata.get("picktree.files", {}),
             continues=ResumedFrom.from_words(continues) if continues else None,
         )

@@ -373,7 +373,7 @@ class Recorder:
         self._file.metadata("picktree.physics", run.physics)
         self._file.metadata("picktree.versions", run.versions)
         self._file.metadata("picktree.machine", run.machine)
-        self._file.metadata("picktree.files.arithmetic", run.arithmetic.words())
+        self._file.metadata("picktree.arithmetic", run.arithmetic.words())
         self._file.metadata("picktree.files", run.files)
         if run.continues is not None:
             self._file.metadata("picktree.continues", run.continues.words())

@@ -78,7 +78,17 @@ def test_the_stock_reader_finds_every_topic_with_its_schema(log_path: Path) -> N
             for n, count in summary.statistics.channel_message_counts.items()  # pyright: ignore
         }
         assert [a.name for a in reader.iter_attachments()] == ["mission.yaml"]
-        assert "picktree" in {m.name for m in reader.iter_metadata()}
+        assert {m.name for m in reader.iter_metadata()} == {
+            "picktree",
+            "picktree.parameters",
+            "picktree.physics",
+            "picktree.versions",
+            "picktree.machine",
+            "picktree.arithmetic",
+            "picktree.files",
+            "picktree.tree",
+            "picktree.result",
+        }
 
 
 @pytest.mark.parametrize("name", ["small", "format-2"])
