@@ -388,7 +388,7 @@ class CandidateSearch:
         for over in self._world.plan.postures(self._request(tcp, self._start, branch.grasp)):
             if np.abs(over - branch.q_pre_grasp).max() > MIN_POSTURE_DIFFERENCE:
                 longer = joint_travel_time(self._world.robot, self._start, over)
-                yield replace(branch, over=over, known=branch.known + longer)
+                yield replace(branch, q_pre_grasp=over, known=branch.known + longer)
 
     def _drop(self, grasp: GraspCandidate) -> None:
         """Remove all candidates of a grasp whose approach cannot be planned."""
