@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias, TypeVar
 
 from picktree.files import PicktreeError, find_nodes
 from picktree.logs import BeliefEvent, Stamped, log_records, node_visits, series
-from picktree.world import JournalEvent, Plan
+from picktree.world import BlackboardWrite, JournalEvent, Plan, Transition, Tree
 
 from .run import Run
 
@@ -22,7 +22,7 @@ class NodeChange:
     tick: int
     time: float
     """Time of the tick, simulated s."""
-    transition: log_records.TransitionRecord
+    transition: Transition
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class KeyChange:
     tick: int
     time: float
     """Time of the tick, simulated s."""
-    write: log_records.WriteRecord
+    write: BlackboardWrite
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,9 +47,7 @@ def tick_history(run: Run) -> TickHistory:
     moves: list[NodeChange] = []
     writes: list[KeyChange] = []
     for number, (at, _) in enumerate(node_visits.ticks_with_trees(run.log)):
-        if at.record is None:
-            continue
-        moves += [NodeChange(number, at.time, transition) for transition in at.record.transitions]
+        moves += [NodeChange(number, at.time, edge) for edge in at.record.edges]
         writes += [KeyChange(number, at.time, write) for write in at.record.writes]
     return TickHistory(tuple(moves), tuple(writes))
 
@@ -102,7 +100,7 @@ class Cursor:
         return self.run.ticks[self.number]
 
     @property
-    def tree(self) -> log_records.Tree:
+    def tree(self) -> Tree:
         """Tree that was ticked."""
         return self.run.tree_at(self.time)
 
@@ -156,7 +154,7 @@ class Cursor:
         edges = [
             move.tick
             for move in self.course.moves
-            if (move.transition.path, "begin" if move.transition.status == "RUNNING" else "end") in stops
+            if (move.transition.path, "begin" if move.transition.starts else "end") in stops
         ]
         self._go(edges, "breakpoint that is met", back=back)
 

@@ -5,55 +5,24 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Collection, Iterator
-from pathlib import PurePath
-from typing import Any, cast
+from typing import Any
 
 import orjson
 
 from picktree.analysis.compare import RunOutcome, message_differences, run_diff
 from picktree.logs import Digest, Topic, topics
 from picktree.logs.mcap import RawMessage
-from picktree.logs.recording import foxglove_messages
 from picktree.session import Interrupter, simulated_messages
 from picktree.trees import MAIN
 
 from .run import Run
 
-_FIXED = frozenset(topic.name for topic in topics.FIXED)
-_SCENE_TOPICS = (topics.OBJECTS.name, topics.TRUTH.name)
 
-
-def message_difference(
-    topic: str, schema: str, recorded: bytes, now: bytes, *, older: bool
-) -> message_differences.FieldDifference | None:
-    """Return the first field in which two messages differ; None when they agree.
-
-    `older`: the recorded message is of a version that wrote less. Fields that it lacks are then ignored.
-    """
-    if recorded == now:
-        return None
-    if not older:
-        return (
-            message_differences.first_differing_field(schema, recorded, now) or message_differences.NO_FIELD
-        )
-    if topic in _SCENE_TOPICS:
-        if foxglove_messages.read_scene(recorded) == foxglove_messages.read_scene(now):
-            return None
-    elif schema.startswith("picktree."):
-        now = orjson.dumps(_reduced(orjson.loads(recorded), orjson.loads(now)))
-    return message_differences.first_differing_field(schema, recorded, now)
-
-
-def restrict_to_common_nodes(recorded: bytes, now: bytes) -> tuple[bytes, bytes]:
-    """Return two ticks of different trees without the nodes that only one of them has.
-
-    The start of such a node is still compared, in the transitions.
-    """
-    one, other = orjson.loads(recorded), orjson.loads(now)
-    paths = {node["path"] for node in one["nodes"]} & {node["path"] for node in other["nodes"]}
-    for tick in (one, other):
-        tick["nodes"] = sorted((n for n in tick["nodes"] if n["path"] in paths), key=lambda n: n["path"])
-    return orjson.dumps(one), orjson.dumps(other)
+def without_updates(data: bytes) -> bytes:
+    """Return a tick with starts and ends alone, which are compared between different trees, too."""
+    tick = orjson.loads(data)
+    tick["transitions"] = [each for each in tick["transitions"] if not each["update"]]
+    return orjson.dumps(tick)
 
 
 def without_settings(data: bytes, settings: Collection[str]) -> bytes:
@@ -64,28 +33,6 @@ def without_settings(data: bytes, settings: Collection[str]) -> bytes:
     keys = {f"{MAIN}/{name}" for name in settings}
     tick["writes"] = [write for write in tick["writes"] if write["key"] not in keys]
     return orjson.dumps(tick)
-
-
-def _reduced(like: object, value: object) -> object:
-    """Return the value without fields that `like` lacks, and with its spelling of a mesh's source."""
-    if isinstance(like, dict) and isinstance(value, dict):
-        wanted, given = cast("dict[str, object]", like), cast("dict[str, object]", value)
-        return {
-            key: wanted[key]
-            if _same_file(key, wanted[key], given[key])
-            else _reduced(wanted[key], given[key])
-            for key in wanted
-            if key in given
-        }
-    if isinstance(like, list) and isinstance(value, list):
-        ones, others = cast("list[object]", like), cast("list[object]", value)
-        return [_reduced(ones[n], other) if n < len(ones) else other for n, other in enumerate(others)]
-    return value
-
-
-def _same_file(key: str, one: object, other: object) -> bool:
-    both = isinstance(one, str) and isinstance(other, str)
-    return key == "source" and both and PurePath(str(one)).name == PurePath(str(other)).name
 
 
 class RecordComparison(Interrupter):
@@ -119,7 +66,7 @@ class RecordComparison(Interrupter):
         self.ticks = 0
         """Number of ticks that agree."""
         self.exact = not run.log.lacks_something
-        """Whether the log has all messages, and they agree in their bytes, not only in their values."""
+        """Whether the log has all messages, and those of a tick agree without leaving out settings."""
         self._run = run
         self._times = run.ticks.times
         self._whole = until is None and not is_cut(run)
@@ -131,7 +78,6 @@ class RecordComparison(Interrupter):
         self._at = next(self._expected, None)
         """Messages of the record at the time that is compared now; None: its end."""
         self._schemas = {name: topic.schema for name, topic in run.log.topics.items()}
-        self._older = not run.info.machine
         self._settings = settings
         self._stop_at_difference = stop_at_difference
         self._other_tree = other_tree
@@ -180,11 +126,15 @@ class RecordComparison(Interrupter):
         expected = recorded = held[number]
         if topic == topics.TICK.name and recorded != data:
             if self._other_tree:
-                recorded, data = restrict_to_common_nodes(recorded, data)
+                recorded, data = without_updates(recorded), without_updates(data)
             if self._settings is not None:
                 recorded, data = (without_settings(tick, self._settings) for tick in (recorded, data))
-        found = message_difference(topic, self._schemas[topic], recorded, data, older=self._older)
-        if found is not None:
+        if recorded != data:
+            schema = self._schemas[topic]
+            found = (
+                message_differences.first_differing_field(schema, recorded, data)
+                or message_differences.NO_FIELD
+            )
             apart = message_differences.MessageDifference.at(self._run, topic, time, field=found)
             if topic == topics.TREE.name:
                 self.trees, self._other_tree = self.trees or apart, True
@@ -214,9 +164,8 @@ class RecordComparison(Interrupter):
             self._taken.clear()
 
     def _is_unknown(self, topic: str) -> bool:
-        """Whether the record cannot have the topic: its version did not have it, or a program left it out."""
-        log = self._run.log
-        return topic not in self._schemas and (log.is_rewritten or (self._older and topic in _FIXED))
+        """Whether the record cannot have the topic: another program has left it out."""
+        return topic not in self._schemas and self._run.log.is_rewritten
 
     def _differ(self, topic: str, time: int, missing: message_differences.Missing) -> None:
         self.difference = message_differences.MessageDifference.at(self._run, topic, time, missing=missing)

@@ -28,7 +28,7 @@ from picktree.analysis.compare import RunOutcome, align, message_differences, ou
 from picktree.files import FileError, PicktreeError, fault_lines
 from picktree.logs import RunResult, arithmetic_record
 from picktree.session import Observer, RecordedRun, Session, arithmetic, environment, run_recipe
-from picktree.trees import TickReport
+from picktree.world import Tick
 from picktree.world.scene import load_scene
 
 from .record_comparison import RecordComparison, difference_json, difference_lines, is_cut, outcome_table
@@ -189,7 +189,7 @@ class Resimulation:
     digest: str
     """Digest of the equal messages, in hex."""
     exact: bool
-    """Whether the messages agree in their bytes; else, as with an older log, in their values."""
+    """Whether the log has all messages that the comparison covers."""
     difference: message_differences.MessageDifference | None
     trees: message_differences.MessageDifference | None
     """First difference of the trees as they were loaded; None: they are equal."""
@@ -323,7 +323,7 @@ class _Progress(Observer):
         self._say = say
         self._said = 0.0
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         wall = time.monotonic()
         if wall - self._said >= _PROGRESS_PERIOD:
             self._said = wall
@@ -411,7 +411,7 @@ def resimulate(
         times = run.ticks.times
         if not times:
             raise PicktreeError(f"{run.path}: the log holds no tick: there is nothing to run again")
-        run.log.require_beginning()
+        run.log.require_repeatable()
         last = parse_tick(until, run, "--until") if until else None
         limit = RecordComparison(run, None if last is None else times[last]).until
         keep = out if out is not None or not changes else Path(away)

@@ -197,7 +197,7 @@ def what_if(
     if changes.seed is not None or changes.scene is not None:
         raise PicktreeError("a what-if goes on with the seed and the scene of the run; `resim` takes others")
     with Run(where) as run, RecordedRun(run) as recorded:
-        run.log.require_beginning()
+        run.log.require_repeatable()
         tick = parse_tick(at, run, "--at")
         found = recorded.last_checkpoint(run.ticks.times[tick])
         name, state = found or ("", None)

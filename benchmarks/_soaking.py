@@ -22,7 +22,7 @@ import numpy as np
 if TYPE_CHECKING:
     from picktree.logs import RunResult
     from picktree.session import Execution
-    from picktree.trees import TickReport
+    from picktree.world import Tick
 
 MINUTE, QUARTER, HOUR = 60.0, 900.0, 3600.0
 """Simulated s."""
@@ -98,7 +98,7 @@ class Diary(Interrupter):
         self._write({"folder": folder.name, "part": self._part})
         self._last = time.process_time()
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         cpu = time.process_time()
         if self._minute == 0.0:  # the first tick: it may be that of a soak that goes on
             self._minute = MINUTE * (now // MINUTE + 1)

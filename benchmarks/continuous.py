@@ -18,7 +18,7 @@ from picktree.session import Observer
 
 if TYPE_CHECKING:
     from picktree.session import Execution
-    from picktree.trees import TickReport
+    from picktree.world import Tick
 
 COST_AN_ITEM = 1.0
 """CPU seconds, for the forecast."""
@@ -46,7 +46,7 @@ class Memory(Observer):
     def started(self, run: Execution, folder: Path) -> None:
         self.seen[0] = resident()
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         if items_done % EVERY == 0 and items_done not in self.seen:
             self.seen[items_done] = resident()
 

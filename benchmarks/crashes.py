@@ -30,7 +30,7 @@ from pathlib import Path
 from _tape import Opened, open_moment, opens_in_stock_reader, taped
 from picktree.logs import RunLog
 from picktree.session import Observer, RunRequest, Session
-from picktree.trees import TickReport
+from picktree.world import Tick
 
 MISSION = Path(__file__).resolve().parent.parent / "examples" / "sort_by_colour.yaml"
 SHARED = Path("/dev/shm") if Path("/dev/shm").is_dir() else Path(tempfile.gettempdir())
@@ -100,7 +100,7 @@ class Progress(Observer):
         self._count = 0
         self._stall = stall
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         PROGRESS.pack_into(self._memory, 8 + self._count * PROGRESS.size, now, time.monotonic())
         self._count += 1
         self._memory[:8] = self._count.to_bytes(8, "little")

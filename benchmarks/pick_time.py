@@ -31,8 +31,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from picktree.session import Execution
-    from picktree.trees import TickReport
-    from picktree.world import Trajectory
+    from picktree.world import Tick, Trajectory
     from picktree.world.robot_model import RobotModel
 
 COST_A_RUN = 8.0
@@ -78,7 +77,7 @@ class PickTimes(Observer):
     def started(self, run: Execution, folder: Path) -> None:
         self._run = run
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         node, chain = self._running()
         world, tick = self._run.world, self._run.world.tick
         track = world.control._drive.controller  # pyright: ignore[reportPrivateUsage]

@@ -17,27 +17,22 @@ from pathlib import Path
 from picktree.logs import RunLog
 from picktree.logs.binary_gltf import link_meshes
 from picktree.logs.log_files import Rotation
-from picktree.logs.log_records import (
-    Control,
-    NodeStatusRecord,
-    NodeTime,
-    RunInfo,
-    Tick,
-    Timing,
-    TransitionRecord,
-    WriteRecord,
-)
+from picktree.logs.log_records import Control, NodeTime, RunInfo, Timing
 from picktree.logs.recording import Recorder
 from picktree.session import RunRequest, Session
 from picktree.world import (
     BeliefObject,
+    BlackboardWrite,
     Box,
     GripperState,
     Intrinsics,
     JointState,
+    NodeState,
     ObjectId,
     Pose,
     RgbdImage,
+    Tick,
+    Transition,
     Wrench,
 )
 from picktree.world.robot_model import RobotDescription, RobotModel, load_robot
@@ -197,7 +192,7 @@ def _object(k: int, rng: np.random.Generator) -> BeliefObject:
 def _tick(k: int) -> Tick:
     running = k // 40 % NODES
     nodes = tuple(
-        NodeStatusRecord(
+        NodeState(
             f"/Main/ForEach/SortOne/Recover/Sequence/Node_{n}",
             "Grasp",
             "RUNNING" if n == running else "SUCCESS" if n < running else "IDLE",
@@ -209,8 +204,8 @@ def _tick(k: int) -> Tick:
     path, item = nodes[running].path, f"red_block_{k // 40}"
     if k % 40:
         return Tick("RUNNING", path, nodes)
-    begun = TransitionRecord(path, "RUNNING", {"object": item}, item)
-    return Tick("RUNNING", path, nodes, (WriteRecord("/item", item, nodes[0].path),), (begun,))
+    begun = Transition(path, "RUNNING", {"object": item}, item)
+    return Tick("RUNNING", path, nodes, (BlackboardWrite("/item", item, nodes[0].path),), (begun,))
 
 
 def _timing(rng: np.random.Generator) -> Timing:

@@ -7,21 +7,18 @@ slots, because orjson writes those eight times as slowly.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
-from itertools import compress, count
-from operator import ne
 from typing import (
     TYPE_CHECKING,
     Any,
-    TypeAlias,
     TypeVar,
 )
 
 import orjson
 
 from picktree.simulation import HoleSeating
-from picktree.world import Pose, Shape, Vector3
+from picktree.world import BlackboardWrite, NodeState, Pose, Shape, Tick, Transition, Values, Vector3
 from picktree.world.scene import Hole
 
 from .arithmetic_record import Arithmetic
@@ -55,10 +52,8 @@ def record_adapter(kind: type) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
 
 
-FORMAT = 2
+FORMAT = 3
 """Version of the log's format. It is raised when an older reader could no longer interpret a log."""
-Values: TypeAlias = Mapping[str, object]
-"""Plain JSON values by name."""
 
 
 @dataclass(frozen=True)
@@ -144,78 +139,31 @@ class RunInfo:
 
 
 @dataclass(frozen=True)
-class TreeNode:
-    """Node of the tree as it was loaded. `parent` is empty for the root."""
-
-    path: str
-    id: str
-    """Registered name, such as `Grasp`."""
-    name: str
-    parent: str
-    children: tuple[str, ...] = ()
-    """Paths of the children, in order."""
-    ports: Mapping[str, str] = field(default_factory=dict[str, str])
-    """Values of the ports, as written in the mission."""
-
-
-@dataclass(frozen=True)
-class Tree:
-    """Tree: all nodes, parents before their children."""
-
-    nodes: tuple[TreeNode, ...]
-
-
-@dataclass(frozen=True)
-class NodeStatusRecord:
-    """Status of a node after a tick."""
-
-    path: str
-    id: str
-    status: str
-    """IDLE, RUNNING, SUCCESS, FAILURE or SKIPPED."""
-    ticked: bool
-    """Whether this tick reached the node."""
-    message: str = ""
-    cause: str = ""
-    evidence: Values = field(default_factory=dict[str, object])
-
-
-@dataclass(frozen=True)
-class WriteRecord:
-    """Write to the blackboard."""
-
-    key: str
-    value: object
-    node: str
-
-
-@dataclass(frozen=True)
-class TransitionRecord:
-    """Start of a node (RUNNING) or its end (SUCCESS, FAILURE, SKIPPED; IDLE: it was halted)."""
-
-    path: str
-    status: str
-    inputs: Values = field(default_factory=dict[str, object])
-    """Values that a starting node has read through references, by port; empty at an end."""
-    subject: str = ""
-    """Object that the first port of type `object` of a starting node names; empty when there is none."""
-    cause: str = ""
-    origin: str = ""
-    """Path of the node from which a failure came; empty without a failure."""
-    message: str = ""
-    evidence: Values = field(default_factory=dict[str, object])
-
-
-@dataclass(frozen=True)
-class Tick:
-    """The whole tree after one tick. `tip` is the path of the deepest running node."""
+class TickMessage:
+    """Message of one tick: what it has changed. Nodes without a transition are as before."""
 
     root_status: str
     tip: str
-    nodes: tuple[NodeStatusRecord, ...]
-    writes: tuple[WriteRecord, ...] = ()
-    transitions: tuple[TransitionRecord, ...] = ()
-    """Starts and ends of nodes in this tick, in order. Empty in logs of format 1."""
+    """Path of the deepest running node."""
+    transitions: tuple[Transition, ...] = ()
+    writes: tuple[BlackboardWrite, ...] = ()
+
+
+@dataclass(frozen=True)
+class NodesMessage:
+    """State of all nodes after the tick of the same time, parents first."""
+
+    nodes: tuple[NodeState, ...]
+
+
+def tick_json(tick: Tick) -> bytes:
+    """Encode the message of a tick."""
+    return encode(TickMessage(tick.root_status, tick.tip, tick.transitions, tick.writes))
+
+
+def nodes_json(tick: Tick) -> bytes:
+    """Encode the message with the state of all nodes after a tick."""
+    return encode(NodesMessage(tick.nodes))
 
 
 @dataclass(frozen=True)
@@ -417,55 +365,3 @@ class Scene:
 
     bodies: tuple[BodyRecord, ...]
     fixed: tuple[PartRecord, ...]
-
-
-_NODES = b',"nodes":[{"path":'
-"""Begin of the nodes. No text can hold it: quotation marks in texts are escaped."""
-_BETWEEN = b'},{"path":'
-_CHANGES = b'}],"writes":['
-_CHANGES_OFFSET = len(b"}],")
-"""Offset of the changes behind the end of the nodes."""
-
-
-class TickDecoder:
-    """Decoder of one tick after the other, which decodes only the nodes that report something else."""
-
-    def __init__(self) -> None:
-        self._texts: list[bytes] = []
-        self._nodes: list[NodeStatusRecord] = []
-
-    def tick(self, data: bytes) -> Tick:
-        """Return the tick. Raises ValueError when a field is missing or has another type."""
-        begin, end = data.find(_NODES), data.rfind(_CHANGES)
-        if 0 <= begin < end:
-            try:
-                rest = decode(Tick, b'%b,"nodes":[],%b' % (data[:begin], data[end + _CHANGES_OFFSET :]))
-                return replace(rest, nodes=self._changed(data[begin + len(_NODES) : end].split(_BETWEEN)))
-            except ValueError:  # a text of an old or a foreign log, or evidence that looks like nodes
-                self._texts = []
-        return decode(Tick, data)
-
-    def _changed(self, texts: list[bytes]) -> tuple[NodeStatusRecord, ...]:
-        before, self._texts = self._texts, []
-        if len(texts) != len(before):
-            self._nodes = [_node(text) for text in texts]
-        else:
-            for number in compress(count(), map(ne, texts, before)):
-                self._nodes[number] = _node(texts[number])
-        self._texts = texts
-        return tuple(self._nodes)
-
-
-def changes_of(data: bytes) -> Tick:
-    """Return the tick without its nodes. Raises ValueError as `TickDecoder.tick` does."""
-    begin, end = data.find(_NODES), data.rfind(_CHANGES)
-    if 0 <= begin < end:
-        try:
-            return decode(Tick, b'%b,"nodes":[],%b' % (data[:begin], data[end + _CHANGES_OFFSET :]))
-        except ValueError:
-            pass
-    return replace(decode(Tick, data), nodes=())
-
-
-def _node(text: bytes) -> NodeStatusRecord:
-    return decode(NodeStatusRecord, b'{"path":%b}' % text)

@@ -8,9 +8,16 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
-from picktree.world import JournalEvent, event_types
+from picktree.world import (
+    BlackboardWrite,
+    JournalEvent,
+    Tick,
+    Transition,
+    Tree,
+    Values,
+    event_types,
+)
 
-from .log_records import NodeStatusRecord, Tick, TransitionRecord, Tree, Values, WriteRecord
 from .run_log import RunLog, Stamped
 
 
@@ -210,18 +217,13 @@ class VisitBuilder:
         self._time = time
         if self._number == 0:
             for path in under_way(tick):
-                self._begin(TransitionRecord(path, "RUNNING"))
+                self._begin(Transition(path, "RUNNING"))
         self._written(tick.writes)
-        for transition in tick.transitions:
-            if transition.status == "RUNNING":
+        for transition in tick.edges:
+            if transition.starts:
                 self._begin(transition)
             else:
                 self._end(transition)
-
-    def skip(self, time: float) -> None:
-        """Count a tick without transitions and writes. It may not be the first."""
-        self._number += 1
-        self._time = time
 
     def finish(self) -> tuple[Visit, ...]:
         """Return all visits; open ones end with the last tick."""
@@ -230,15 +232,15 @@ class VisitBuilder:
             self._visits[number] = replace(visit, end=self._time, last=max(self._number, visit.first))
         return tuple(self._visits)
 
-    def _written(self, writes: Iterable[WriteRecord]) -> None:
+    def _written(self, writes: Iterable[BlackboardWrite]) -> None:
         for write in writes:
             if write.node in self._iterations and isinstance(write.value, str):
                 self._elements[write.node] = write.value
 
-    def _begin(self, transition: TransitionRecord) -> None:
+    def _begin(self, transition: Transition) -> None:
         path = transition.path
         if path in self._open:  # the log has no end of the visit before
-            self._end(TransitionRecord(path, "IDLE"))
+            self._end(Transition(path, "IDLE"))
         item = transition.subject or self._item_around(path)
         self._counts[item, path] += 1
         number = len(self._visits)
@@ -260,7 +262,7 @@ class VisitBuilder:
         )
         self._open[path] = number
 
-    def _end(self, transition: TransitionRecord) -> None:
+    def _end(self, transition: Transition) -> None:
         number = self._open.pop(transition.path, None)
         self._elements.pop(transition.path, None)
         if number is None:
@@ -302,77 +304,19 @@ def under_way(first: Tick) -> tuple[str, ...]:
 
     There are such nodes in a run that resumes from a checkpoint.
     """
-    word = {t.path: t.status for t in reversed(first.transitions)}
+    first_edge = {edge.path: edge for edge in reversed(first.edges)}
     return tuple(
         node.path
         for node in first.nodes
-        if (word[node.path] != "RUNNING" if node.path in word else node.status == "RUNNING")
+        if (first_edge[node.path].ends if node.path in first_edge else node.status == "RUNNING")
     )
 
 
-def ticks_with_trees(
-    log: RunLog, *, derived: bool | None = None
-) -> Iterator[tuple[Stamped[Tick | None], Sequence[Tree]]]:
-    """Yield all ticks, each with the trees that are followed from it on; None: a tick without transitions.
-
-    `derived`: transitions are derived from the statuses of the nodes, as for a log of format 1. None: as the
-    format of the log needs it.
-    """
+def ticks_with_trees(log: RunLog) -> Iterator[tuple[Stamped[Tick], Sequence[Tree]]]:
+    """Yield all ticks, each with the trees that are followed from it on."""
     coming = deque(log.trees())
-    derived = log.format < 2 if derived is None else derived
-    ticks = with_transitions(log.ticks()) if derived else log.busy_ticks()
-    for number, at in enumerate(ticks):
+    for number, at in enumerate(log.ticks()):
         due: list[Tree] = []
         while coming and (coming[0].time <= at.time or (number == 0 and not due)):
             due.append(coming.popleft().record)
-        yield Stamped(at.time, at.record), due
-
-
-END_STATUSES = frozenset({"SUCCESS", "FAILURE", "SKIPPED"})
-
-
-def with_transitions(ticks: Iterator[Stamped[Tick]]) -> Iterator[Stamped[Tick]]:
-    """Yield the ticks with transitions that are derived from the statuses of their nodes."""
-    running: set[str] = set()
-    for at in ticks:
-        begun = [
-            TransitionRecord(node.path, "RUNNING")
-            for node in at.record.nodes
-            if node.ticked and node.status != "IDLE" and node.path not in running
-        ]
-        running |= {transition.path for transition in begun}
-        ended = [
-            _end(node, at.record.nodes)
-            for node in reversed(at.record.nodes)
-            if node.path in running
-            and (node.status in END_STATUSES if node.ticked else node.status != "RUNNING")
-        ]
-        running -= {transition.path for transition in ended}
-        yield Stamped(at.time, replace(at.record, transitions=(*begun, *ended)))
-
-
-def _end(node: NodeStatusRecord, nodes: Sequence[NodeStatusRecord]) -> TransitionRecord:
-    if not node.ticked or node.status != "FAILURE":
-        return TransitionRecord(node.path, node.status if node.ticked else "IDLE", message=node.message)
-    source = _origin(node, nodes) if node.cause else node
-    return TransitionRecord(
-        node.path,
-        "FAILURE",
-        cause=node.cause,
-        origin=source.path if node.cause else "",
-        message=source.message,
-        evidence=source.evidence,
-    )
-
-
-def _origin(node: NodeStatusRecord, nodes: Sequence[NodeStatusRecord]) -> NodeStatusRecord:
-    """Return the lowest node below this one with the same failure, or the node itself."""
-    same = [
-        below
-        for below in nodes
-        if below.status == "FAILURE"
-        and below.path.startswith(node.path + "/")
-        and below.cause == node.cause
-        and node.message in ("", below.message)
-    ]
-    return max(same, key=lambda below: below.path.count("/"), default=node)
+        yield at, due

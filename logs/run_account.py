@@ -108,7 +108,7 @@ class RunAccount:
     """Account of a run: visits, failures with their handlings, episodes with cures and time lost."""
 
     visits: tuple[Visit, ...]
-    """Activations of nodes; of a log of format 1 derived from the statuses after each tick."""
+    """Activations of nodes."""
     tree: VisitTree
     """Visits by parent."""
     failures: tuple[Failure, ...]
@@ -116,10 +116,8 @@ class RunAccount:
     recovery: Episodes
 
 
-def account_of(
-    log: RunLog, events: Sequence[Stamped[JournalEvent]], *, derived: bool | None = None
-) -> RunAccount:
-    """Return the account of a run from its log and its events; `derived` as for `ticks_with_trees`.
+def account_of(log: RunLog, events: Sequence[Stamped[JournalEvent]]) -> RunAccount:
+    """Return the account of a run from its log and its events.
 
     Raises PicktreeError when the log is damaged.
     """
@@ -129,20 +127,17 @@ def account_of(
         episodes.append, planted.append, on_failure=lambda f: decided.update({(f.path, f.time, f.cause): f})
     )
     coming, last = deque(events), 0.0
-    for number, (at, trees) in enumerate(ticks_with_trees(log, derived=derived)):
+    for number, (at, trees) in enumerate(ticks_with_trees(log)):
         for tree in trees:
             builder.follow(tree)
             tracker.follow(tree.nodes)
         told: list[JournalEvent] = []
         while coming and coming[0].time <= at.time + 1e-9:
             told.append(coming.popleft().record)
-        if at.record is None:
-            builder.skip(at.time)
-        else:
-            if number == 0:
-                tracker.begun(at.time, under_way(at.record))
-            builder.take(at.time, at.record)
-        tracker.take(at.time, () if at.record is None else at.record.transitions, told)
+        if number == 0:
+            tracker.begun(at.time, under_way(at.record))
+        builder.take(at.time, at.record)
+        tracker.take(at.time, at.record.edges, told)
         last = at.time
     tracker.finish(log.end)
     visits = VisitTree(builder.finish())

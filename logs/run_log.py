@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
@@ -18,11 +17,12 @@ from numpy.typing import NDArray
 from picktree.files import PicktreeError, listed
 from picktree.logs.mcap import RawMessage, is_written
 from picktree.logs.recording import decode_colour, decode_depth, foxglove_messages
-from picktree.world import Intrinsics, JournalEvent, Plan
+from picktree.world import Intrinsics, JournalEvent, Plan, Tick, Tree
 
 from . import topics
 from .arithmetic_record import Arithmetic
 from .event_records import decode_event
+from .format_2 import with_updates
 from .log_files import JoinedLog, find_log, part_paths
 from .log_records import (
     FORMAT,
@@ -31,18 +31,17 @@ from .log_records import (
     Joints,
     LinkMesh,
     LogLine,
+    NodesMessage,
     ResumedFrom,
     RunInfo,
     Scene,
-    Tick,
-    TickDecoder,
+    TickMessage,
     Timing,
     Transform,
-    Tree,
     WrenchReading,
-    changes_of,
     decode,
 )
+from .node_states import NodeStates
 from .topics import Digest
 
 SETTINGS: Final = "picktree"
@@ -54,7 +53,7 @@ _MAX_NAMED_TOPICS: Final = 5
 """Maximum number of topics that a message names."""
 _MIN_GAP_TICKS: Final = 2.9
 """Distance of two ticks from which on there is a gap, in ticks. Clocks of two computers may jitter by one."""
-_ALWAYS_RECORDED: Final = (topics.TREE, topics.TICK, topics.JOINTS, topics.TF, topics.OBJECTS)
+_ALWAYS_RECORDED: Final = (topics.TREE, topics.NODES, topics.TICK, topics.JOINTS, topics.TF, topics.OBJECTS)
 
 
 def run_settings(metadata: Mapping[str, Mapping[str, str]], tick: float, path: Path) -> RunInfo:
@@ -93,11 +92,11 @@ def run_settings(metadata: Mapping[str, Mapping[str, str]], tick: float, path: P
 def log_format(metadata: Mapping[str, Mapping[str, str]], first_tick: bytes | None, path: Path) -> int:
     """Return the number of the log's format; without metadata as the first tick shows it.
 
-    Raises PicktreeError for a newer format than this picktree reads.
+    Raises PicktreeError for a format that this picktree does not read.
     """
     words = metadata.get(SETTINGS)
     if words is None:
-        return 2 if first_tick is None or b'"transitions":' in first_tick else 1
+        return FORMAT if first_tick is None or b'"nodes":' not in first_tick else FORMAT - 1
     stated = words.get("format", "")
     if not stated.isdigit():
         raise PicktreeError(f"{path}: the log's metadata are incomplete: they state no format")
@@ -105,6 +104,11 @@ def log_format(metadata: Mapping[str, Mapping[str, str]], first_tick: bytes | No
         raise PicktreeError(
             f"{path}: the log has format {stated}, and this picktree reads up to {FORMAT}; "
             "upgrade picktree to read it"
+        )
+    if int(stated) < FORMAT - 1:
+        raise PicktreeError(
+            f"{path}: the log has format {stated}, and this picktree reads formats {FORMAT - 1} and "
+            f"{FORMAT}; read it with the version of picktree that wrote it"
         )
     return int(stated)
 
@@ -206,8 +210,6 @@ def lacks(file: JoinedLog, metadata: Mapping[str, object], gaps: Sequence[Gap]) 
 
 
 R = TypeVar("R")
-_IDLE_END = b'"writes":[],"transitions":[]}'
-"""End of the JSON of a tick without transitions and writes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,6 +292,19 @@ class RunLog:
     def going_on(self) -> bool:
         """Whether the run's process still writes this log."""
         return any(is_written(path) for path in (self.path, *part_paths(self.path).values()))
+
+    def require_repeatable(self) -> None:
+        """Raise PicktreeError when this version cannot run the recorded run again.
+
+        The log is of an older format, or lacks the state with which it begins.
+        """
+        if self.format < FORMAT:
+            revision = f", revision {self.run.revision[:8]}" if self.run.revision else ""
+            raise PicktreeError(
+                f"{self.path}: the log has format {self.format}, and this version repeats format {FORMAT}; "
+                f"repeat it with the version of picktree that recorded it{revision}"
+            )
+        self.require_beginning()
 
     def require_beginning(self) -> None:
         """Raise PicktreeError when the log lacks the state with which it begins.
@@ -389,18 +404,32 @@ class RunLog:
         return () if found is None else self._read(found, foxglove_messages.read_robot)
 
     def ticks(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[Tick]]:
-        return self._records(topics.TICK.name, TickDecoder().tick, start, end)
+        """Yield the ticks with the states of all nodes."""
+        if self.format == 2:
+            before = None if start is None else self.last(topics.TICK.name, start - 2 * _TIME_TOLERANCE)
+            begin = None if before is None else before.time / 1e9
+            old = self._records(topics.TICK.name, lambda data: decode(Tick, data), begin, end)
+            ticks = with_updates((at.time, at.record) for at in old)
+        else:
+            nodes = None if start is None else self.last(topics.NODES.name, start)
+            ticks = self._rebuilt(None if nodes is None else nodes.time / 1e9, end)
+        for time, tick in ticks:
+            if start is None or time >= start - _TIME_TOLERANCE:
+                yield Stamped(time, tick)
 
-    def busy_ticks(self) -> Iterator[Stamped[Tick | None]]:
-        """Yield all ticks, with None for one without any start or end of a node or write.
-
-        Most ticks are such and cost no decoding. The first tick is always there, and alone has its nodes.
-        """
-        read: Callable[[bytes], Tick] = partial(decode, Tick)
-        for message in self.messages([topics.TICK.name]):
-            idle = read is changes_of and message.data.endswith(_IDLE_END)
-            yield Stamped(message.time / 1e9, None if idle else self._read(message, read))
-            read = changes_of
+    def _rebuilt(self, start: float | None, end: float | None) -> Iterator[tuple[float, Tick]]:
+        """Yield ticks with states that are rebuilt from the messages from `start` on."""
+        states = NodeStates(node for at in self.trees() for node in at.record.nodes)
+        for message in self.messages([topics.NODES.name, topics.TICK.name], start, end):
+            if message.topic == topics.NODES.name:
+                states.take(self._read(message, lambda data: decode(NodesMessage, data)).nodes)
+                continue
+            tick = self._read(message, lambda data: decode(TickMessage, data))
+            nodes = states.after(tick.transitions)
+            yield (
+                message.time / 1e9,
+                Tick(tick.root_status, tick.tip, nodes, tick.writes, tick.transitions),
+            )
 
     def timings(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[Timing]]:
         return self._records(topics.TIMING.name, lambda data: decode(Timing, data), start, end)
@@ -488,7 +517,12 @@ class RunLog:
         return next(self._file.messages([topic], None, _ns(at), newest_first=True), None)
 
     def tick_at(self, at: float) -> Stamped[Tick] | None:
-        return self._last(topics.TICK.name, lambda data: decode(Tick, data), at)
+        """Return the last tick at `at` (simulated s) or before; None when there is none."""
+        last = self.last(topics.TICK.name, at)
+        if last is None:
+            return None
+        *_, found = self.ticks(last.time / 1e9, last.time / 1e9)
+        return found
 
     def transforms_at(self, at: float) -> Stamped[tuple[Transform, ...]] | None:
         return self._last(topics.TF.name, foxglove_messages.read_transforms, at)
@@ -522,7 +556,7 @@ class RunLog:
     @property
     def _has_ended(self) -> bool:
         """Whether the last tick is that of the run: the arm may still come to rest behind it."""
-        last = self.tick_at(self.end)
+        last = self._last(topics.TICK.name, lambda data: decode(TickMessage, data), self.end)
         return last is not None and last.record.root_status in ("SUCCESS", "FAILURE")
 
     def _records(

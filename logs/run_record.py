@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any, Self
 
 from picktree.files import PicktreeError
-from picktree.world import JournalEvent, Plan
+from picktree.world import JournalEvent, Plan, Tree, TreeNode
 
 from . import topics
-from .log_records import Candidates, LogLine, RunInfo, Scene, Tree, TreeNode
+from .log_records import Candidates, LogLine, RunInfo, Scene
 from .node_visits import Pick, Visit, picks_of
 from .run_account import RunAccount, account_of
 from .run_log import RunLog, Stamped
@@ -152,8 +152,8 @@ class RunRecord:
 
     @cached_property
     def visits(self) -> tuple[Visit, ...]:
-        """Activations of nodes from start to end, in order of their starts; none of a log of format 1."""
-        return self.account.visits if self.log.format >= 2 else ()
+        """Activations of nodes from start to end, in order of their starts."""
+        return self.account.visits
 
     @cached_property
     def account(self) -> RunAccount:
@@ -261,5 +261,4 @@ class RunRecord:
 
     @cached_property
     def _writes(self) -> tuple[tuple[float, str, object], ...]:
-        busy = ((at.time, at.record) for at in self.log.busy_ticks() if at.record is not None)
-        return tuple((time, w.key, w.value) for time, tick in busy for w in tick.writes)
+        return tuple((at.time, w.key, w.value) for at in self.log.ticks() for w in at.record.writes)

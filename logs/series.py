@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from picktree.files import PicktreeError
-from picktree.world import Array
+from picktree.world import Array, Tick
 
 from . import topics
-from .log_records import Tick
 from .optional_libraries import PandasTable
 from .run_log import CameraImage, RunLog, Stamped
 

@@ -19,7 +19,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 from google.protobuf.message_factory import GetMessageClass
 
-from picktree.world import Plan
+from picktree.world import Plan, Tree
 
 from . import log_records
 from .event_records import event_schema
@@ -49,6 +49,10 @@ class Topic:
 
 TREE = Topic("/bt/tree", "picktree.Tree", "json")
 TICK = Topic("/bt/tick", "picktree.Tick", "json")
+
+
+# It repeats what the ticks say, so that a reader may begin there.
+NODES = Topic("/bt/nodes", "picktree.Nodes", "json", simulated=False)
 TIMING = Topic("/timing", "picktree.Timing", "json", simulated=False)
 JOINTS = Topic("/joint_states", "foxglove.JointStates", "protobuf")
 TF = Topic("/tf", "foxglove.FrameTransforms", "protobuf")
@@ -69,7 +73,7 @@ CANDIDATES = Topic("/candidates", "picktree.Candidates", "json")
 LOG = Topic("/log", "foxglove.Log", "protobuf")
 EVENTS = Topic("/events", "picktree.Event", "json")
 FIXED = (
-    TREE, TICK, TIMING, JOINTS, TF, ROBOT, OBJECTS, TRUTH, WRENCH, CONTROL, PLAN, CANDIDATES, LOG,
+    TREE, NODES, TICK, TIMING, JOINTS, TF, ROBOT, OBJECTS, TRUTH, WRENCH, CONTROL, PLAN, CANDIDATES, LOG,
     EVENTS,
 )  # fmt: skip
 _SIMULATED = frozenset(topic.name for topic in FIXED if topic.simulated)
@@ -95,8 +99,9 @@ def calibration_topic(camera: str) -> Topic:
 
 
 _JSON: dict[str, type] = {
-    "picktree.Tree": log_records.Tree,
-    "picktree.Tick": log_records.Tick,
+    "picktree.Tree": Tree,
+    "picktree.Nodes": log_records.NodesMessage,
+    "picktree.Tick": log_records.TickMessage,
     "picktree.Timing": log_records.Timing,
     "picktree.Wrench": log_records.WrenchReading,
     "picktree.Control": log_records.Control,

@@ -8,8 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Final, Literal, Protocol, TypeAlias
 
-from picktree.trees import BehaviourTree, TickReport, show
-from picktree.world import Plain, event_types
+from picktree.trees import BehaviourTree, show
+from picktree.world import Plain, Tick, event_types
 
 from .execution import Execution
 from .observer import Observer
@@ -102,7 +102,7 @@ class Debugger(Observer):
     def edited(self, run: Execution) -> None:
         self.follow(run.tree)
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         self.pause_after_tick()
 
     def attach(self, tree: BehaviourTree) -> None:

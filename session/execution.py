@@ -26,7 +26,7 @@ from picktree.robot.planning import (
     standing_pairs,
 )
 from picktree.simulation import FaultInjector, Simulation, TrueBody, build_hardware, checkpoints, rests
-from picktree.trees import MAIN, Mission, NodeStatus, TickReport, build, runner
+from picktree.trees import MAIN, Mission, NodeStatus, build, runner
 from picktree.world import (
     ComputeTimeAccount,
     Entry,
@@ -36,6 +36,7 @@ from picktree.world import (
     PlanningScene,
     RandomStreams,
     Stopwatch,
+    Tick,
     Vector3,
     extents,
     heap_geometry,
@@ -220,7 +221,7 @@ class Execution:
         self.items_total = self.hardware.item_count
         """Number of items that have come so far."""
 
-    def tick(self) -> tuple[TickReport, tuple[Entry, ...]]:
+    def tick(self) -> tuple[Tick, tuple[Entry, ...]]:
         """Tick the tree and the faults; return the report of the tree and the tick's journal entries."""
         with self.stopwatch.measure("tree"):
             report = self._look_first() or self.tree.tick()
@@ -230,7 +231,7 @@ class Execution:
         for happened in (*faults, *feed):
             self.world.journal.note(happened)
         entries = self.world.journal.take()
-        self.tally.take(self.world.clock.now, entries, self.tree.leaves, report.transitions)
+        self.tally.take(self.world.clock.now, entries, self.tree.leaves, report.edges)
         return report, entries
 
     def pass_time(self) -> None:
@@ -353,7 +354,7 @@ class Execution:
                 f"the running mission does not take what was set: {failure.message}"
             ) from None
 
-    def _look_first(self) -> TickReport | None:
+    def _look_first(self) -> Tick | None:
         """Run one step of the resynchronisation and return the report of an idle tick; None when it is
         over."""
         if self._first is None:

@@ -108,10 +108,9 @@ class LiveServer(Observer):
         while (name := self._wanted.get()) is not None:
             self._met = True
             with self._lock:
-                last = self._last.get(name)
-                if last is not None:
+                for at, data in self._last.get(name, ()):
                     self._server.broadcast_time(self._now)
-                    self._channels[name].log(last[1], log_time=last[0])
+                    self._channels[name].log(data, log_time=at)
 
 
 class _Listener(ServerListener):

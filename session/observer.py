@@ -20,7 +20,8 @@ if TYPE_CHECKING:  # The displays of the command line are observers and must be 
 
     from picktree.logs import RunResult, Topic
     from picktree.robot import operator_desk
-    from picktree.trees import Mission, TickReport
+    from picktree.trees import Mission
+    from picktree.world import Tick
 
     from .execution import Execution
 
@@ -35,7 +36,7 @@ class Observer:
     def started(self, run: Execution, folder: Path) -> None:
         """Called once before the first tick. `folder` is the run's folder."""
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         """Called after a tick was recorded; `now` is simulated s. Simulated time stands still meanwhile."""
 
     def edited(self, run: Execution) -> None:
@@ -158,7 +159,7 @@ class WallClockPacer(Observer):
         self._last = 0.0
         self._gaps: list[float] = []
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         wall = self._clock()
         if self._due is None:
             self._due, self._before, self._last = wall, now, wall

@@ -17,7 +17,8 @@ from typing import Final
 from picktree.files import PicktreeError
 from picktree.logs import RunResult
 from picktree.robot.control import HoldController
-from picktree.trees import NodeStatus, TickReport
+from picktree.trees import NodeStatus
+from picktree.world import Tick
 
 from .execution import Execution
 from .observer import Observer
@@ -67,13 +68,13 @@ class Profiler(Observer):
         for node in run.tree.nodes:
             self.nodes.setdefault(node.path, NodeCost())
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         self._pass_simulated(now)
         for path, seconds in self._run.tree.seconds().items():
             self.nodes[path].wall += seconds
-        for transition in report.transitions:
-            self.nodes[transition.path].starts += transition.status is NodeStatus.RUNNING
-        self._running = tuple(node.path for node in report.nodes if node.status is NodeStatus.RUNNING)
+        for edge in report.edges:
+            self.nodes[edge.path].starts += edge.starts
+        self._running = tuple(node.path for node in report.nodes if node.status == NodeStatus.RUNNING)
         controller = self._run.world.control.controller
         self._activity = "rest" if controller == HoldController.name else f"arm: {controller}"
 

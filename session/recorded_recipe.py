@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import Final
 
 from picktree.files import PicktreeError
-from picktree.logs import Digest, RunLog, RunRecord, log_records, node_visits, topics
+from picktree.logs import Digest, RunLog, RunRecord, log_records, topics
 from picktree.logs.mcap import RawMessage
 from picktree.logs.recording import RecordingState
 from picktree.robot import operator_desk
 from picktree.simulation import Backend
-from picktree.trees import Mission, TickReport, runner
-from picktree.world import JournalEvent, event_types
+from picktree.trees import Mission, runner
+from picktree.world import JournalEvent, Tick, event_types
 
 from .checkpoints import RunState
 from .debugger import EntryChange, set_entry
@@ -210,13 +210,12 @@ def tally_of(run: RunRecord, time: float) -> RunCounters:
     events: dict[float, list[JournalEvent]] = {}
     for at in run.events:
         events.setdefault(at.time, []).append(at.record)
-    ticks = run.log.ticks(end=time)
-    for at in ticks if run.log.format >= 2 else node_visits.with_transitions(ticks):
+    for at in run.log.ticks(end=time):
         while coming and coming[0].time <= at.time:
             tally.follow(coming.pop(0).record.nodes)
         now = events.get(at.time, ())
         leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
-        tally.take(at.time, now, leaves, at.record.transitions)
+        tally.take(at.time, now, leaves, at.record.edges)
     return tally
 
 
@@ -269,7 +268,7 @@ class RecordedOperator(Interrupter):
             self._answers.clear()
         return None
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         """Make the changes that were made after this tick; the log has them in the next one."""
         if self._changes and self._run is not None:
             self._make_due(now + self._run.world.tick)

@@ -144,7 +144,7 @@ def _tally(run: RunRecord, known: RunState, since: float, until: float) -> RunCo
         events.setdefault(at.time, []).append(at.record)
     for at in run.log.ticks(begin, until):
         leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
-        tally.take(at.time, events.get(at.time, ()), leaves, at.record.transitions)
+        tally.take(at.time, events.get(at.time, ()), leaves, at.record.edges)
     return replace(tally.state(), done=before.done, episodes=before.episodes)
 
 

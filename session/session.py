@@ -32,8 +32,8 @@ from picktree.logs import (
 )
 from picktree.robot.perception import hidden_shares
 from picktree.simulation import ItemScore, TrueBody, score
-from picktree.trees import Mission, TickReport
-from picktree.world import Stopwatch, event_types
+from picktree.trees import Mission
+from picktree.world import Stopwatch, Tick, event_types
 from picktree.world.scene import MAX_HIDDEN_SHARE
 
 from .execution import Execution
@@ -295,7 +295,7 @@ class Session:
             with stopwatch.measure("logging"):
                 recorder.timing(self.timer.tick_timing(before, began, execution.tree.seconds()))
 
-    def _show(self, report: TickReport) -> None:
+    def _show(self, report: Tick) -> None:
         execution = self.execution
         now, done, total = execution.world.clock.now, execution.tally.done, execution.items_total
         for observer in self._observers:

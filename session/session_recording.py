@@ -11,8 +11,16 @@ from typing import Final
 
 from picktree.logs import RunResult, Topic, binary_gltf, log_files, log_records, topics
 from picktree.logs.recording import Listener, Recorder, RecordingState
-from picktree.trees import BlackboardWrite, Mission, NodeStatus, TickReport, runner
-from picktree.world import Array, Entry, JournalEvent, event_types
+from picktree.trees import Mission
+from picktree.world import (
+    Array,
+    BlackboardWrite,
+    Entry,
+    JournalEvent,
+    Tick,
+    Tree,
+    event_types,
+)
 from picktree.world.scene import destinations
 
 from . import environment
@@ -29,13 +37,21 @@ _MOMENTARY_TOPICS: Final = frozenset(
 """Topics of momentary events. The last message of any other topic still holds when a viewer comes."""
 
 
-class LastMessages(dict[str, tuple[int, bytes]]):
-    """Simulated ns and payload of the last message of each topic that holds a state, by the topic's name."""
+class LastMessages(dict[str, list[tuple[int, bytes]]]):
+    """Messages that tell the present state, by the topic's name: simulated ns and payload of each.
+
+    Of a topic that holds a state it is the last message. Of ticks it is each since the last snapshot of all
+    nodes.
+    """
 
     def keep(self, topic: Topic, at: int, data: bytes) -> None:
-        """Keep a message in place of the topic's earlier one, if the topic holds a state."""
-        if topic.name not in _MOMENTARY_TOPICS:
-            self[topic.name] = (at, data)
+        """Keep a message, if the topic holds a state."""
+        if topic is topics.NODES:
+            self.pop(topics.TICK.name, None)
+        if topic is topics.TICK:
+            self.setdefault(topic.name, []).append((at, data))
+        elif topic.name not in _MOMENTARY_TOPICS:
+            self[topic.name] = [(at, data)]
 
 
 START_ATTACHMENT: Final = "start.json"
@@ -62,11 +78,6 @@ class SessionRecorder:
         self._checkpoints = self._edits = self._refused = 0
         self._there = {body.id for body in run.hardware.recent_truth() if body.present}
         """Ids of the items in the last message about the ground truth."""
-        self._reports: tuple[runner.NodeReport, ...] = ()
-        self._nodes: tuple[log_records.NodeStatusRecord, ...] = ()
-        """Reports and records of the nodes in the last tick."""
-        self._tip = ""
-        """Path of the deepest running node in the last tick."""
         recipe = run.recipe
         start = recipe.start
         self._files = list(recipe_files(recipe))
@@ -119,7 +130,7 @@ class SessionRecorder:
     def _begin(self) -> None:
         """Write the recipe's files, the tree and the robot model."""
         recorder, run = self._recorder, self._run
-        recipe, tree, start = run.recipe, _tree(run.tree.structure()), run.recipe.start
+        recipe, tree, start = run.recipe, Tree(run.tree.structure()), run.recipe.start
         for file in self._files:
             recorder.attach(file.name, file.content, file.media_type)
         recorder.attach(environment.SOURCES_ATTACHMENT, environment.sources_to_text(environment.sources()))
@@ -147,7 +158,7 @@ class SessionRecorder:
         """Return the state of the recording for a checkpoint."""
         return self._recorder.state()
 
-    def begin_again(self, report: TickReport, entries: tuple[Entry, ...]) -> None:
+    def begin_again(self, report: Tick, entries: tuple[Entry, ...]) -> None:
         """Write the state at the checkpoint from which the run resumes, so that its log is complete by
         itself.
 
@@ -158,16 +169,14 @@ class SessionRecorder:
         with self._recorder.preamble():
             self.tick(replace(report, writes=writes), entries)
 
-    def tick(self, report: TickReport, entries: tuple[Entry, ...]) -> None:
+    def tick(self, report: Tick, entries: tuple[Entry, ...]) -> None:
         """Write everything about the tick that has just ended, before time advances."""
         world, recorder = self._world, self._recorder
         now = world.clock.now
         recorder.rotate_if_due(now)
         for entry in entries:
             recorder.entry(now, entry)
-        if report.nodes is not self._reports:
-            self._follow(report.nodes)
-        recorder.tick(now, _tick(report, self._nodes, self._tip))
+        recorder.tick(now, report)
         robot = world.robot.description
         state, gripper = world.control.state, self._gripper.read()
         fingers_at = world.robot.fingers.positions(gripper.width)
@@ -186,19 +195,6 @@ class SessionRecorder:
         if recorder.state_due(now):
             recorder.true_state(now, self._run.true_state)
 
-    def _follow(self, reports: tuple[runner.NodeReport, ...]) -> None:
-        """Make the records of a tick with changed reports; an unchanged report keeps its record."""
-        if len(reports) != len(self._reports):
-            self._nodes = tuple(map(_node_record, reports))
-        else:
-            last = zip(reports, self._reports, self._nodes, strict=True)
-            self._nodes = tuple(
-                [known if report is before else _node_record(report) for report, before, known in last]
-            )
-        self._reports = reports
-        running = [n.path for n in reports if n.status is NodeStatus.RUNNING]
-        self._tip = max(running, key=lambda p: p.count("/"), default="")
-
     def timing(self, timing: log_records.Timing) -> None:
         self._recorder.timing(self._world.clock.now, timing)
 
@@ -209,7 +205,7 @@ class SessionRecorder:
         folder = f"edit-{self._edits:04d}"
         for file in mission_files(mission):
             self._recorder.attach(f"{folder}/{file.name}", file.content, file.media_type)
-        self._recorder.edited_tree(self._world.clock.now, _tree(self._run.tree.structure()))
+        self._recorder.edited_tree(self._world.clock.now, Tree(self._run.tree.structure()))
         return folder
 
     def refused(self, text: str) -> None:
@@ -274,47 +270,7 @@ def _moves_bodies(event: JournalEvent) -> bool:
     )
 
 
-def _tree(structure: tuple[runner.NodeInfo, ...]) -> log_records.Tree:
-    return log_records.Tree(
-        tuple(
-            log_records.TreeNode(
-                n.path, n.id, n.name, n.parent or "", n.children, {k: str(v) for k, v in n.ports.items()}
-            )
-            for n in structure
-        )
-    )
-
-
 def _control(controller: str, reference: Array | None, position: Array) -> log_records.Control:
     if reference is None:
         return log_records.Control(controller)
     return log_records.Control(controller, tuple(reference.tolist()), tuple((reference - position).tolist()))
-
-
-def _node_record(n: runner.NodeReport) -> log_records.NodeStatusRecord:
-    evidence = dict(n.evidence or {})
-    return log_records.NodeStatusRecord(
-        n.path, n.id, str(n.status), n.ticked, n.message, n.cause or "", evidence
-    )
-
-
-def _tick(report: TickReport, nodes: tuple[log_records.NodeStatusRecord, ...], tip: str) -> log_records.Tick:
-    return log_records.Tick(
-        root_status=nodes[0].status,
-        tip=tip,
-        nodes=nodes,
-        writes=tuple(log_records.WriteRecord(w.key, w.value, w.node) for w in report.writes),
-        transitions=tuple(
-            log_records.TransitionRecord(
-                t.path,
-                str(t.status),
-                dict(t.inputs),
-                t.subject,
-                t.cause,
-                t.origin,
-                t.message,
-                dict(t.evidence),
-            )
-            for t in report.transitions
-        ),
-    )

@@ -8,11 +8,10 @@ from functools import cache
 import pytest
 
 from picktree.logs import RunLog, RunResult
-from picktree.logs.log_records import NodeStatusRecord
 from picktree.session import RunRequest, Session
 from picktree.simulation import Backend
 from picktree.trees.loading import NodeRegistry
-from picktree.world import JournalEvent, all_causes, cause_named, matches
+from picktree.world import JournalEvent, NodeState, all_causes, cause_named, matches
 from picktree.world.event_types import InternalErrorEvent, RecoveryEvent
 
 from .skills.cell import EXAMPLES
@@ -40,7 +39,7 @@ class Told:
         self.result = result
         with RunLog(result.log) as log:
             self.events: list[JournalEvent] = [at.record for at in log.events()]
-            self.failures: list[NodeStatusRecord] = [
+            self.failures: list[NodeState] = [
                 node
                 for at in log.ticks()
                 for node in at.record.nodes

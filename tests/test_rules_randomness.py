@@ -20,7 +20,7 @@ from picktree.session import Debugger, DebuggerStop, Execution, Observer, RunReq
 from picktree.simulation import Backend
 from picktree.simulation.kinematic import KinematicHardware
 from picktree.simulation.physics import PhysicsHardware
-from picktree.trees import TickReport
+from picktree.world import Tick
 from picktree.world.robot_model import load_robot
 from picktree.world.scene import load_scene
 
@@ -49,7 +49,7 @@ class Onlooker(Observer):
     def started(self, run: Execution, folder: Path) -> None:
         self.seen.append(f"{len(run.tree.structure())} nodes in {folder}")
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         self.seen.append(f"{now} {[str(node) for node in report.nodes]} {items_done}/{items_total}")
 
     def finished(self, result: RunResult) -> None:

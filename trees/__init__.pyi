@@ -13,7 +13,7 @@ from .ports import (
     port as port,
     table as table,
 )
-from .runner import BehaviourTree as BehaviourTree, TickReport as TickReport, build as build
+from .runner import BehaviourTree as BehaviourTree, build as build
 from .skill import (
     ARM as ARM,
     CAMERA as CAMERA,
@@ -31,7 +31,7 @@ from . import (
     references as references,
     runner as runner,
 )
-from .blackboard import BlackboardWrite as BlackboardWrite, Namespace as Namespace
+from .blackboard import Namespace as Namespace
 from .control_nodes import (
     NODES as NODES,
     Parallel as Parallel,

@@ -6,21 +6,11 @@ Each tree has its own, so that two missions in a process share nothing; py_trees
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 
-from picktree.world import Plain, PlanningScene
+from picktree.world import BlackboardWrite, Plain, PlanningScene
 
 from .port_types import plain_copy
 from .references import ROOT_KEY, Reference, resolve
-
-
-@dataclass(frozen=True, slots=True)
-class BlackboardWrite:
-    """One write: the full key (`Main/.../SortOne/item`), a copy of the value, the path of the node."""
-
-    key: str
-    value: Plain
-    node: str
 
 
 class Blackboard:

@@ -40,7 +40,7 @@ from .failure_reports import (
 from .port_types import PortProblem, PortValues, accept_value, plain_copy
 from .ports import PortDeclaration
 from .references import Assignment, Constant, PortExpression, Reference
-from .runtime import Runtime, TreeWorld, Wiring, end_transition, evaluate, start_transition
+from .runtime import Runtime, TreeWorld, Wiring, evaluate, start_transition, state_transition
 
 
 def wired_inputs(
@@ -252,6 +252,8 @@ class Node(DescribedNode):
         self._begun = self._kept = False
         self._inputs: dict[str, object] = {}
         self._outputs: dict[str, object] = {}
+        self._noted = self._visible_state
+        """State that the last transition led to."""
 
     # Written by sub-classes.
 
@@ -346,6 +348,11 @@ class Node(DescribedNode):
         self._set(NodeStatus.IDLE)
         self._note_end()
 
+    def note_update(self) -> None:
+        """Note a change of the state since the last transition, if there is one; called after a tick, too."""
+        if self._visible_state != self._noted:
+            self._note_state(update=True)
+
     def save_state(self) -> dict[str, Plain]:
         """Return the state for `restore_state` as plain values."""
         remembered: dict[str, Plain] = {name: pack(getattr(self, name)) for name in self.remembers}
@@ -354,6 +361,7 @@ class Node(DescribedNode):
             "children": [node.path for node in self.below],
             "ports": dict(self._wiring.port_texts),
             "state": self._state.value,
+            "ticked": self.ticked,
             "failure": report_to_plain(self.failure),
             "message": self.feedback_message,
             "inputs": {
@@ -366,12 +374,14 @@ class Node(DescribedNode):
         """Restore a state that `save_state` returned."""
         self._set(NodeStatus(str(saved["state"])))
         self._begun = self._state is NodeStatus.RUNNING
+        self.ticked = bool(saved.get("ticked", False))
         self.failure = report_from_plain(saved["failure"])
         self.feedback_message = str(saved["message"])
         inputs = cast("dict[str, Plain]", saved["inputs"])
         self._inputs = {**self._constants(), **{key: unpack(value) for key, value in inputs.items()}}
         for name, value in cast("dict[str, Plain]", saved["memory"]).items():
             setattr(self, name, unpack(value))
+        self._noted = self._visible_state
 
     # For use in `on_tick` and `on_start`.
 
@@ -465,11 +475,28 @@ class Node(DescribedNode):
     def _note_end(self) -> None:
         if self._begun and self._state is not NodeStatus.RUNNING:
             self._begun = False
-            self._runtime.transitions.note(
-                end_transition(self.path, self._state, self.failure, self.feedback_message)
-            )
+            self._note_state(update=False)
             for hook in self._runtime.end_hooks:
                 hook(self.path)
+        else:
+            self.note_update()
+
+    def _note_state(self, *, update: bool) -> None:
+        self._noted = self._visible_state
+        self._runtime.transitions.note(
+            state_transition(
+                self.path,
+                self._state,
+                self.failure,
+                self.feedback_message,
+                ticked=self.ticked,
+                update=update,
+            )
+        )
+
+    @property
+    def _visible_state(self) -> tuple[object, ...]:
+        return self._state, self.ticked, self.feedback_message, self.failure
 
     def _start(self) -> None:
         for node in self.below:
@@ -484,6 +511,7 @@ class Node(DescribedNode):
         try:
             self.read_inputs()
         finally:
+            self._noted = self._visible_state
             self._runtime.transitions.note(
                 start_transition(self.path, self._wiring.ports, self.declaration.inputs, self._inputs)
             )

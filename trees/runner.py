@@ -6,16 +6,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from operator import is_
 from typing import Any, cast
 
 from py_trees.behaviour import Behaviour
 
 from picktree.files import FileError, PicktreeError, expression_syntax, suggest_name
 from picktree.files.yaml import read
-from picktree.world import Evidence, Failure, FailureReport, Plain
+from picktree.world import Failure, FailureReport, NodeState, Plain, Tick, TreeNode
 
-from .blackboard import Blackboard, BlackboardWrite, Namespace
+from .blackboard import Blackboard, Namespace
 from .control_flow import NodeStatus
 from .decorators import ForEach
 from .description import TreeDefinition
@@ -26,7 +25,7 @@ from .port_types import accept_value, convert_literal, plain_copy, show
 from .ports import PortDeclaration, child
 from .references import Binding, Constant, PortExpression, Reference
 from .run_settings import Overrides, read_settings
-from .runtime import NodeTransition, Runtime, TreeWorld, Wiring, evaluate
+from .runtime import Runtime, TreeWorld, Wiring, evaluate
 from .skill import Skill
 
 
@@ -153,42 +152,6 @@ def _lost_count(node: Node, state: Mapping[str, Plain], saved: Mapping[str, Mapp
     return any(NodeStatus(str(saved[path]["state"])) in node.counted for path in gone)
 
 
-@dataclass(frozen=True, slots=True)
-class NodeReport:
-    """State of one node at the end of a tick. `cause` and `evidence` are set for a FAILURE with a report."""
-
-    path: str
-    id: str
-    status: NodeStatus
-    ticked: bool
-    message: str
-    cause: str | None
-    evidence: Evidence | None
-
-
-@dataclass(frozen=True, slots=True)
-class TickReport:
-    """Report of one tick: all nodes, parents first; blackboard writes and node transitions in order."""
-
-    nodes: tuple[NodeReport, ...]
-    writes: tuple[BlackboardWrite, ...]
-    transitions: tuple[NodeTransition, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class NodeInfo:
-    """Constant properties of a node, recorded once."""
-
-    path: str
-    id: str
-    name: str
-    kind: str
-    parent: str | None
-    children: tuple[str, ...]
-    ports: Mapping[str, Plain]
-    """Port values as in the mission file."""
-
-
 class BehaviourTree:
     """Nodes of a mission with their blackboard. One call of `tick` is one tick."""
 
@@ -198,8 +161,10 @@ class BehaviourTree:
         self._nodes = tuple(_parents_first(root))
         self._by_path = {node.path: node for node in self._nodes}
         self._leaves = frozenset(node.path for node in self._nodes if not node.children)
-        self._reported = tuple(map(_report, self._nodes))
-        """Reports of the last tick. The same tuple is reported again while nothing in it changes."""
+        self._states = {node.path: _state(node) for node in self._nodes}
+        self._reported = tuple(self._states.values())
+        """States after the last tick. The same tuple is reported again while nothing in it changes."""
+        self._tip = ""
 
     @property
     def root(self) -> Node:
@@ -244,7 +209,7 @@ class BehaviourTree:
         """Whether every RUNNING leaf can be saved."""
         return not any(node.state is NodeStatus.RUNNING and not node.saveable for node in self._nodes)
 
-    def tick(self) -> TickReport:
+    def tick(self) -> Tick:
         """Tick the root once and report. A tick after the root has ended restarts the mission."""
         self.step()
         return self._report()
@@ -256,7 +221,7 @@ class BehaviourTree:
             node.seconds = 0.0
         self._root.step()
 
-    def halt(self) -> TickReport:
+    def halt(self) -> Tick:
         """Halt all running nodes and report; every node is IDLE afterwards."""
         for node in self._nodes:
             node.ticked = False
@@ -273,20 +238,16 @@ class BehaviourTree:
         """Return the wall times of the nodes ticked last, children included, s; not part of the digest."""
         return {node.path: node.seconds for node in self._nodes if node.ticked}
 
-    def structure(self) -> tuple[NodeInfo, ...]:
+    def structure(self) -> tuple[TreeNode, ...]:
         """Return the structure of the tree, parents first."""
         return tuple(
-            NodeInfo(
+            TreeNode(
                 node.path,
                 node.wiring.id,
                 node.name,
-                node.kind,
-                cast("Node", node.parent).path if node.parent is not None else None,
+                cast("Node", node.parent).path if node.parent is not None else "",
                 tuple(below.path for below in node.below),
-                {
-                    key: bound.text if isinstance(bound, Constant) else str(bound)
-                    for key, bound in node.wiring.ports.items()
-                },
+                {key: str(text) for key, text in node.wiring.port_texts.items()},
             )
             for node in self._nodes
         )
@@ -308,9 +269,9 @@ class BehaviourTree:
         self._root.halt()
         for path, state in nodes.items():
             self._by_path[path].restore_state(state)
-            self._by_path[path].ticked = False
         self.blackboard.restore(cast("dict[str, Plain]", saved["blackboard"]))
         self._runtime.transitions.take()
+        self._take_states()
 
     def adopt(self, saved: Mapping[str, Plain]) -> StateTransfer:
         """Continue from the saved state of another version of the mission. This tree must not have been
@@ -319,7 +280,9 @@ class BehaviourTree:
         The blackboard is taken over whole. Nodes with the same path and type continue; the others restart.
         """
         self.blackboard.restore(cast("dict[str, Plain]", saved["blackboard"]))
-        return transfer_state(self._nodes, cast("dict[str, dict[str, Plain]]", saved["nodes"]))
+        transfer = transfer_state(self._nodes, cast("dict[str, dict[str, Plain]]", saved["nodes"]))
+        self._take_states()
+        return transfer
 
     def read_again(self, full_keys: Collection[str]) -> None:
         """Reread these blackboard keys in running nodes that read them at their start.
@@ -357,39 +320,42 @@ class BehaviourTree:
         self._runtime.stand_ins[path] = body
         return True
 
-    def look(self) -> TickReport:
+    def look(self) -> Tick:
         """Report the nodes as they are, with writes and transitions since the last tick."""
         return self._report()
 
-    def _report(self) -> TickReport:
-        # A node without a failure that has not changed keeps its report.
-        nodes = tuple(
-            [
-                before
-                if before.ticked is node.ticked
-                and before.status is node.state
-                and before.message == node.feedback_message
-                and before.cause is None
-                and node.failure is None
-                else _report(node)
-                for node, before in zip(self._nodes, self._reported, strict=True)
-            ]
-        )
-        if not all(map(is_, nodes, self._reported)):
-            self._reported = nodes
-        return TickReport(self._reported, self.blackboard.take_writes(), self._runtime.transitions.take())
+    def _report(self) -> Tick:
+        for node in self._nodes:
+            node.note_update()
+        transitions = self._runtime.transitions.take()
+        if transitions:
+            for each in transitions:
+                self._states[each.path] = each.state(self._by_path[each.path].wiring.id)
+            self._know_states()
+        writes = self.blackboard.take_writes()
+        return Tick(self._root.state, self._tip, self._reported, writes, transitions)
+
+    def _take_states(self) -> None:
+        """Take over the states of nodes that were restored."""
+        self._states = {node.path: _state(node) for node in self._nodes}
+        self._know_states()
+
+    def _know_states(self) -> None:
+        self._reported = tuple(self._states.values())
+        running = [state.path for state in self._reported if state.status == NodeStatus.RUNNING]
+        self._tip = max(running, key=lambda path: path.count("/"), default="")
 
 
-def _report(node: Node) -> NodeReport:
+def _state(node: Node) -> NodeState:
     failure = node.failure
-    return NodeReport(
+    return NodeState(
         node.path,
         node.wiring.id,
         node.state,
         node.ticked,
         failure.message if failure else node.feedback_message,
-        failure.cause.name if failure else None,
-        failure.evidence if failure else None,
+        failure.cause.name if failure else "",
+        dict(failure.evidence) if failure else {},
     )
 
 

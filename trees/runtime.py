@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final, Literal, Protocol
+from typing import TYPE_CHECKING, Final, Literal, Protocol
 
 from picktree.files import Expression, expression_syntax
-from picktree.world import Evidence, Failure, FailureReport, tree
+from picktree.world import Failure, FailureReport, Transition, tree
 
 from .blackboard import Blackboard, Namespace
 from .control_flow import NodeStatus
@@ -23,30 +23,12 @@ TIME_TOLERANCE: Final = 1e-9
 """Tolerance of nodes that wait, for the rounding of summed ticks, s."""
 
 
-@dataclass(frozen=True, slots=True)
-class NodeTransition:
-    """Start (RUNNING) or end of a node (SUCCESS, FAILURE, SKIPPED; IDLE: halted)."""
-
-    path: str
-    status: NodeStatus
-    inputs: Mapping[str, object] = field(default_factory=dict[str, object])
-    """Values that a starting node read through references, by port."""
-    subject: str = ""
-    """Object named by the first port of type `object` of a starting node; empty: none."""
-    cause: str = ""
-    """Name of a failure's cause; empty for a false condition."""
-    origin: str = ""
-    """Path of the node in which the failure arose."""
-    message: str = ""
-    evidence: Evidence = field(default_factory=dict[str, Any])
-
-
 def start_transition(
     path: str,
     wired: Mapping[str, Binding],
     ports: tuple[PortDeclaration, ...],
     inputs: Mapping[str, object],
-) -> NodeTransition:
+) -> Transition:
     """Describe the start of a node with these input ports and values."""
     constant = (Constant, type(None))
     read = {
@@ -54,22 +36,31 @@ def start_transition(
     }
     of_objects = (port.key for port in ports if port.type.name == "object")
     subject = next((str(inputs[key]) for key in of_objects if inputs.get(key)), "")
-    return NodeTransition(path, NodeStatus.RUNNING, read, subject)
+    return Transition(path, NodeStatus.RUNNING, read, subject)
 
 
-def end_transition(
-    path: str, status: NodeStatus, failure: FailureReport | None, message: str
-) -> NodeTransition:
-    """Describe the end of a node; `message` is its feedback where it has not failed with a report."""
+def state_transition(
+    path: str,
+    status: NodeStatus,
+    failure: FailureReport | None,
+    message: str,
+    *,
+    ticked: bool,
+    update: bool = False,
+) -> Transition:
+    """Describe the end of a node, or an update; `message` is its feedback where it has not failed with a
+    report."""
     if failure is None:
-        return NodeTransition(path, status, message=message)
-    return NodeTransition(
+        return Transition(path, status, message=message, ticked=ticked, update=update)
+    return Transition(
         path,
         status,
         cause=failure.cause.name,
         origin=failure.node,
         message=failure.message,
-        evidence=failure.evidence,
+        evidence=dict(failure.evidence),
+        ticked=ticked,
+        update=update,
     )
 
 
@@ -77,12 +68,12 @@ class TransitionCollector:
     """Collector of node transitions while a tree is ticked."""
 
     def __init__(self) -> None:
-        self._noted: list[NodeTransition] = []
+        self._noted: list[Transition] = []
 
-    def note(self, transition: NodeTransition) -> None:
+    def note(self, transition: Transition) -> None:
         self._noted.append(transition)
 
-    def take(self) -> tuple[NodeTransition, ...]:
+    def take(self) -> tuple[Transition, ...]:
         """Return and clear the transitions since the last call."""
         noted = tuple(self._noted)
         self._noted.clear()

@@ -109,6 +109,15 @@ from .protocols import (
     WrenchSensor as WrenchSensor,
 )
 from .quasi_static_pushing import PlanarPushModel as PlanarPushModel
+from .record import (
+    BlackboardWrite as BlackboardWrite,
+    NodeState as NodeState,
+    Tick as Tick,
+    Transition as Transition,
+    Tree as Tree,
+    TreeNode as TreeNode,
+    Values as Values,
+)
 from .shapes import (
     CompoundMesh as CompoundMesh,
     MIN_DIRECTION as MIN_DIRECTION,

@@ -23,7 +23,8 @@ from difflib import SequenceMatcher
 from typing import Final, Literal, TypeAlias, cast
 
 from picktree.analysis import Run
-from picktree.logs import account_of, log_records, node_visits
+from picktree.logs import log_records, node_visits
+from picktree.world import TreeNode
 
 MAX_SAME_PLACE_DISTANCE = 0.02
 """Maximum distance of the same place, m: half an item, above the error of perception, below the gap of two
@@ -124,8 +125,8 @@ class PortChange:
 
 @dataclass(frozen=True, slots=True)
 class NodePair:
-    a: log_records.TreeNode
-    b: log_records.TreeNode
+    a: TreeNode
+    b: TreeNode
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,8 +134,8 @@ class NodeMatch:
     """Pairs of the nodes of two runs. When the mission was edited during a run, all its trees count."""
 
     pairs: tuple[NodePair, ...]
-    only_a: tuple[log_records.TreeNode, ...]
-    only_b: tuple[log_records.TreeNode, ...]
+    only_a: tuple[TreeNode, ...]
+    only_b: tuple[TreeNode, ...]
 
     @property
     def a_by_b(self) -> Mapping[str, str]:
@@ -186,11 +187,9 @@ def match_nodes(a: Run, b: Run) -> NodeMatch:
     )
 
 
-def _unpaired_below(
-    nodes: Mapping[str, log_records.TreeNode], paired: Mapping[str, str]
-) -> dict[str, list[log_records.TreeNode]]:
+def _unpaired_below(nodes: Mapping[str, TreeNode], paired: Mapping[str, str]) -> dict[str, list[TreeNode]]:
     """Return the unpaired nodes in the order of the tree, by the nearest paired node above them."""
-    below: dict[str, list[log_records.TreeNode]] = {}
+    below: dict[str, list[TreeNode]] = {}
     for node in nodes.values():
         if node.path in paired:
             continue
@@ -201,7 +200,7 @@ def _unpaired_below(
     return below
 
 
-def _kind(node: log_records.TreeNode) -> tuple[str, str]:
+def _kind(node: TreeNode) -> tuple[str, str]:
     """Return type and name without the number that distinguishes siblings; nodes with equal results are
     alike."""
     return node.id, node.name.split("#")[0]
@@ -312,8 +311,6 @@ class Alignment:
     only_b: tuple[node_visits.Visit, ...]
     until: float | None = None
     """End of the compared visits, simulated s: a gap of one of the logs begins there. None: no gap."""
-    derived: bool = False
-    """Whether the visits follow from the statuses after each tick, because one log is of format 1."""
     parting: Divergence | None = None
     """First divergence; None when nothing differs."""
 
@@ -459,9 +456,6 @@ def align(a: Run, b: Run, *, since: float = 0.0) -> Alignment:
 
     A log that begins later than its run, as that of a resumed run, is compared from after its first tick on.
     So is the other log. That tick only holds the state at the checkpoint.
-
-    A log of format 1 has no starts and ends of nodes. Both runs are then compared by the statuses after each
-    tick, without inputs.
     """
     begun = max((run.ticks.times[0] for run in (a, b) if run.ticks.times), default=0.0)
     if begun > TIME_TOLERANCE:
@@ -472,10 +466,8 @@ def align(a: Run, b: Run, *, since: float = 0.0) -> Alignment:
     # An item that only B has must not be taken for an item of A with the same name.
     names = {**{name: f"{name} of B" for name in items.only_b}, **items.a_by_b}
     called = {pair.a: pair.b for pair in items.pairs}
-    derived = a.log.format < 2 or b.log.format < 2
-    in_a, in_b = (account_of(run.log, run.events, derived=True) if derived else run.account for run in (a, b))
-    side_a = _side(in_a.visits, since, until, {}, {})
-    side_b = _side(in_b.visits, since, until, names, nodes.a_by_b)
+    side_a = _side(a.account.visits, since, until, {}, {})
+    side_b = _side(b.account.visits, since, until, names, nodes.a_by_b)
     index_b = {key: m for m, key in enumerate(side_b.keys)}
     partners = {n: index_b[key] for n, key in enumerate(side_a.keys) if key in index_b}
     pairs: list[VisitPair] = []
@@ -489,7 +481,7 @@ def align(a: Run, b: Run, *, since: float = 0.0) -> Alignment:
     only_a = tuple(visit for n, visit in enumerate(side_a.visits) if n not in partners)
     only_b = tuple(visit for m, visit in enumerate(side_b.visits) if m not in taken)
     end_a, end_b = (run.last_tick if until is None else min(run.last_tick, until) for run in (a, b))
-    found = Alignment(since, items, nodes, tuple(pairs), only_a, only_b, until, derived)
+    found = Alignment(since, items, nodes, tuple(pairs), only_a, only_b, until)
     return replace(found, parting=find_parting(found, end_a, end_b))
 
 

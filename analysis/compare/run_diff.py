@@ -12,6 +12,7 @@ from picktree.analysis import Run
 from picktree.files import short_names
 from picktree.logs import arithmetic_record, is_simulated, lacking_topics, log_records, node_visits, topics
 from picktree.session import environment
+from picktree.world import TreeNode, Values
 
 from .alignment import Alignment, Divergence, How, align
 from .message_differences import (
@@ -257,7 +258,7 @@ def first_value_lines(first: MessageDifference) -> Iterator[str]:
     yield f"  B  {value_text(first.b)}"
 
 
-def _differing_values(title: str, a: log_records.Values, b: log_records.Values) -> Iterator[str]:
+def _differing_values(title: str, a: Values, b: Values) -> Iterator[str]:
     """Yield the values that differ; for lists the first differing element."""
     if not a or not b:
         for side, values in (("A", a), ("B", b)):
@@ -323,7 +324,6 @@ def to_json(diff: RunDiff) -> dict[str, Any]:
             "ports": [asdict(change) for change in nodes.rewired],
         },
         "first_value": None if diff.first is None else asdict(diff.first),
-        "derived": diff.alignment.derived,
         "left_out": list(diff.left_out),
         "parting": None if diff.alignment.parting is None else _parting(diff.alignment.parting),
         "time": {
@@ -418,8 +418,6 @@ def _verdict_lines(diff: RunDiff) -> Iterator[str]:
         case "apart":
             pass
     yield from (f"not compared  {line}" for line in diff.left_out)
-    if diff.alignment.derived:
-        yield "a log of format 1: beginnings and ends are derived from the statuses after each tick"
     if diff.alignment.parting is not None:
         yield from parting_lines(diff.alignment.parting)
     if diff.first is not None and diff.verdict != "cut":
@@ -581,7 +579,7 @@ def _listed(title: str, names: list[str]) -> Iterator[str]:
         yield f"  … {len(names) - MAX_TABLE_ROWS} more"
 
 
-def _topmost_nodes(nodes: Sequence[log_records.TreeNode]) -> Iterator[str]:
+def _topmost_nodes(nodes: Sequence[TreeNode]) -> Iterator[str]:
     """Yield the nodes that are below none of the others, with the number of the others below each."""
     paths = [node.path for node in nodes]
     for path in paths:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias, cast
 
 from picktree.files import listed
-from picktree.logs import CureAttempt, Episodes, FailureLink, item_episodes, log_records
-from picktree.world import matches
+from picktree.logs import CureAttempt, Episodes, FailureLink, item_episodes
+from picktree.world import Values, matches
 
 WIDTH = 96
 """Columns of the text."""
@@ -137,7 +137,7 @@ class FailureStory:
     remedy: str
     message: str
     """Message of the node."""
-    evidence: log_records.Values
+    evidence: Values
     chain: tuple[FailureLink, ...]
     """Nodes that ended with the failure, from the parent upwards to the one that stopped it, or the root."""
     handled_by: tuple[CureAttempt, ...]

@@ -419,11 +419,6 @@ def notes_on(run: Run) -> tuple[str, ...]:
     if origin is not None and origin.time > 0.0:
         of = f" of {origin.log}" if origin.log else ""
         notes.append(f"the log begins at {origin.time:.2f} s, at a checkpoint{of}; it lacks what was before")
-    if run.log.format < 2:
-        notes.append(
-            f"the log is of format {run.log.format}: when nodes began and ended is derived from their "
-            "statuses, and what they read is not known"
-        )
     edits = [at.time for at in run.events if at.record.kind == "mission_edited"]
     if edits:
         told = ", ".join(f"{time:.2f} s" for time in edits)

@@ -341,21 +341,10 @@ def _lanes(sheet: RerunWriter, run: Run) -> None:
 
 
 def _changes(run: Run) -> Iterator[tuple[str, float, str]]:
-    """Yield (path, time, state), by time for each node.
-
-    Where the log has no transitions, they come from the statuses alone.
-    """
-    if run.log.format > 1:
-        for visit in run.visits:
-            yield visit.path, visit.start, visit.outcome
-            yield visit.path, max(visit.end, visit.start + run.info.tick), _IDLE
-        return
-    before: dict[str, str] = {}
-    for tick in run.ticks:
-        for node in tick.record.nodes:
-            if node.status != before.get(node.path, "IDLE"):
-                yield node.path, tick.time, node.status
-            before[node.path] = node.status
+    """Yield (path, time, state), by time for each node."""
+    for visit in run.visits:
+        yield visit.path, visit.start, visit.outcome
+        yield visit.path, max(visit.end, visit.start + run.info.tick), _IDLE
 
 
 def _signals(sheet: RerunWriter, run: Run) -> None:

@@ -62,5 +62,3 @@ def export(run: Run, form: Form, output: Path) -> Exported:
 def _notes(run: Run) -> Iterator[str]:
     if run.recovered:
         yield run.recovered
-    if run.log.format < 2:
-        yield "a log of format 1 has no transitions: what nodes did and how they failed is told in part"

@@ -65,8 +65,8 @@ class TickRow:
     tip_id: Annotated[str, ColumnDoc("registered name of that node, such as Grasp")]
     tip_message: Annotated[str, ColumnDoc("what that node said")]
     running: Annotated[int, ColumnDoc("nodes that run after the tick")]
-    began: Annotated[int, ColumnDoc("nodes that began in the tick; 0 in logs of format 1")]
-    ended: Annotated[int, ColumnDoc("nodes that ended in the tick; 0 in logs of format 1")]
+    began: Annotated[int, ColumnDoc("nodes that began in the tick")]
+    ended: Annotated[int, ColumnDoc("nodes that ended in the tick")]
     writes: Annotated[int, ColumnDoc("writes to the blackboard")]
 
 
@@ -299,7 +299,7 @@ def ticks(run: Run) -> Iterator[TickRow]:
     for tick in run.ticks:
         record = tick.record
         tip = next((n for n in record.nodes if n.path == record.tip), None)
-        began = sum(1 for t in record.transitions if t.status == "RUNNING")
+        began = sum(1 for edge in record.edges if edge.starts)
         yield TickRow(
             tick=tick.number,
             time=tick.time,
@@ -309,7 +309,7 @@ def ticks(run: Run) -> Iterator[TickRow]:
             tip_message=tip.message if tip else "",
             running=sum(1 for n in record.nodes if n.status == "RUNNING"),
             began=began,
-            ended=len(record.transitions) - began,
+            ended=len(record.edges) - began,
             writes=len(record.writes),
         )
 

@@ -17,7 +17,7 @@ from picktree.analysis import Run
 from picktree.files import short_names
 from picktree.logs import RunLog, log_records, node_visits, topics
 from picktree.logs.recording import WORLD
-from picktree.world import Array, corners
+from picktree.world import Array, TreeNode, corners
 
 _TEMPLATE = Path(__file__).with_suffix(".json")
 MAX_LEAF_LANES = 12
@@ -55,7 +55,10 @@ def layout(run: Run) -> ViewerLayout:
     """Return the layout for the run's own tree, joints, cameras and scene. Raises PicktreeError for a damaged
     log.
     """
-    file: dict[str, Any] = json.loads(_TEMPLATE.read_text(encoding="utf-8"))
+    template = _TEMPLATE.read_text(encoding="utf-8")
+    if run.log.format == 2:
+        template = template.replace(f"{topics.NODES.name}.", f"{topics.TICK.name}.")
+    file: dict[str, Any] = json.loads(template)
     panels = file["configById"]
     panels["StateTransitions!tree"]["paths"] += _status_series(run)
     for name, series in _joint_series(run).items():
@@ -78,7 +81,10 @@ def _status_series(run: Run) -> list[dict[str, Any]]:
     """Return lanes for the chosen nodes, and for each kind of event in the log."""
     happened = {at.record.kind for at in run.events}
     nodes = [(label, literal(path)) for path, label in lanes(run).items()]
-    paths = [(label, f"{topics.TICK.name}.nodes[:]{{path=={name}}}.status") for label, name in nodes if name]
+    states = "nodes" if run.log.format == 2 else "transitions"
+    paths = [
+        (label, f"{topics.TICK.name}.{states}[:]{{path=={name}}}.status") for label, name in nodes if name
+    ]
     paths += [
         (kind.replace("_", " "), f'{topics.EVENTS.name}{{kind=="{kind}"}}.message')
         for kind in _LANE_EVENTS
@@ -166,7 +172,7 @@ def lanes(run: Run) -> Mapping[str, str]:
 
     Of nodes that wrap each other and are always busy together, one has a lane: the outermost, or the leaf.
     """
-    nodes: dict[str, log_records.TreeNode] = {}
+    nodes: dict[str, TreeNode] = {}
     for tree in run.trees:
         for node in tree.record.nodes:
             nodes.setdefault(node.path, node)
@@ -182,7 +188,7 @@ def lanes(run: Run) -> Mapping[str, str]:
     busy = [node for path, node in nodes.items() if path in spent and path != root]
     leaves = [node.path for node in busy if not node.children]
 
-    def repeated(node: log_records.TreeNode) -> bool:
+    def repeated(node: TreeNode) -> bool:
         """Whether the node's parent, or a leaf below it, was busy at exactly the same times."""
         others = (node.parent, *(child for child in node.children if child in leaves))
         return any(ticks[node.path] == ticks.get(other) for other in others)

@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 
 from picktree.files import PicktreeError
 from picktree.logs import RunLog, Stamped, log_records, node_visits
-from picktree.world import Plan, event_types
+from picktree.world import Plan, Tick, event_types
 
 from .captions import Caption, CaptionFailure
 from .scene_view import SceneContent, Show
@@ -102,8 +102,7 @@ class NodeActivity:
         coming = trees[1:]
         self._times: list[float] = []
         self._tips: list[tuple[str, str, str]] = []
-        ticks = log.ticks(max(0.0, start - _LEAD_TIME), end)
-        for at in ticks if log.format >= 2 else node_visits.with_transitions(ticks):
+        for at in log.ticks(max(0.0, start - _LEAD_TIME), end):
             while coming and coming[0].time <= at.time:
                 following.follow(coming.pop(0).record)
             following.take(at.time, at.record)
@@ -249,7 +248,7 @@ def _notes(show: Show, speed: float) -> Iterator[str]:
         yield f"{speed:g}×"
 
 
-def _tip(tick: log_records.Tick) -> tuple[str, str, str]:
+def _tip(tick: Tick) -> tuple[str, str, str]:
     """Return path, type and message of the deepest running node; the outcome when none runs."""
     node = next((n for n in tick.nodes if n.path == tick.tip), None)
     if node is not None:

@@ -13,9 +13,10 @@ import orjson
 from picktree.analysis import Run
 from picktree.authoring import chart, chart_json, mission_chart
 from picktree.files import PicktreeError
-from picktree.logs import BeliefEvent, log_records, node_visits
+from picktree.logs import BeliefEvent, node_visits
 from picktree.trees import RecordedFiles
 from picktree.trees.loading import NodeRegistry, parse_mission
+from picktree.world import Tree, TreeNode
 
 from .packing import Packable, Section, StringTable
 from .tick_table import STATUSES, TickTable, tick_table
@@ -47,7 +48,6 @@ def pack_lanes(run: Run) -> Section:
     table = tick_table(run)
     if not len(table.times):
         return Section("lanes", {"empty": "The log holds no tick."})
-    whole = run.log.format >= 2
     visits = run.account.visits
     colours = _colours(run)
     return Section(
@@ -62,10 +62,6 @@ def pack_lanes(run: Run) -> Section:
                 for at in run.events
                 if at.record.kind in _MARKED_KINDS
             ],
-            "note": ""
-            if whole
-            else "This log is of format 1: beginnings and ends are told from the statuses of the ticks, "
-            "without inputs and items.",
         },
     )
 
@@ -141,7 +137,7 @@ _MISSING_MISSION_PATH: Final = Path("/nonexistent/picktree/mission.yaml")
 """Path that replaces the mission's own, so that a report runs no code from beside it."""
 
 
-def _chart(run: Run, place: int, tree: log_records.Tree) -> mission_chart.Chart:
+def _chart(run: Run, place: int, tree: Tree) -> mission_chart.Chart:
     try:
         drawn = _of_mission(run, f"edit-{place:04d}/" if place else "")
     except PicktreeError:  # a plug-in that is not installed here, a mission of another version
@@ -178,12 +174,12 @@ def _paths(drawn: mission_chart.Chart) -> set[str]:
     return found
 
 
-def _of_tree(run: Run, tree: log_records.Tree) -> mission_chart.Chart:
+def _of_tree(run: Run, tree: Tree) -> mission_chart.Chart:
     """Return a chart from the log's record of the tree: nodes and ports, no labels of branches."""
     nodes = {node.path: node for node in tree.nodes}
     registry = NodeRegistry()
 
-    def drawn(node: log_records.TreeNode) -> mission_chart.ChartNode:
+    def drawn(node: TreeNode) -> mission_chart.ChartNode:
         known = registry.find(node.id)
         kind = "control" if node.children else "action"
         return mission_chart.ChartNode(

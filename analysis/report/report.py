@@ -241,15 +241,7 @@ def _facts(run: Run) -> list[tuple[str, str]]:
 
 def _notes(run: Run) -> list[str]:
     """Return remarks that limit the reliability of the page."""
-    notes: list[str] = []
-    if run.recovered:
-        notes.append(run.recovered)
-    if run.log.format < 2:
-        notes.append(
-            "A log of format 1: it does not tell when nodes began and ended. Failures and lanes are what the "
-            "statuses of its ticks tell."
-        )
-    return notes
+    return [run.recovered] if run.recovered else []
 
 
 PACKERS: tuple[Callable[[Run], Section], ...] = (

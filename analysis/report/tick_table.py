@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from picktree.analysis import Run
-from picktree.logs import log_records
+from picktree.world import BlackboardWrite, NodeState, Tree, TreeNode
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +28,12 @@ class RunNode:
     leaf: bool
 
 
-def nodes_of(trees: Iterable[log_records.Tree]) -> tuple[RunNode, ...]:
+def nodes_of(trees: Iterable[Tree]) -> tuple[RunNode, ...]:
     """Return all nodes, parents before their children, siblings in the order of their trees.
 
     A node's number is its place in the result. Nodes that an edit has added come after their older siblings.
     """
-    known: dict[str, log_records.TreeNode] = {}
+    known: dict[str, TreeNode] = {}
     children: dict[str, dict[str, None]] = {}
     for tree in trees:
         for node in tree.nodes:
@@ -77,7 +77,7 @@ class TickWrite:
     """Write to the blackboard, with the number of its tick."""
 
     tick: int
-    write: log_records.WriteRecord
+    write: BlackboardWrite
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,10 +113,10 @@ def _read(run: Run) -> TickTable:
     writes: list[TickWrite] = []
     columns: list[NDArray[np.uint8]] = []
     column = np.full(len(nodes), ABSENT, dtype=np.uint8)
-    before: tuple[log_records.NodeStatusRecord, ...] = ()
+    before: tuple[NodeState, ...] = ()
     for number, at in enumerate(run.log.ticks()):
         now = at.record.nodes
-        changed: Iterable[log_records.NodeStatusRecord] = now
+        changed: Iterable[NodeState] = now
         if len(now) == len(before):  # the decoder keeps the records of nodes that report the same
             changed, column = compress(now, map(is_not, now, before)), column.copy()
         else:

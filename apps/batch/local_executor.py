@@ -17,6 +17,8 @@ from multiprocessing.process import BaseProcess
 from types import FrameType, ModuleType
 from typing import NoReturn
 
+from picktree.world import Tree
+
 from .executor import Event, JobFailed, JobOrder, JobStopped
 from .job_process import JobProcess, adopt_orphans, die_with_parent, exit_code_words, silence
 
@@ -111,8 +113,9 @@ def load() -> None:
         log_records.BodyRecord,
         log_records.Event,
         log_records.PartRecord,
-        log_records.Tick,
-        log_records.Tree,
+        log_records.TickMessage,
+        log_records.NodesMessage,
+        Tree,
     ):
         log_records.record_adapter(kind)
     for topic in FIXED:

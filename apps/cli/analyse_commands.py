@@ -245,8 +245,6 @@ def replay(
         if run.recovered:
             print(run.recovered, file=sys.stderr)
         prompt = ReplayPrompt(Cursor(run, at), line_reader(sys.stdout), sys.stdout)
-        if prompt.cursor.run.log.format < 2:
-            print("a log of format 1: beginnings and ends are derived from the statuses", file=sys.stderr)
         if sys.stdin.isatty():
             complete_with(prompt)
         prompt.show_here()

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from picktree.logs import RunResult, Topic
     from picktree.robot import operator_desk
     from picktree.session import Execution
-    from picktree.trees import TickReport
+    from picktree.world import Tick
 
 _MAX_LINE: Final = 1 << 16
 """Maximum length of a line of a client, bytes."""
@@ -329,7 +329,7 @@ class AttachServer(Interrupter):
         if self._hooked:
             self._debugger.follow(run.tree)
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         if not self._clients.listens:
             return
         if self._clients.follows and time.monotonic() - self._log_sent >= _LOG_PERIOD:
@@ -455,7 +455,7 @@ class AttachServer(Interrupter):
         self._clients.send(client, self._board())
 
     def _whole(self) -> Sequence[LogMessage]:
-        held = [(name, at, data) for name, (at, data) in self._last.items() if _followed(name)]
+        held = [(name, at, data) for name, last in self._last.items() for at, data in last if _followed(name)]
         return sorted(held, key=lambda each: each[1])
 
     def _send_log(self) -> None:
@@ -487,7 +487,7 @@ class AttachServer(Interrupter):
             self._breakpoints = breakpoints
             self._clients.send_all({"breakpoints": breakpoints})
 
-    def _send_state(self, now: float, report: TickReport, done: int, total: int) -> None:
+    def _send_state(self, now: float, report: Tick, done: int, total: int) -> None:
         """Send where the run stands: at each change, and a few times per second of wall time."""
         assert self._run is not None
         recent = time.monotonic() - self._state_sent < _STATE_PERIOD

@@ -22,7 +22,7 @@ from .command_prompt import (
     tick_count,
 )
 from .state_text import (
-    NodeState,
+    NodeRow,
     belief_lines,
     blackboard_lines,
     failure_lines,
@@ -269,9 +269,9 @@ class DebugPrompt(CommandPrompt):
         return self._tree.find(find_node(text, self._nodes).path)
 
     @property
-    def _nodes(self) -> Sequence[NodeState]:
+    def _nodes(self) -> Sequence[NodeRow]:
         return [
-            NodeState(node.path, node.name, node.wiring.id, str(node.state), _status_text(node))
+            NodeRow(node.path, node.name, node.wiring.id, str(node.state), _status_text(node))
             for node in self._tree.nodes
         ]
 

@@ -12,8 +12,9 @@ from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
 from picktree.session import Interrupter, Observer
+from picktree.world import NodeState, TreeNode
 
-from .state_text import NodeState, status_text, tree_rows
+from .state_text import NodeRow, status_text, tree_rows
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from picktree.logs import RunResult
     from picktree.robot import operator_desk
     from picktree.session import Execution
-    from picktree.trees import TickReport, runner
+    from picktree.world import Tick
 
 _REDRAW_PERIOD = 0.1
 """Interval between redraws of the live view, wall s."""
@@ -62,7 +63,7 @@ class LinesDisplay(RunDisplay):
     def told(self, now: float, text: str) -> None:
         self._say(now, text)
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         for node in report.nodes:
             if node.cause and node.ticked and node.status == "FAILURE" and node.path in self._leaves:
                 self._say(now, f"{node.path}: {node.cause}: {node.message}")
@@ -88,7 +89,7 @@ class LiveDisplay(RunDisplay):
         from rich.live import Live
 
         self._live = Live(console=console, auto_refresh=False, transient=True)
-        self._structure: tuple[runner.NodeInfo, ...] = ()
+        self._structure: tuple[TreeNode, ...] = ()
         self._began = self._drawn_at = time.monotonic()
 
     def __exit__(
@@ -102,7 +103,7 @@ class LiveDisplay(RunDisplay):
         self._began = time.monotonic()
         self._live.start()
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         from rich.console import Group
         from rich.text import Text
 
@@ -154,15 +155,13 @@ _TERMINAL_VARIABLES = ("FORCE_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE")
 """Environment variables by which rich takes another stream for a terminal."""
 
 
-def node_states(
-    structure: Sequence[runner.NodeInfo], reports: Sequence[runner.NodeReport]
-) -> list[NodeState]:
-    """Return the nodes of a tree with what the reports of a tick say of them."""
-    said = {node.path: (node.status, status_text(node.cause, node.message)) for node in reports}
-    return [NodeState(info.path, info.name, info.id, *said[info.path]) for info in structure]
+def node_states(structure: Sequence[TreeNode], states: Sequence[NodeState]) -> list[NodeRow]:
+    """Return the rows of a tree's nodes with their states after a tick."""
+    said = {node.path: (node.status, status_text(node.cause, node.message)) for node in states}
+    return [NodeRow(info.path, info.name, info.id, *said[info.path]) for info in structure]
 
 
-def deepest_running(nodes: Sequence[runner.NodeReport]) -> str:
+def deepest_running(nodes: Sequence[NodeState]) -> str:
     """Return the path of the last running node, parents first; "nothing" when none runs."""
     return next((node.path for node in reversed(nodes) if node.status == "RUNNING"), "nothing")
 

@@ -8,10 +8,10 @@ from typing import TextIO
 
 from picktree.analysis import Cursor, CursorChanges, Edge
 from picktree.files import PicktreeError, find_node, find_nodes, short_names
-from picktree.logs import Stamped, log_records, node_visits
+from picktree.logs import Stamped, node_visits
 from picktree.session import Breakpoint, When
 from picktree.trees import show
-from picktree.world import Plan, known_causes, remedy_of
+from picktree.world import NodeState, Plan, Transition, Values, known_causes, remedy_of
 
 from .command_prompt import (
     NO_BREAKPOINTS,
@@ -24,7 +24,7 @@ from .command_prompt import (
 )
 from .state_text import (
     STYLED_STATUS_MARKS,
-    NodeState,
+    NodeRow,
     belief_lines,
     blackboard_lines,
     failure_lines,
@@ -76,7 +76,7 @@ def _objects(names: Sequence[str]) -> str:
     return ", ".join(names) if len(names) <= _MAX_NAMED_OBJECTS else f"{names[0]} and {len(names) - 1} others"
 
 
-def _transition(transition: log_records.TransitionRecord, names: Mapping[str, str]) -> str:
+def _transition(transition: Transition, names: Mapping[str, str]) -> str:
     mark, name = STYLED_STATUS_MARKS[transition.status][0], names.get(transition.path, transition.path)
     if transition.status == "RUNNING":
         read = ", ".join(f"{port} {show(value)}" for port, value in transition.inputs.items())
@@ -174,7 +174,7 @@ def node_lines(cursor: Cursor, text: str) -> Iterator[str]:
     one = _statuses(cursor)[node.path]
     yield f"{node.path}: {node.id}, {one.status}"
     visit = cursor.last_visit(node.path)
-    read: log_records.Values = {} if visit is None else visit.inputs
+    read: Values = {} if visit is None else visit.inputs
     for port in dict.fromkeys((*node.ports, *read)):
         said = (node.ports.get(port, ""), show(read[port]) if port in read else "")
         yield f"  {port} = {' '.join(part for part in said if part)}"
@@ -236,20 +236,19 @@ def wrench_lines(cursor: Cursor) -> Iterator[str]:
     )
 
 
-def _statuses(cursor: Cursor) -> Mapping[str, log_records.NodeStatusRecord]:
+def _statuses(cursor: Cursor) -> Mapping[str, NodeState]:
     """Return the statuses of all nodes of the tree by path; idle where the tick has none."""
     known = {node.path: node for node in cursor.tick.record.nodes}
     return {
-        node.path: known.get(node.path)
-        or log_records.NodeStatusRecord(node.path, node.id, "IDLE", ticked=False)
+        node.path: known.get(node.path) or NodeState(node.path, node.id, "IDLE", ticked=False)
         for node in cursor.tree.nodes
     }
 
 
-def _node_states(cursor: Cursor) -> list[NodeState]:
+def _node_states(cursor: Cursor) -> list[NodeRow]:
     """Return the nodes of the tree with their statuses at the cursor."""
     return [
-        NodeState(node.path, node.name, node.id, one.status, status_text(one.cause, one.message))
+        NodeRow(node.path, node.name, node.id, one.status, status_text(one.cause, one.message))
         for node, one in zip(cursor.tree.nodes, _statuses(cursor).values(), strict=True)
     ]
 

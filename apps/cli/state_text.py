@@ -23,7 +23,7 @@ STYLED_STATUS_MARKS = {
 
 
 @dataclass(frozen=True, slots=True)
-class NodeState:
+class NodeRow:
     """Node of a tree with its status and what it says."""
 
     path: str
@@ -35,7 +35,7 @@ class NodeState:
     """Cause and message of a failure, or the feedback message; empty without one."""
 
 
-def tree_rows(nodes: Sequence[NodeState], room: int, also: Collection[str] = ()) -> list[Text]:
+def tree_rows(nodes: Sequence[NodeRow], room: int, also: Collection[str] = ()) -> list[Text]:
     """Return a row for each node that runs or has a running parent, and for the paths `also`.
 
     At most `room` rows are kept: those nearest to the last node of `also` that failed, and those above it;
@@ -56,7 +56,7 @@ def _above(path: str) -> str:
     return path.rpartition("/")[0]
 
 
-def _row(node: NodeState) -> Text:
+def _row(node: NodeRow) -> Text:
     from rich.text import Text
 
     mark, style = STYLED_STATUS_MARKS[node.status]
@@ -72,7 +72,7 @@ def status_text(cause: object, message: str) -> str:
     return f"{cause}: {message}" if cause else message
 
 
-def tree_lines(nodes: Iterable[NodeState], top: str = "", marked: str = "") -> Iterator[str]:
+def tree_lines(nodes: Iterable[NodeRow], top: str = "", marked: str = "") -> Iterator[str]:
     """Yield a line for each node, or for `top` and its descendants. The node `marked` has an arrow."""
     indent = top.count("/")
     for node in nodes:
@@ -83,7 +83,7 @@ def tree_lines(nodes: Iterable[NodeState], top: str = "", marked: str = "") -> I
             yield f"{margin}{STYLED_STATUS_MARKS[node.status][0]} {name}{said}"
 
 
-def where_lines(nodes: Iterable[NodeState], end: str) -> Iterator[str]:
+def where_lines(nodes: Iterable[NodeRow], end: str) -> Iterator[str]:
     for node in nodes:
         if node.path == end or end.startswith(f"{node.path}/"):
             said = f": {node.message}" if node.message else ""

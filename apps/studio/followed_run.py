@@ -12,7 +12,7 @@ import logging
 import math
 import time
 from collections import deque
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, TypeAlias
@@ -79,6 +79,8 @@ class RunPicture:
         match topic:
             case topics.TICK.name:
                 self._take_tick(at / 1e9, orjson.loads(data), whole=whole)
+            case topics.NODES.name:
+                self._take_states(orjson.loads(data)["nodes"])
             case topics.TREE.name:
                 self._take_tree(orjson.loads(data))
             case topics.WRENCH.name:
@@ -111,16 +113,21 @@ class RunPicture:
 
     def _take_tick(self, time: float, tick: Mapping[str, Any], *, whole: bool) -> None:
         self.set("time", time)
-        for node in tick["nodes"]:
-            state = [node["status"], node["ticked"], node["message"], node["cause"]]
-            self._put("nodes", self._nodes, node["path"], state)
+        self._take_states(tick["transitions"])
         for write in tick["writes"]:
             self._put("board", self._board, write["key"], write["value"])
         if whole:
             return
         for each in tick["transitions"]:
+            if each["update"]:
+                continue
             passed = [time, each["path"], each["status"], each["subject"], each["cause"], each["message"]]
             self._add("transitions", self._transitions, passed)
+
+    def _take_states(self, nodes: Iterable[Mapping[str, Any]]) -> None:
+        for node in nodes:
+            state = [node["status"], node["ticked"], node["message"], node["cause"]]
+            self._put("nodes", self._nodes, node["path"], state)
 
     def _add_row(self, time: float, data: bytes) -> None:
         """Note force at the wrist, N, and the speed of the tool's link, m/s."""
@@ -254,7 +261,13 @@ _MAX_LINE: Final = 1 << 26
 _BACKLOG: Final = 40
 """Number of events that wait for a viewer, above which it receives everything anew."""
 _LINE_TOPICS: Final = (topics.LOG.name, topics.EVENTS.name)
-_HISTORY_TOPICS: Final = (topics.TICK.name, topics.WRENCH.name, topics.TF.name, *_LINE_TOPICS)
+_HISTORY_TOPICS: Final = (
+    topics.NODES.name,
+    topics.TICK.name,
+    topics.WRENCH.name,
+    topics.TF.name,
+    *_LINE_TOPICS,
+)
 _LOG_TRIES: Final = 40
 _LOG_PERIOD: Final = 0.05
 """Number of looks at the log until it has what the run has sent, and the time between them, wall s."""

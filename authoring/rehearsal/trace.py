@@ -7,11 +7,8 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from picktree.files import Location, node_matches
-from picktree.trees import (
-    BlackboardWrite,
-    NodeStatus,
-)
-from picktree.world import FailureReport, JournalEvent, Plain, event_types
+from picktree.trees import NodeStatus
+from picktree.world import BlackboardWrite, FailureReport, JournalEvent, Plain, event_types
 
 from .cases import LeafAnswer, LeafScript
 

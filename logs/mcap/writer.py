@@ -322,20 +322,22 @@ class McapFile:
         self._statistics.channel_message_counts[number] = 0
         return number
 
+    def _chunk_due(self, log_time: int) -> bool:
+        return bool(self._index) and (
+            log_time - self._chunk_start >= self._interval * 1e9
+            or len(self._chunk) >= self._chunk_bytes
+            or self._wall() - self._waiting_since >= self._interval
+        )
+
     def message(self, channel: int, log_time: int, data: bytes) -> None:
         with self._lock:
-            now = self._wall()
-            if self._index and (
-                log_time - self._chunk_start >= self._interval * 1e9
-                or len(self._chunk) >= self._chunk_bytes
-                or now - self._waiting_since >= self._interval
-            ):
+            if self._chunk_due(log_time):
                 self._write_chunk()
             if self._disk.closed:
                 self._append(b"")  # says why
             if not self._index:
                 self._chunk_start = log_time
-                self._waiting_since = now
+                self._waiting_since = self._wall()
             statistics = self._statistics
             if statistics.message_count == 0:
                 statistics.message_start_time = log_time
@@ -349,6 +351,13 @@ class McapFile:
             self._chunk_end = statistics.message_end_time = log_time
             statistics.message_count += 1
             statistics.channel_message_counts[channel] = sequence
+
+    def lacks(self, channel: int, log_time: int) -> bool:
+        """Whether the chunk of a message at this time (ns) would hold no message of the channel before it."""
+        with self._lock:
+            if self._chunk_due(log_time):
+                self._write_chunk()
+            return channel not in self._index
 
     def attachment(self, name: str, media_type: str, data: bytes, log_time: int = 0) -> None:
         record = _bytes(

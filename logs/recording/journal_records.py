@@ -4,13 +4,10 @@ into messages."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Final
 
-import orjson
-
-from picktree.logs import BeliefEvent, encode, log_records
+from picktree.logs import BeliefEvent, log_records
 from picktree.simulation import TrueBody, TrueObstacle
 from picktree.world import (
     BeliefChange,
@@ -19,42 +16,11 @@ from picktree.world import (
     ConvexMesh,
     GripperState,
     JointState,
+    NodeState,
     Shape,
     greatest_length,
 )
 from picktree.world.scene import Bin, Fixture, tile_body
-
-_TICK_FIELDS: Final = tuple(field.name for field in fields(log_records.Tick))
-
-
-class TickMessages:
-    """Encoder of `/bt/tick`. Most nodes are the same from tick to tick, so only changed ones are encoded."""
-
-    def __init__(self) -> None:
-        self._nodes: tuple[log_records.NodeStatusRecord, ...] = ()
-        self._json: list[orjson.Fragment] = []
-        self._whole = orjson.Fragment(b"[]")
-        """All nodes as one list, for a tick in which none has changed."""
-
-    def encode(self, tick: log_records.Tick) -> bytes:
-        """Encode a tick as `json_records.encode` does. A node's record counts as changed when it is another
-        object."""
-        if tick.nodes is not self._nodes:
-            self._follow(tick.nodes)
-        values = {name: getattr(tick, name) for name in _TICK_FIELDS}
-        return encode(values | {"nodes": self._whole})
-
-    def _follow(self, nodes: tuple[log_records.NodeStatusRecord, ...]) -> None:
-        known, self._nodes = self._nodes, nodes
-        if len(known) != len(nodes):
-            self._json = [orjson.Fragment(encode(node)) for node in nodes]
-        else:
-            last = zip(nodes, known, self._json, strict=True)
-            self._json = [
-                json if node is before else orjson.Fragment(encode(node)) for node, before, json in last
-            ]
-        self._whole = orjson.Fragment(encode(self._json))
-
 
 TILE_THICKNESS = 0.001
 """Thickness of the tiles of a calibration target in pictures, m."""
@@ -158,7 +124,7 @@ def joints_record(
     return log_records.Joints(tuple(names), tuple(position), tuple(velocity), tuple(effort))
 
 
-def failure_origins(failing: Sequence[log_records.NodeStatusRecord]) -> list[log_records.NodeStatusRecord]:
+def failure_origins(failing: Sequence[NodeState]) -> list[NodeState]:
     """Return the failing nodes without a failing node below: the origins of the failure."""
     return [n for n in failing if not any(other.path.startswith(n.path + "/") for other in failing)]
 

@@ -22,15 +22,20 @@ from picktree.simulation import TrueBody, TrueObstacle
 from picktree.world import (
     BeliefChange,
     BeliefObject,
+    BlackboardWrite,
     CandidateSearchEntry,
     Entry,
     GripperState,
     ImageEntry,
     JointState,
     JournalEvent,
+    NodeState,
     Plan,
     Pose,
     RgbdImage,
+    Tick,
+    Transition,
+    Tree,
     Wrench,
 )
 from picktree.world.scene import Bin, Fixture
@@ -64,9 +69,9 @@ class RotationState:
         self._metadata: dict[str, Mapping[str, str]] = {}
         self.files: dict[str, CarriedFile] = {}
         self._messages: dict[str, tuple[int, bytes]] = {}
-        self._writes: dict[str, log_records.WriteRecord] = {}
-        self._running: dict[str, log_records.TransitionRecord] = {}
-        self._tick: log_records.Tick | None = None
+        self._writes: dict[str, BlackboardWrite] = {}
+        self._running: dict[str, Transition] = {}
+        self._tick: Tick | None = None
         self.time = -1
         """Time of the last tick, simulated ns; negative before the first."""
 
@@ -82,14 +87,14 @@ class RotationState:
         if topic.name in _CARRIED_TOPICS:
             self._messages[topic.name] = (time, data)
 
-    def tick(self, time: int, tick: log_records.Tick) -> None:
+    def tick(self, time: int, tick: Tick) -> None:
         self.time, self._tick = time, tick
         for write in tick.writes:
             self._writes.pop(write.key, None)
             self._writes[write.key] = write
-        for transition in tick.transitions:
+        for transition in tick.edges:
             self._running.pop(transition.path, None)
-            if transition.status == "RUNNING":
+            if transition.starts:
                 self._running[transition.path] = transition
 
     def all_metadata(self) -> dict[str, Mapping[str, str]]:
@@ -109,12 +114,14 @@ class RotationState:
             if time == self.time:
                 found.append((topic, data))
         if self._tick is not None:
-            whole = replace(
-                self._tick,
-                writes=tuple(self._writes.values()),
-                transitions=tuple(self._running.values()),
+            tick, now = self._tick, {node.path: node for node in self._tick.nodes}
+            starts = tuple(
+                replace(start, message=now[start.path].message, ticked=now[start.path].ticked)
+                for start in self._running.values()
             )
-            found.append((topics.TICK, log_records.encode(whole)))
+            whole = replace(tick, writes=tuple(self._writes.values()), transitions=starts)
+            found.append((topics.NODES, log_records.nodes_json(whole)))
+            found.append((topics.TICK, log_records.tick_json(whole)))
         return found
 
 
@@ -211,7 +218,11 @@ class LogFile:
         if self._carried is not None:
             self._carried.message(topic, at, data)
 
-    def tick(self, at: int, tick: log_records.Tick) -> None:
+    def lacks(self, topic: Topic, at: int) -> bool:
+        """Whether a reader that begins at the chunk of a message at this time finds none of the topic."""
+        return self._file.lacks(self._channels[topic.name], at)
+
+    def tick(self, at: int, tick: Tick) -> None:
         """Keep the content of a tick's message for the beginning of a further file."""
         if self._carried is not None:
             self._carried.tick(at, tick)
@@ -353,7 +364,6 @@ class Recorder:
         self._listener = listener
         self._preamble = False
         self._digest = Digest(bytes.fromhex(resumed.digest)) if resumed else Digest()
-        self._ticks = journal_records.TickMessages()
         self._joints = foxglove_messages.JointMessages()
         self._transforms = foxglove_messages.TransformMessages()
         self._beliefs = foxglove_messages.SceneMessages(locked=True)
@@ -366,6 +376,9 @@ class Recorder:
         self._cameras: dict[str, Pose] = {}  # by frame
         self._believed = self._true = -SCENE_PERIOD
         self._failing: frozenset[str] = frozenset()
+        self._nodes: tuple[NodeState, ...] = ()
+        """States of the nodes after the last tick."""
+        self._tree_is_new = True
         if resumed is not None:
             self._take_up(resumed)
         self._file.metadata("picktree", journal_records.run_metadata(run))
@@ -466,7 +479,7 @@ class Recorder:
         with self._interrupts.held():
             self._file.attachment(name, media_type, data, slot)
 
-    def tree(self, tree: log_records.Tree, now: float = 0.0) -> None:
+    def tree(self, tree: Tree, now: float = 0.0) -> None:
         """Write the tree as it was loaded: a message, and a metadata record for readers that seek."""
         data = log_records.encode(tree)
         self._write(topics.TREE, now, data)
@@ -474,8 +487,9 @@ class Recorder:
             self._file.metadata("picktree.tree", {"json": data.decode()})
             self._file.checkpoint()  # The log of a run that dies at once then still holds its tree.
 
-    def edited_tree(self, now: float, tree: log_records.Tree) -> None:
+    def edited_tree(self, now: float, tree: Tree) -> None:
         """Write the tree of an edited mission, which is ticked from the next tick on."""
+        self._tree_is_new = True
         self._write(topics.TREE, now, log_records.encode(tree))
 
     def robot_model(self, meshes: Iterable[log_records.LinkMesh], now: float = 0.0) -> None:
@@ -503,10 +517,19 @@ class Recorder:
         with self._interrupts.held():
             self._file.rotate_if_due(_ns(now), self.digest)
 
-    def tick(self, now: float, tick: log_records.Tick) -> None:
-        """Write the whole tree after a tick. A failure that begins in this tick also becomes a log line."""
-        self._write(topics.TICK, now, self._ticks.encode(tick))
+    def tick(self, now: float, tick: Tick) -> None:
+        """Write what a tick has changed. A failure that begins in this tick also becomes a log line.
+
+        Before the first tick of each chunk, and of an edited tree, the state of all nodes is written.
+        """
+        if self._tree_is_new or self._file.lacks(topics.NODES, _ns(now)):
+            self._tree_is_new = False
+            self._write(topics.NODES, now, log_records.nodes_json(tick))
+        self._write(topics.TICK, now, log_records.tick_json(tick))
         self._file.tick(_ns(now), tick)
+        if tick.nodes is self._nodes:
+            return
+        self._nodes = tick.nodes
         failing = [n for n in tick.nodes if n.status == "FAILURE" and n.cause and n.ticked]
         for node in journal_records.failure_origins(failing):
             if node.path not in self._failing:

@@ -10,13 +10,13 @@ import pytest
 from picktree.analysis import Run
 from picktree.analysis.compare import Alignment, align
 from picktree.analysis.compare.alignment import ItemPair
-from picktree.logs.log_records import TransitionRecord, WriteRecord
+from picktree.world import BlackboardWrite, Transition
 
 from ..logs.scripted_log import Seen, begins, ends, record, tree
 
 NODES = tree("Main:Sequence", "Main/Grasp", "Main/Place")
 GRASP, PLACE = "Main/Grasp", "Main/Place"
-SORTED: Mapping[int, Sequence[TransitionRecord]] = {
+SORTED: Mapping[int, Sequence[Transition]] = {
     0: [begins("Main"), begins(GRASP, "red_block_1")],
     4: [ends(GRASP), begins(PLACE, "red_block_1")],
     8: [ends(PLACE), ends("Main")],
@@ -28,7 +28,7 @@ def aligned(a: Path, b: Path, since: float = 0.0) -> Alignment:
         return align(one, other, since=since)
 
 
-def changed(**changes: Sequence[TransitionRecord]) -> dict[int, Sequence[TransitionRecord]]:
+def changed(**changes: Sequence[Transition]) -> dict[int, Sequence[Transition]]:
     """`SORTED` with other ticks: `t4=[…]`."""
     return {**SORTED, **{int(tick[1:]): said for tick, said in changes.items()}}
 
@@ -58,7 +58,7 @@ def test_the_same_run_aligns_with_itself(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_where_runs_part(
     tmp_path: Path,
-    script: Mapping[int, Sequence[TransitionRecord]],
+    script: Mapping[int, Sequence[Transition]],
     how: str,
     also: tuple[str, ...],
     time: float,
@@ -175,9 +175,9 @@ LOOP = tree("Main:ForEach", "Main/Part:Sequence", "Main/Part/Grasp", "Main/Part/
 PART, GRASP_PART, PLACE_PART = "Main/Part", "Main/Part/Grasp", "Main/Part/Place"
 
 
-def taken(tick: int, item: str) -> dict[int, Sequence[TransitionRecord | WriteRecord]]:
+def taken(tick: int, item: str) -> dict[int, Sequence[Transition | BlackboardWrite]]:
     return {
-        tick: [WriteRecord("Main/item", item, "Main"), begins(PART), begins(GRASP_PART, item)],
+        tick: [BlackboardWrite("Main/item", item, "Main"), begins(PART), begins(GRASP_PART, item)],
         tick + 2: [ends(GRASP_PART), begins(PLACE_PART, item)],
         tick + 4: [ends(PLACE_PART), ends(PART)],
     }
@@ -185,7 +185,7 @@ def taken(tick: int, item: str) -> dict[int, Sequence[TransitionRecord | WriteRe
 
 def test_a_run_from_a_checkpoint_aligns_with_the_one_that_it_continues(tmp_path: Path) -> None:
     """The same item is taken twice; the checkpoint lies between, and attempts count from there."""
-    script: dict[int, Sequence[TransitionRecord | WriteRecord]] = {
+    script: dict[int, Sequence[Transition | BlackboardWrite]] = {
         **taken(0, "red_block_1"),
         **taken(5, "red_block_1"),
     }

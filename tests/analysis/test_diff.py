@@ -12,8 +12,7 @@ from picktree.analysis import Run
 from picktree.analysis.compare import diff
 from picktree.analysis.compare.run_diff import FileChange, RunDiff, to_json_text, to_text
 from picktree.logs import ItemCount, PickCount, RunResult, WallSeconds
-from picktree.logs.log_records import TransitionRecord, WriteRecord
-from picktree.world import JournalEvent
+from picktree.world import BlackboardWrite, JournalEvent, Transition
 from picktree.world.event_types import ItemDoneEvent, PickEvent
 
 from ..logs.scripted_log import Seen, begins, ends, record, tree
@@ -21,10 +20,8 @@ from ..logs.scripted_log import Seen, begins, ends, record, tree
 NODES = tree("Main:Sequence", "Main/Grasp", "Main/Place")
 GRASP, PLACE = "Main/Grasp", "Main/Place"
 ITEM = "red_block_1"
-GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
-"""Of format 1."""
 SEEN = [Seen(ITEM, 0.4)]
-Script = Mapping[int, Sequence[TransitionRecord | WriteRecord | JournalEvent]]
+Script = Mapping[int, Sequence[Transition | BlackboardWrite | JournalEvent]]
 
 GOOD: Script = {
     0: [begins("Main"), begins(GRASP, ITEM)],
@@ -223,20 +220,6 @@ def test_a_run_that_goes_on_from_a_checkpoint_is_compared_from_there(good: Path,
     assert [(change.a.busy, change.b.busy) for change in found.items if change.a and change.b] == [
         (pytest.approx(0.175), pytest.approx(0.175))
     ]
-
-
-def test_of_old_logs_the_visits_are_derived(tmp_path: Path, good: Path) -> None:
-    found = compared(GOLDEN, good)
-    assert found.alignment.derived
-    assert (
-        "a log of format 1: beginnings and ends are derived from the statuses after each tick"
-        in to_text(found).splitlines()
-    )
-    same = compared(GOLDEN, GOLDEN)
-    assert same.same
-    assert [(pair.a.path, pair.a.outcome) for pair in same.alignment.pairs[:2]] == [
-        ("/Main", "FAILURE"), ("/Main/Grasp", "FAILURE")
-    ]  # fmt: skip
 
 
 def test_files_that_are_no_text_or_have_the_same_lines(tmp_path: Path) -> None:

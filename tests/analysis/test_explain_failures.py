@@ -10,8 +10,16 @@ import pytest
 from picktree.analysis import Run
 from picktree.analysis.explain import FailureStory
 from picktree.analysis.explain.run_explanation import failures_of
-from picktree.logs.log_records import TransitionRecord, WriteRecord
-from picktree.world import CandidateEntry, CandidateSearchEntry, JournalEvent, ObjectId, Plan, Pose
+from picktree.world import (
+    BlackboardWrite,
+    CandidateEntry,
+    CandidateSearchEntry,
+    JournalEvent,
+    ObjectId,
+    Plan,
+    Pose,
+    Transition,
+)
 from picktree.world.event_types import RecoveryEvent
 
 from ..logs.scripted_log import Said, begins, ends, record, tree
@@ -23,14 +31,14 @@ NODES = tree("Main:ForEach", "Main/Recover", "Main/Recover/Do:Sequence", GRASP, 
              "Main/Recover/Resort:SafeRetreat")  # fmt: skip
 ITEM = "red_block_1"
 START: Sequence[Said] = [
-    begins(LOOP), WriteRecord("/item", ITEM, LOOP), begins(RECOVER), begins(DO), begins(GRASP, ITEM)
+    begins(LOOP), BlackboardWrite("/item", ITEM, LOOP), begins(RECOVER), begins(DO), begins(GRASP, ITEM)
 ]  # fmt: skip
 
 
-def fails(origin: str, *above: str, cause: str = "grasp.missed") -> list[TransitionRecord]:
+def fails(origin: str, *above: str, cause: str = "grasp.missed") -> list[Transition]:
     """The failure of a node, and of those above it that end with it."""
     first = ends(origin, "FAILURE", cause, width=0.0)
-    return [first, *(TransitionRecord(p, "FAILURE", {}, "", cause, origin, first.message) for p in above)]
+    return [first, *(Transition(p, "FAILURE", {}, "", cause, origin, first.message) for p in above)]
 
 
 def recovery(cause: str = "grasp.missed", handler: str = "grasp.*", attempt: int = 1) -> JournalEvent:
@@ -118,9 +126,9 @@ def test_a_hand_that_is_not_free_follows_from_who_left_it_full(tmp_path: Path) -
         tmp_path,
         {
             0: START,
-            10: [*fails(GRASP, DO, RECOVER, cause="control.timeout"), WriteRecord("/item", other, LOOP)],
+            10: [*fails(GRASP, DO, RECOVER, cause="control.timeout"), BlackboardWrite("/item", other, LOOP)],
             11: [begins(RECOVER), begins(DO), begins(GRASP, other)],
-            12: [held, *(TransitionRecord(p, "FAILURE", {}, "", held.cause, GRASP, held.message) for p in
+            12: [held, *(Transition(p, "FAILURE", {}, "", held.cause, GRASP, held.message) for p in
                  (DO, RECOVER)), ends(LOOP)],
         },
     )  # fmt: skip

@@ -21,8 +21,6 @@ from picktree.analysis.export.table_files import ColumnDoc, cells, write_csv, wr
 from picktree.files import PicktreeError
 from picktree.logs import install_command
 
-GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
-
 
 @pytest.fixture(scope="module")
 def run(troubled_log: Path) -> Iterator[Run]:
@@ -144,17 +142,6 @@ def test_the_document_names_every_table_and_column() -> None:
         for column in table.columns:
             unit = f" ({column.unit})" if column.unit else ""
             assert f"| `{column.name}`{unit} | {column.meaning} |" in text, f"{table.name}.{column.name}"
-
-
-def test_a_log_of_format_1_says_what_it_lacks(tmp_path: Path) -> None:
-    with Run(GOLDEN) as run:
-        written = export(run, "csv", tmp_path / "tables")
-    assert written.notes == (
-        "a log of format 1 has no transitions: what nodes did and how they failed is told in part",
-    )
-    counts = {path.stem: rows for path, rows in written.rows.items()}
-    assert counts["ticks"] == 60
-    assert written.to_text().splitlines()[2] == f"{tmp_path}/tables/ticks.csv            60 rows"
 
 
 def test_a_log_that_was_cut_is_exported_with_a_note(run: Run, tmp_path: Path) -> None:

@@ -16,8 +16,6 @@ from picktree.analysis.export import export
 from picktree.files import PicktreeError
 from picktree.logs import RunResult
 
-GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
-
 
 @pytest.fixture(scope="module")
 def run(picked: RunResult) -> Iterator[Run]:
@@ -139,13 +137,6 @@ def test_reruns_command_verifies_it(rrd: Path) -> None:
     done = subprocess.run([command, "rrd", "verify", rrd], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "1 file verified without error." in done.stdout + done.stderr
-
-
-def test_a_log_of_format_1_has_lanes_of_its_statuses(tmp_path: Path) -> None:
-    with Run(GOLDEN) as run:
-        export(run, "rerun", tmp_path / "small.rrd")
-    lane = Read(tmp_path / "small.rrd").column("/tree/Main/Grasp", "StateChange:state")
-    assert lane == [(0, ["RUNNING"]), (1_500_000_000, ["FAILURE"]), (1_550_000_000, ["RUNNING"])]
 
 
 def test_a_file_that_cannot_be_written_is_one_sentence(run: Run, tmp_path: Path) -> None:

@@ -82,14 +82,13 @@ def test_every_message_path_finds_something_in_the_log(troubled_log: Path, made:
     assert empty == []
 
 
-def test_a_lane_has_one_status_in_every_tick(troubled_log: Path, made: ViewerLayout) -> None:
+def test_a_lane_shows_statuses_alone(troubled_log: Path, made: ViewerLayout) -> None:
     paths = [t for t in paths_of(made.panels["StateTransitions!tree"]) if t.startswith("/bt/tick.")]
     assert len(paths) > 5
     with RunLog(troubled_log) as log:
         for message in messages(log, topics.TICK.name):
             for text in paths:
-                (status,) = values(text, message)
-                assert status in ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
+                assert {*values(text, message)} <= {"IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED"}
 
 
 def test_lanes_are_the_root_and_what_took_time_in_the_trees_order(troubled_log: Path) -> None:
@@ -208,7 +207,7 @@ def test_what_lichtblick_refuses_is_seen() -> None:
 
 
 def test_a_log_of_an_older_format_has_a_layout() -> None:
-    with Run(GOLDEN / "small.mcap") as run:
+    with Run(GOLDEN / "format-2.mcap") as run:
         paths = paths_of(layout(run).panels["StateTransitions!tree"])
     assert paths == [
         "/bt/tick.root_status",

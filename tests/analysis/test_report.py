@@ -15,8 +15,6 @@ from picktree.analysis.report import write_report
 from picktree.analysis.report.report import TREE_SCRIPTS, pack_run, report
 from picktree.apps.cli import answer
 
-GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
-
 
 class Tags(HTMLParser):
     def __init__(self, text: str) -> None:
@@ -125,14 +123,3 @@ def test_log_of_a_killed_run_is_reported_with_a_word_of_it(troubled_log: Path, t
         assert isinstance(outcome, dict)
         assert (outcome["word"], outcome["kind"], outcome["items"]) == ("killed", "open", "")
     assert written.bytes > 100_000
-
-
-def test_log_of_format_1_is_reported_with_less(tmp_path: Path) -> None:
-    with Run(GOLDEN) as run:
-        section = pack_run(run).data
-        assert isinstance(section, dict)
-        assert section["notes"] == [
-            "A log of format 1: it does not tell when nodes began and ended. Failures and lanes are what the "
-            "statuses of its ticks tell."
-        ]
-        write_report(run, tmp_path / "r.html")

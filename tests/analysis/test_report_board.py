@@ -21,8 +21,8 @@ from picktree.analysis.report.body_motion import (
     motion_of,
 )
 from picktree.analysis.report.report import pack_failures, plain_value, plan_line, report_events
-from picktree.logs.log_records import BodyRecord, WriteRecord
-from picktree.world import Box, Plan, Pose
+from picktree.logs.log_records import BodyRecord
+from picktree.world import BlackboardWrite, Box, Plan, Pose
 
 from ..logs.scripted_log import Seen, begins, record, tree
 
@@ -34,8 +34,8 @@ def data(section: Section) -> Mapping[str, Any]:
 
 def test_writes_to_the_blackboard_keep_their_tick_and_writer(tmp_path: Path) -> None:
     script = {
-        0: [begins("Main"), WriteRecord("Main/items", ["a", "b"], "Main/Observe")],
-        2: [WriteRecord("Main/n", 1, "Main")],
+        0: [begins("Main"), BlackboardWrite("Main/items", ["a", "b"], "Main/Observe")],
+        2: [BlackboardWrite("Main/n", 1, "Main")],
     }
     with Run(record(tmp_path / "log.mcap", tree("Main", "Main/Observe"), 4, script)) as run:
         writes = data(pack_board(run))["writes"]
@@ -149,12 +149,6 @@ def test_failures_are_the_explanation_field_by_field(troubled_log: Path) -> None
     assert first["handled_by"][0]["handler"] == stories[0].handled_by[0].handler
     assert packed["outcome"]["status"] == run.explanation.outcome.status
     assert set(packed["recovery"]) == {"episodes", "planted"}
-
-
-def test_a_log_of_format_1_has_the_failures_that_its_statuses_tell(sample: Any) -> None:
-    with Run(sample.GOLDEN / "small.mcap") as run:
-        (story,) = data(pack_failures(run))["failures"]
-    assert (story["node"], story["cause"], story["time"]) == ("/Main/Grasp", "grasp.missed", 1.5)
 
 
 def test_plain_values_of_any_kind() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from picktree.analysis import Run
 from picktree.analysis.report import write_report
-from picktree.logs.log_records import WriteRecord
+from picktree.world import BlackboardWrite
 
 from ..browser import Chromium, Told, on_top, wait_until
 from ..logs.scripted_log import Seen, begins, ends, record, tree
@@ -48,9 +48,9 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "report.html"
 
 
-def _writes() -> list[WriteRecord]:
+def _writes() -> list[BlackboardWrite]:
     return [
-        WriteRecord(f"{path}/{name}", ["red_block_1"] * 40 if name == "items" else 3, path)
+        BlackboardWrite(f"{path}/{name}", ["red_block_1"] * 40 if name == "items" else 3, path)
         for path in CHAIN[::4]
         for name in ("items", "tries")
     ]

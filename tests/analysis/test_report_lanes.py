@@ -14,10 +14,10 @@ from picktree.analysis.report import Section
 from picktree.analysis.report.node_panels import OUTCOMES, item_spans, pack_lanes, pack_tree
 from picktree.analysis.report.tick_table import ABSENT, STATUSES, TICKED, RunNode, nodes_of, tick_table
 from picktree.files import PicktreeError
-from picktree.logs.log_records import Tree, TreeNode, WriteRecord
 from picktree.session import RunRequest, Session
 from picktree.session.mission_edits import MissionReload
 from picktree.trees.loading import parse_mission
+from picktree.world import BlackboardWrite, Tree, TreeNode
 
 from ..logs.scripted_log import begins, ends, record, tree
 from ..session.test_watch import LOGGED, MISSION, Editor
@@ -63,14 +63,14 @@ def loop_log(tmp_path: Path) -> Path:
         {
             0: [begins("Main"), begins("Main/ForEach")],
             1: [
-                WriteRecord("Main/item", "a", "Main/ForEach"),
+                BlackboardWrite("Main/item", "a", "Main/ForEach"),
                 begins("Main/ForEach/Sequence"),
                 begins(GRASP, "a"),
             ],
             3: [ends(GRASP), begins(PLACE, "a", into="bin")],
             5: [ends(PLACE), ends("Main/ForEach/Sequence")],
             6: [
-                WriteRecord("Main/item", "b", "Main/ForEach"),
+                BlackboardWrite("Main/item", "b", "Main/ForEach"),
                 begins("Main/ForEach/Sequence"),
                 begins(GRASP, "b"),
             ],
@@ -115,7 +115,6 @@ def test_lanes_tell_each_visit_with_what_it_was_about(loop_log: Path) -> None:
     assert visits["parent"].tolist() == [-1, 0, 1, 2, 2, 1, 5]
     assert visits["words"][visits["inputs"][4]] == '{"object":"a","into":"bin"}'
     assert visits["words"][visits["evidence"][6]] == '{"width":0.001}'
-    assert data(section)["note"] == ""
 
 
 def test_bands_of_items_span_the_outermost_visit_about_them(loop_log: Path) -> None:
@@ -131,7 +130,7 @@ def test_a_second_try_within_the_work_on_an_item_is_no_band_of_its_own(tmp_path:
     script = {
         0: [begins("Main"), begins("Main/ForEach")],
         1: [
-            WriteRecord("Main/item", "a", "Main/ForEach"),
+            BlackboardWrite("Main/item", "a", "Main/ForEach"),
             begins("Main/ForEach/Sequence"),
             begins(GRASP, "a"),
         ],
@@ -154,19 +153,6 @@ def test_nodes_in_a_row_about_one_item_are_one_band_and_the_next_round_is_anothe
     with Run(record(tmp_path / "log.mcap", nodes, 6, script)) as run:
         spans = item_spans(run.visits)
     assert [(span.first, span.last, span.outcome) for span in spans] == [(0, 2, "SUCCESS"), (2, 4, "FAILURE")]
-
-
-def test_a_log_of_format_1_has_lanes_of_what_the_statuses_tell(loop_log: Path, sample: Any) -> None:
-    with Run(sample.GOLDEN / "small.mcap") as run:
-        assert run.log.format == 1
-        section = pack_lanes(run)
-    assert told(section) == [
-        ("/Main", 0, 30, "FAILURE", "", "grasp.missed"),
-        ("/Main/Grasp", 0, 30, "FAILURE", "", "grasp.missed"),
-        ("/Main", 31, 59, "RUNNING", "", ""),
-        ("/Main/Grasp", 31, 59, "RUNNING", "", ""),
-    ]
-    assert data(section)["note"].startswith("This log is of format 1")
 
 
 def test_statuses_are_those_of_every_tick(troubled_log: Path) -> None:

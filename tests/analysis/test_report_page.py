@@ -261,16 +261,6 @@ def test_page_of_a_cut_log_says_so_and_works(troubled_log: Path, tmp_path: Path,
         assert (told.problems, told.requests) == ([], [])
 
 
-def test_page_of_a_log_of_format_1_says_so_and_works(tmp_path: Path, chromium: Chromium) -> None:
-    with Run(Path(__file__).parents[1] / "logs" / "golden" / "small.mcap") as run:
-        write_report(run, tmp_path / "old.html")
-    with chromium.page(tmp_path / "old.html") as (page, told):
-        assert page.locator("#notes").inner_text().startswith("A log of format 1: ")
-        page.keyboard.press("End")
-        frames(page, 5)
-        assert (told.problems, told.requests) == ([], [])
-
-
 FIXED = ("#play", "#scrub", "#clock", "#panel-stage canvas")
 """Parts of the page that are in sight on any screen."""
 

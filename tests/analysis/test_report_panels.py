@@ -439,15 +439,3 @@ def test_many_visits_of_a_large_tree_are_drawn_with_few_strokes(tmp_path: Path, 
         assert 0 < strokes < 10 * 200  # there are 9,950 visits
         assert page.locator(".lanes-name").count() == 200
         assert told.problems == []
-
-
-def test_a_log_of_format_1_shows_what_it_can(sample: Any, tmp_path: Path, chromium: Chromium) -> None:
-    file = tmp_path / "old.html"
-    with Run(sample.GOLDEN / "small.mcap") as run:
-        assert run.log.format == 1
-        write_report(run, file)
-    with chromium.page(file, size=(1280, 1400)) as (page, told):
-        assert "This log is of format 1" in page.locator("#panel-lanes .lanes-note").inner_text()
-        assert page.locator(".story").count() == 1
-        assert page.locator(".lanes-name").count() == 2
-        assert told.problems == []

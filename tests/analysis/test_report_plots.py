@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 from hypothesis import given
@@ -42,22 +40,6 @@ def test_a_run_has_plots_of_joints_tracking_wrench_and_gripper(troubled_log: Pat
         np.testing.assert_allclose(plots["tracking"].curves[2].values, 1000 * told)
         size = np.linalg.norm(run.wrenches.forces, axis=1)
         np.testing.assert_allclose(plots["force"].curves[3].values, size)
-
-
-def test_a_log_without_references_has_no_plot_of_the_tracking(sample: ModuleType) -> None:
-    with Run(sample.GOLDEN / "small.mcap") as run:
-        section = pack_plots(run)
-    assert isinstance(section.data, Mapping)
-    plots = section.data["plots"]
-    assert isinstance(plots, list)
-    assert [one["name"] for one in plots if isinstance(one, Mapping)] == [
-        "position",
-        "velocity",
-        "force",
-        "torque",
-        "width",
-        "grip",
-    ]
 
 
 def test_a_log_without_readings_says_so(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis import Run, RunChanges, resimulate
+from picktree.analysis import Run, RunChanges, resimulate, what_if
 from picktree.analysis.compare.message_differences import MessageDifference
 from picktree.analysis.resim import ResimAnswer, ResimOrder, notes, reasons, run_order
 from picktree.files import PicktreeError
@@ -17,7 +17,7 @@ from picktree.logs import RunLog, RunResult
 from picktree.logs.arithmetic_record import Arithmetic
 from picktree.session import Observer, RunRequest, Session, environment
 from picktree.session.mission_edits import MissionReload
-from picktree.trees import TickReport
+from picktree.world import Tick
 
 from ..rooms import ROOT, modules
 
@@ -359,7 +359,7 @@ def test_a_killed_run_is_the_same_up_to_its_last_tick(greeting: RunResult, tmp_p
 class Impatient(Observer):
     """Interrupts a run in the middle of a tick."""
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         if now > 0.5:
             raise KeyboardInterrupt
 
@@ -399,3 +399,13 @@ def test_a_faulty_mission_is_refused_as_by_the_checker(greeting: RunResult, tmp_
     (tmp_path / "wave.py").write_text(WAVE)
     with pytest.raises(PicktreeError, match="the scene 'own' has no camera 'underhead'"):
         again(greeting.log, RunChanges(mission=mission))
+
+
+def test_a_log_of_format_2_is_read_and_not_repeated() -> None:
+    log = Path(__file__).parents[1] / "logs" / "golden" / "format-2.mcap"
+    for repeat in (lambda: resimulate(log), lambda: what_if(log, "0.5s")):
+        with pytest.raises(PicktreeError) as raised:
+            repeat()
+        assert str(raised.value).startswith(
+            f"{log}: the log has format 2, and this version repeats format 3; repeat it with the version"
+        )

@@ -9,24 +9,22 @@ import pytest
 
 from picktree.analysis import Cursor, Run
 from picktree.files import PicktreeError, find_node, find_nodes
-from picktree.logs.log_records import TransitionRecord, WriteRecord
-from picktree.world import JournalEvent, OtherEvent, Plan
+from picktree.world import BlackboardWrite, JournalEvent, OtherEvent, Plan, Transition
 
 from ..logs.scripted_log import Seen, begins, ends, record, tree
 
 NODES = tree("Main:ForEach", "Main/Part:Sequence", "Main/Part/Grasp", "Main/Part/Place", object="{item}")
 PART, GRASP, PLACE = "Main/Part", "Main/Part/Grasp", "Main/Part/Place"
-GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
-"""Of format 1."""
-SCRIPT: Mapping[int, Sequence[TransitionRecord | WriteRecord | JournalEvent | Plan]] = {
+GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "format-2.mcap"
+SCRIPT: Mapping[int, Sequence[Transition | BlackboardWrite | JournalEvent | Plan]] = {
     0: [begins("Main")],
-    2: [WriteRecord("Main/item", "red_block_1", "Main"), begins(PART), begins(GRASP, "red_block_1")],
+    2: [BlackboardWrite("Main/item", "red_block_1", "Main"), begins(PART), begins(GRASP, "red_block_1")],
     5: [
         ends(GRASP, "FAILURE", "grasp.missed", width=0.0),
         ends(PART, "FAILURE", "grasp.missed", GRASP),
         OtherEvent("passed over", "Main", name="handled"),
     ],
-    6: [WriteRecord("Main/item", "red_block_2", "Main"), begins(PART), begins(GRASP, "red_block_2")],
+    6: [BlackboardWrite("Main/item", "red_block_2", "Main"), begins(PART), begins(GRASP, "red_block_2")],
     9: [ends(GRASP), begins(PLACE, "red_block_2")],
     12: [ends(PLACE, "FAILURE", "place.missed"), ends(PART, "FAILURE", "place.missed", PLACE), ends("Main")],
 }
@@ -150,10 +148,10 @@ def test_what_is_there(cursor: Cursor) -> None:
     assert (cursor.joints, cursor.wrench, cursor.control) == (None, None, None)
 
 
-def test_of_an_old_log_the_moves_are_derived() -> None:
+def test_a_log_of_format_2_is_stepped_through() -> None:
     with Run(GOLDEN) as run:
         cursor = Cursor(run)
-        assert cursor.run.log.format < 2
+        assert cursor.run.log.format == 2
         failed = cursor.next_failure()
         assert (failed.path, failed.cause, cursor.time) == ("/Main/Grasp", "grasp.missed", pytest.approx(1.5))
 

@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 
 from picktree.apps.cli import answer
-from picktree.logs.log_records import NodeStatusRecord, RunInfo, Tick, TransitionRecord, Tree, TreeNode
+from picktree.logs.log_records import RunInfo
 from picktree.logs.recording import Recorder
 from picktree.session import RunRequest, Session
-from picktree.world import OtherEvent
+from picktree.world import NodeState, OtherEvent, Tick, Transition, Tree, TreeNode
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FAULTS = """\
@@ -128,21 +128,19 @@ def many(path: Path, failures: int) -> Path:
     nodes = Tree((TreeNode("Main", "ForEach", "Main", "", ("Main/Grasp",)),
                   TreeNode("Main/Grasp", "Grasp", "Grasp", "Main")))  # fmt: skip
     status = (
-        NodeStatusRecord("Main", "ForEach", "RUNNING", True),
-        NodeStatusRecord("Main/Grasp", "Grasp", "IDLE", True),
+        NodeState("Main", "ForEach", "RUNNING", True),
+        NodeState("Main/Grasp", "Grasp", "IDLE", True),
     )
-    script: Mapping[int, Sequence[TransitionRecord]] = {0: [TransitionRecord("Main", "RUNNING")]}
+    script: Mapping[int, Sequence[Transition]] = {0: [Transition("Main", "RUNNING")]}
     with Recorder(path, RunInfo("made up", "nowhere", "none", 0, "kinematic", 0.05)) as recorder:
         recorder.tree(nodes)
         for k in range(2 * failures + 2):
             cause = ("grasp.missed", "grasp.slipped", "planning.no_path")[k // 2 % 3]
             said = script.get(k) or (
-                [TransitionRecord("Main/Grasp", "RUNNING", subject=f"red_ball_{k // 2 % 8}")]
+                [Transition("Main/Grasp", "RUNNING", subject=f"red_ball_{k // 2 % 8}")]
                 if k % 2
                 else [
-                    TransitionRecord(
-                        "Main/Grasp", "FAILURE", cause=cause, origin="Main/Grasp", message="no luck"
-                    )
+                    Transition("Main/Grasp", "FAILURE", cause=cause, origin="Main/Grasp", message="no luck")
                 ]
             )
             if k and k % 2 == 0:

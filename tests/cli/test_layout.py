@@ -9,7 +9,7 @@ import pytest
 
 from picktree.apps.cli import answer
 
-GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
+GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "format-2.mcap"
 
 
 def test_a_layout_is_printed_or_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

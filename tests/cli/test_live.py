@@ -15,23 +15,22 @@ from picktree.apps.cli.progress import LinesDisplay, LiveDisplay, deepest_runnin
 from picktree.apps.cli.state_text import tree_rows
 from picktree.logs import RunResult
 from picktree.session import Execution, RunCounters
-from picktree.trees import NodeStatus, TickReport
-from picktree.trees.runner import NodeInfo, NodeReport
-from picktree.world import JournalEvent
+from picktree.trees import NodeStatus
+from picktree.world import JournalEvent, NodeState, Tick, TreeNode
 from picktree.world.event_types import ItemDoneEvent, SetAsideEvent
 
 STRUCTURE = (
-    NodeInfo("Main", "Sequence", "Main", "control", None, ("Main/1", "Main/2", "Main/3"), {}),
-    NodeInfo("Main/1", "Observe", "Observe", "skill", "Main", (), {}),
-    NodeInfo("Main/2", "Recover", "careful", "control", "Main", ("Main/2/1", "Main/2/2"), {}),
-    NodeInfo("Main/2/1", "Grasp", "Grasp", "skill", "Main/2", (), {}),
-    NodeInfo("Main/2/2", "SafeRetreat", "SafeRetreat", "skill", "Main/2", (), {}),
-    NodeInfo("Main/3", "Fallback", "Fallback", "control", "Main", ("Main/3/1",), {}),
-    NodeInfo("Main/3/1", "GoTo", "GoTo", "skill", "Main/3", (), {}),
+    TreeNode("Main", "Sequence", "Main", "", ("Main/1", "Main/2", "Main/3"), {}),
+    TreeNode("Main/1", "Observe", "Observe", "Main", (), {}),
+    TreeNode("Main/2", "Recover", "careful", "Main", ("Main/2/1", "Main/2/2"), {}),
+    TreeNode("Main/2/1", "Grasp", "Grasp", "Main/2", (), {}),
+    TreeNode("Main/2/2", "SafeRetreat", "SafeRetreat", "Main/2", (), {}),
+    TreeNode("Main/3", "Fallback", "Fallback", "Main", ("Main/3/1",), {}),
+    TreeNode("Main/3/1", "GoTo", "GoTo", "Main/3", (), {}),
 )
 
 
-def executing(structure: tuple[NodeInfo, ...]) -> Execution:
+def executing(structure: tuple[TreeNode, ...]) -> Execution:
     """A run of a tree of these nodes, as far as a display looks at it."""
     leaves = frozenset(node.path for node in structure if not node.children)
     tree = SimpleNamespace(structure=lambda: structure, leaves=leaves)
@@ -42,26 +41,23 @@ def happen(run: Execution, *events: JournalEvent) -> None:
     run.tally.take(0.0, events, frozenset(), ())
 
 
-def report_of(
-    structure: tuple[NodeInfo, ...], *statuses: str, cause: str | None = None, ticked: bool = True
-) -> TickReport:
+def report_of(structure: tuple[TreeNode, ...], *statuses: str, cause: str = "", ticked: bool = True) -> Tick:
     """`cause` is that of the nodes in FAILURE."""
     nodes = (
-        NodeReport(
+        NodeState(
             info.path,
             info.id,
             NodeStatus(status),
             ticked,
             "the fingers hold nothing" if status == "FAILURE" else "",
-            cause if status == "FAILURE" else None,
-            None,
+            cause if status == "FAILURE" else "",
         )
         for info, status in zip(structure, statuses, strict=True)
     )
-    return TickReport(tuple(nodes), ())
+    return Tick("RUNNING", "", tuple(nodes))
 
 
-def report(*statuses: str, cause: str | None = None, ticked: bool = True) -> TickReport:
+def report(*statuses: str, cause: str = "", ticked: bool = True) -> Tick:
     return report_of(STRUCTURE, *statuses, cause=cause, ticked=ticked)
 
 

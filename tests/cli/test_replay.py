@@ -13,8 +13,8 @@ import pytest
 from picktree.analysis import Cursor, Run
 from picktree.apps.cli import answer
 from picktree.apps.cli.replay_prompt import ReplayPrompt
-from picktree.logs.log_records import TransitionRecord, WriteRecord
 from picktree.world import (
+    BlackboardWrite,
     CandidateEntry,
     CandidateSearchEntry,
     JournalEvent,
@@ -22,21 +22,19 @@ from picktree.world import (
     OtherEvent,
     Plan,
     Pose,
+    Transition,
 )
 
 from ..commands import Terminal, call
 from ..logs.scripted_log import Seen, begins, ends, record, tree
 
-GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
-"""Log of format 1."""
+GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "format-2.mcap"
 NODES = tree("Main:ForEach", "Main/Part:Sequence", "Main/Part/Grasp", "Main/Part/Place", object="{item}")
 PART, GRASP, PLACE = "Main/Part", "Main/Part/Grasp", "Main/Part/Place"
-SCRIPT: Mapping[
-    int, Sequence[TransitionRecord | WriteRecord | JournalEvent | Plan | CandidateSearchEntry]
-] = {
+SCRIPT: Mapping[int, Sequence[Transition | BlackboardWrite | JournalEvent | Plan | CandidateSearchEntry]] = {
     0: [begins("Main", items=["red_block_1"])],
     2: [
-        WriteRecord("Main/item", "red_block_1", "Main"),
+        BlackboardWrite("Main/item", "red_block_1", "Main"),
         begins(PART),
         begins(GRASP, "red_block_1"),
         CandidateSearchEntry(
@@ -99,8 +97,8 @@ since 0.00 s:
 > failure
 0.25 s, tick 5 of 0 … 12; Main/Part/Grasp is FAILURE
   ▶ ForEach Main
-    ✗ Sequence Part
-      ✗ Grasp
+    ✗ Sequence Part  grasp.missed: Main/Part failed
+      ✗ Grasp  grasp.missed: Main/Part/Grasp failed
 since 0.10 s:
      0.25 s  ✗ Grasp ends in FAILURE: grasp.missed: Main/Part/Grasp failed
      0.25 s  ✗ Part ends in FAILURE: grasp.missed: Main/Part failed
@@ -117,8 +115,8 @@ in this tick:
 > p
 0.25 s, tick 5 of 0 … 12; Main/Part/Grasp is FAILURE
   ▶ ForEach Main
-    ✗ Sequence Part
-      ✗ Grasp
+    ✗ Sequence Part  grasp.missed: Main/Part failed
+      ✗ Grasp  grasp.missed: Main/Part/Grasp failed
 in this tick:
   ✗ Grasp ends in FAILURE: grasp.missed: Main/Part/Grasp failed
   ✗ Part ends in FAILURE: grasp.missed: Main/Part failed
@@ -166,16 +164,16 @@ Main/Part/Grasp: Grasp, RUNNING
 > failure 0
 0.25 s, tick 5 of 0 … 12; Main/Part/Grasp is FAILURE
   ▶ ForEach Main
-    ✗ Sequence Part
-      ✗ Grasp
+    ✗ Sequence Part  grasp.missed: Main/Part failed
+      ✗ Grasp  grasp.missed: Main/Part/Grasp failed
 since 0.10 s:
      0.25 s  ✗ Grasp ends in FAILURE: grasp.missed: Main/Part/Grasp failed
      0.25 s  ✗ Part ends in FAILURE: grasp.missed: Main/Part failed
      0.25 s  handled: element 1 of 1 is passed over
 > where
 ▶ Main is RUNNING
-✗ Main/Part is FAILURE
-✗ Main/Part/Grasp is FAILURE
+✗ Main/Part is FAILURE: grasp.missed: Main/Part failed
+✗ Main/Part/Grasp is FAILURE: grasp.missed: Main/Part/Grasp failed
 > evidence
 0.25 s, tick 5: Main/Part/Grasp (red_block_1) failed: grasp.missed
   said: Main/Part/Grasp failed
@@ -195,8 +193,8 @@ Main/item = 'red_block_1'
 > belief
 red_block_1: red block, item, table, at (0.400, 0.000, 0.020) m, seen 0.2 s ago, confidence 0.90
 > tree Part
-  ✗ Sequence Part
-    ✗ Grasp
+  ✗ Sequence Part  grasp.missed: Main/Part failed
+    ✗ Grasp  grasp.missed: Main/Part/Grasp failed
     · Place
 > joints
 the log has no joints here
@@ -301,7 +299,7 @@ def test_a_script_is_shown_as_a_conversation(log: Path) -> None:
     ]
 
 
-def test_a_log_that_was_cut_or_is_old_says_so(log: Path, tmp_path: Path) -> None:
+def test_a_log_that_was_cut_says_so_and_one_of_format_2_is_read(log: Path, tmp_path: Path) -> None:
     whole = log.read_bytes()
     (tmp_path / "cut.mcap").write_bytes(whole[:-40])
     cut = piped(tmp_path / "cut.mcap", "")
@@ -310,7 +308,7 @@ def test_a_log_that_was_cut_or_is_old_says_so(log: Path, tmp_path: Path) -> None
     assert cut.stdout.startswith("0.00 s, tick 0 of ")
     old = piped(GOLDEN, "failure\n")
     assert old.returncode == 0
-    assert old.stderr == "a log of format 1: beginnings and ends are derived from the statuses\n"
+    assert old.stderr == ""
     assert "1.50 s, tick 30 of 0 … 59" in old.stdout
 
 

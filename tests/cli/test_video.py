@@ -13,7 +13,7 @@ from picktree.logs.recording import decode_colour
 
 from ..commands import Terminal
 
-GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
+GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "format-2.mcap"
 QUICK = ["--size", "128x80", "--processes", "1"]
 
 

@@ -12,24 +12,12 @@ import numpy as np
 
 from picktree.logs import RunLog, encode, topics
 from picktree.logs.binary_gltf import write_glb
-from picktree.logs.log_records import (
-    FORMAT,
-    Control,
-    LinkMesh,
-    NodeStatusRecord,
-    NodeTime,
-    RunInfo,
-    Tick,
-    Timing,
-    TransitionRecord,
-    Tree,
-    TreeNode,
-    WriteRecord,
-)
+from picktree.logs.log_records import FORMAT, Control, LinkMesh, NodeTime, RunInfo, Timing
 from picktree.logs.recording import Recorder
 from picktree.logs.triangle_meshes import shape_mesh
 from picktree.world import (
     BeliefObject,
+    BlackboardWrite,
     Box,
     CandidateEntry,
     CandidateSearchEntry,
@@ -39,6 +27,7 @@ from picktree.world import (
     ImageEntry,
     Intrinsics,
     JointState,
+    NodeState,
     ObjectId,
     OtherEvent,
     Plan,
@@ -47,6 +36,10 @@ from picktree.world import (
     RgbdImage,
     Shape,
     Sphere,
+    Tick,
+    Transition,
+    Tree,
+    TreeNode,
     Wrench,
 )
 from picktree.world.scene import Bin, Fixture
@@ -90,23 +83,31 @@ def item(name: str, shape: Shape, colour: str, x: float, seen: float = 0.0) -> B
     )
 
 
+MISSED = "the fingers closed at 0.4 mm"
+EVIDENCE = {"width": 0.0004, "names": ["a", "b"]}
+
+
 def tick(k: int) -> Tick:
     failed = k == 30
     status, cause = ("FAILURE", "grasp.missed") if failed else ("RUNNING", "")
-    first = (WriteRecord("/item", "red_block_1", "/Main"), WriteRecord("/items", ["red_block_1"], "/Main"))
+    evidence = EVIDENCE if failed else {}
+    first = (
+        BlackboardWrite("/item", "red_block_1", "/Main"),
+        BlackboardWrite("/items", ["red_block_1"], "/Main"),
+    )
     return Tick(
         root_status="RUNNING",
         tip="/Main/Grasp",
         nodes=(
-            NodeStatusRecord("/Main", "Sequence", status, True, "", cause),
-            NodeStatusRecord(
+            NodeState("/Main", "Sequence", status, True, MISSED if failed else "", cause, evidence),
+            NodeState(
                 "/Main/Grasp",
                 "Grasp",
                 status,
                 True,
-                "the fingers closed at 0.4 mm" if failed else "approaching",
+                MISSED if failed else "approaching",
                 cause,
-                {"width": 0.0004, "names": ["a", "b"]} if failed else {},
+                evidence,
             ),
         ),
         writes=first if k == 0 else (),
@@ -114,15 +115,15 @@ def tick(k: int) -> Tick:
     )
 
 
-def _transitions(k: int) -> tuple[TransitionRecord, ...]:
+def _transitions(k: int) -> tuple[Transition, ...]:
     begin = (
-        TransitionRecord("/Main", "RUNNING"),
-        TransitionRecord("/Main/Grasp", "RUNNING", {"object": "red_block_1"}, "red_block_1"),
+        Transition("/Main", "RUNNING"),
+        Transition("/Main/Grasp", "RUNNING", {"object": "red_block_1"}, "red_block_1", message="approaching"),
     )
     end = tuple(
-        TransitionRecord(
+        Transition(
             path, "FAILURE", cause="grasp.missed", origin="/Main/Grasp",
-            message="the fingers closed at 0.4 mm", evidence={"width": 0.0004},
+            message=MISSED, evidence=EVIDENCE,
         )
         for path in ("/Main/Grasp", "/Main")
     )  # fmt: skip

@@ -8,29 +8,27 @@ from pathlib import Path
 from typing import TypeAlias
 
 from picktree.logs import RunResult
-from picktree.logs.log_records import (
-    NodeStatusRecord,
-    RunInfo,
-    Tick,
-    TransitionRecord,
-    Tree,
-    TreeNode,
-    WriteRecord,
-)
+from picktree.logs.log_records import RunInfo
 from picktree.logs.recording import Recorder
 from picktree.world import (
     BeliefObject,
+    BlackboardWrite,
     Box,
     CandidateSearchEntry,
     JournalEvent,
+    NodeState,
     ObjectId,
     Plan,
     PlanningScene,
     Pose,
+    Tick,
+    Transition,
+    Tree,
+    TreeNode,
 )
 
 TICK = 0.05
-Said: TypeAlias = TransitionRecord | WriteRecord | JournalEvent | Plan | CandidateSearchEntry
+Said: TypeAlias = Transition | BlackboardWrite | JournalEvent | Plan | CandidateSearchEntry
 """What may be told of a tick."""
 
 
@@ -44,17 +42,17 @@ class Seen:
     colour: str = "red"
 
 
-def begins(path: str, subject: str = "", **inputs: object) -> TransitionRecord:
-    return TransitionRecord(path, "RUNNING", {**({"object": subject} if subject else {}), **inputs}, subject)
+def begins(path: str, subject: str = "", **inputs: object) -> Transition:
+    return Transition(path, "RUNNING", {**({"object": subject} if subject else {}), **inputs}, subject)
 
 
 def ends(
     path: str, status: str = "SUCCESS", cause: str = "", origin: str = "", **evidence: object
-) -> TransitionRecord:
+) -> Transition:
     """`origin`: the node that the failure comes from; by default this one."""
     message = f"{path} failed" if cause else ""
     came = (origin or path) if cause else ""
-    return TransitionRecord(path, status, cause=cause, origin=came, message=message, evidence=evidence)
+    return Transition(path, status, cause=cause, origin=came, message=message, evidence=evidence)
 
 
 def tree(*nodes: str, **ports: str) -> Tree:
@@ -103,7 +101,7 @@ def record(
                 if max(one.tick, first) == k:
                     scene.put(_object(one), "seen for the first time")
             said = script.get(k, ())
-            moves = tuple(one for one in said if isinstance(one, TransitionRecord))
+            moves = tuple(one for one in said if isinstance(one, Transition))
             state.update({move.path: move.status for move in moves})
             for one in said:
                 if isinstance(one, Plan | CandidateSearchEntry):
@@ -119,8 +117,8 @@ def record(
                 Tick(
                     state[nodes.nodes[0].path],
                     next((p for p in reversed(state) if state[p] == "RUNNING"), ""),
-                    tuple(NodeStatusRecord(n.path, n.id, state[n.path], True) for n in nodes.nodes),
-                    tuple(one for one in said if isinstance(one, WriteRecord)),
+                    tuple(NodeState(n.path, n.id, state[n.path], True) for n in nodes.nodes),
+                    tuple(one for one in said if isinstance(one, BlackboardWrite)),
                     moves,
                 ),
             )

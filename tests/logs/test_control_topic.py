@@ -37,10 +37,3 @@ def test_while_torques_are_commanded_there_is_no_reference(sample: ModuleType, t
         assert run.controls.references[0].tolist() == [0.5, 1.0]
         assert np.isnan(run.controls.references[1]).all()
         assert np.isnan(run.controls.errors[1]).all()
-
-
-def test_a_log_that_was_made_before_the_topic_was_has_an_empty_series(sample: ModuleType) -> None:
-    with Run(sample.GOLDEN / "small.mcap") as run:
-        assert run.controls.times.shape == (0,)
-        assert run.controls.errors.shape == (0, 0)
-        assert run.controls.controllers == ()

@@ -3,9 +3,7 @@
 from pathlib import Path
 from types import ModuleType
 
-from picktree.logs import RunLog, encode
-from picktree.logs.log_records import NodeStatusRecord, Tick, WriteRecord
-from picktree.logs.recording.journal_records import TickMessages
+from picktree.logs import RunLog
 
 from ..other_process import OtherProcess
 from .sample import record
@@ -32,16 +30,3 @@ def test_anything_simulated_changes_it(sample: ModuleType, tmp_path: Path) -> No
 def test_another_process_and_hash_seed_give_the_same(tmp_path: Path, elsewhere: OtherProcess) -> None:
     there = elsewhere.call(record, tmp_path / "there.mcap")
     assert there == record(tmp_path / "here.mcap")
-
-
-def test_a_tick_is_encoded_as_if_no_node_had_been_encoded_before() -> None:
-    idle = NodeStatusRecord("/Main", "Sequence", "IDLE", False, "", "", {})
-    moved = NodeStatusRecord("/Main/GoTo", "GoTo", "RUNNING", True, "on the way", "", {})
-    failed = NodeStatusRecord(
-        "/Main/GoTo", "GoTo", "FAILURE", True, "off", "control.tracking", {"off": [0.1]}
-    )
-    messages = TickMessages()
-    for nodes in ((idle, moved), (idle, moved), (idle, failed), (idle,), (moved, idle), (idle, moved)):
-        for written in ("é", "è"):  # the second time no node has changed
-            tick = Tick("RUNNING", "/Main/GoTo", nodes, (WriteRecord("/item", written, "/Main"),))
-            assert messages.encode(tick) == encode(tick)

@@ -10,16 +10,15 @@ from pydantic import TypeAdapter
 
 from picktree.logs.episode_counts import cause_lines, counted
 from picktree.logs.item_episodes import DecidedFailure, Episode, EpisodeTracker, EpisodeTrackerState, Planted
-from picktree.logs.log_records import TransitionRecord, Tree
-from picktree.world import JournalEvent
+from picktree.world import JournalEvent, Transition, Tree
 from picktree.world.event_types import FaultEvent, ItemDoneEvent, PickEvent, RecoveryEvent
 
 from .scripted_log import begins, ends, tree
 
-Script = Mapping[float, Sequence[TransitionRecord | JournalEvent]]
+Script = Mapping[float, Sequence[Transition | JournalEvent]]
 
 
-def fails(path: str, cause: str, *above: str) -> list[TransitionRecord]:
+def fails(path: str, cause: str, *above: str) -> list[Transition]:
     """A node fails, and those above fail with it."""
     return [ends(path, "FAILURE", cause), *(ends(each, "FAILURE", cause, path) for each in above)]
 
@@ -40,7 +39,7 @@ def follow(nodes: Tree, script: Script, end: float = 100.0) -> tuple[list[Episod
 
 def _take(following: EpisodeTracker, script: Script) -> None:
     for time, said in sorted(script.items()):
-        changes = [each for each in said if isinstance(each, TransitionRecord)]
+        changes = [each for each in said if isinstance(each, Transition)]
         following.take(time, changes, [each for each in said if isinstance(each, JournalEvent)])
 
 
@@ -88,7 +87,7 @@ def test_what_is_done_instead_is_neither_cured_nor_given_up() -> None:
 def test_time_up_to_the_last_done_item_is_not_lost() -> None:
     pick, rest = "Main/Repeat/Pick", "Main/SafeRetreat"
     nodes = tree("Main:Fallback", "Main/Repeat", pick, rest)
-    script: dict[float, list[TransitionRecord | JournalEvent]] = {
+    script: dict[float, list[Transition | JournalEvent]] = {
         0.0: [begins("Main"), begins("Main/Repeat"), begins(pick, "tote")],
         20.0: [ends(pick), ItemDoneEvent("", pick, object="thing_1"), begins(pick, "tote")],
         23.0: [*fails(pick, "grasp.no_candidate", "Main/Repeat"), begins(rest)],
@@ -256,7 +255,7 @@ def test_the_next_branch_of_a_fallback_cures_but_not_by_giving_the_item_up(
     last: str, expected: tuple[str, str, str, int, float]
 ) -> None:
     path = "Main/Fallback"
-    script: dict[float, Sequence[TransitionRecord | JournalEvent]] = {
+    script: dict[float, Sequence[Transition | JournalEvent]] = {
         0.0: [begins("Main"), begins(path), begins(f"{path}/Grasp")],
         1.0: [*fails(f"{path}/Grasp", "grasp.no_candidate"), begins(f"{path}/PushFree")],
     }

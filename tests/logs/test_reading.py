@@ -22,6 +22,7 @@ from picktree.world import Box, Cylinder, PlanningScene, Sphere
 
 TABLE = {
     "/bt/tree": ("picktree.Tree", "json", "jsonschema"),
+    "/bt/nodes": ("picktree.Nodes", "json", "jsonschema"),
     "/bt/tick": ("picktree.Tick", "json", "jsonschema"),
     "/timing": ("picktree.Timing", "json", "jsonschema"),
     "/joint_states": ("foxglove.JointStates", "protobuf", "protobuf"),
@@ -91,9 +92,8 @@ def test_the_stock_reader_finds_every_topic_with_its_schema(log_path: Path) -> N
         }
 
 
-@pytest.mark.parametrize("name", ["small", "format-2"])
+@pytest.mark.parametrize("name", ["format-2", "format-3"])
 def test_a_golden_log_reads_as_it_always_did(sample: ModuleType, name: str) -> None:
-    """`small` is of format 1."""
     golden = json.loads((sample.GOLDEN / f"{name}.json").read_text())
     assert sample.told(sample.GOLDEN / f"{name}.mcap") == golden
 
@@ -187,13 +187,13 @@ def test_a_log_is_found_by_file_folder_and_last(
 def test_a_newer_format_is_refused_with_a_sentence(
     sample: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("picktree.logs.log_records.FORMAT", 3)
+    monkeypatch.setattr("picktree.logs.log_records.FORMAT", 4)
     path = tmp_path / "log.mcap"
     sample.record(path, ticks=2)
     with pytest.raises(PicktreeError) as raised:
         RunLog(path)
     assert str(raised.value) == (
-        f"{path}: the log has format 3, and this picktree reads up to 2; upgrade picktree to read it"
+        f"{path}: the log has format 4, and this picktree reads up to 3; upgrade picktree to read it"
     )
 
 

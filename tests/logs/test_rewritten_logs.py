@@ -15,6 +15,7 @@ from picktree.analysis.compare import diff, first_difference
 from picktree.files import PicktreeError
 from picktree.logs import RunLog
 from picktree.logs.log_files import Rotation
+from picktree.logs.log_records import FORMAT
 from picktree.logs.recording import Recorder
 from picktree.world import PlanningScene
 
@@ -185,7 +186,7 @@ def test_without_metadata_the_run_is_read_and_its_settings_are_unknown(
     with RunLog(log_path) as one, RunLog(content.write(tmp_path / "log.mcap")) as other:
         assert list(other.ticks()) == list(one.ticks())
         assert (other.run.seed, other.run.seed_text, other.run.tick) == (None, "seed unknown", 0.05)
-        assert other.format == 2
+        assert other.format == FORMAT
         assert other.lacks_result
         assert other.recovered == (
             f"{other.path}: it lacks its metadata: settings and result of the run are unknown"
@@ -252,7 +253,7 @@ def renamed(content: Content) -> Content:
         (
             renamed,
             "a log without ticks, written by other tool: it has /cell/bt/tree, /cell/scene/robot, "
-            "/cell/camera/overhead/calibration, /cell/camera/overhead/colour and 13 more; keep /bt/tick when "
+            "/cell/camera/overhead/calibration, /cell/camera/overhead/colour and 14 more; keep /bt/tick when "
             "a log is filtered",
         ),
     ],

@@ -59,7 +59,7 @@ def test_a_recovery_node_does_not_cure_a_fault_of_the_program() -> None:
     report = failed(run)
     assert str(report.cause) == "internal.error"
     assert (report.message, report.node) == (
-        "ZeroDivisionError while Scripted was ticked: scripted (scripted.py, line 113)",
+        "ZeroDivisionError while Scripted was ticked: scripted (scripted.py, line 102)",
         "Main/RecoveryNode/Do",
     )  # fmt: skip
     assert "start Cure" not in run.trace

@@ -14,7 +14,7 @@ from picktree.logs import RunResult
 from picktree.session import Observer, RecordedRun, RunRequest, Session, simulated_messages
 from picktree.session.checkpoints import RunState
 from picktree.session.run_recipe import Recording
-from picktree.trees import TickReport
+from picktree.world import Tick
 from picktree.world.world_facts import FeedProgressState
 
 SCENE = """\
@@ -56,7 +56,7 @@ class Progress(Observer):
     def __init__(self) -> None:
         self.seen: list[tuple[int, int]] = []
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         if (items_done, items_total) not in self.seen:
             self.seen.append((items_done, items_total))
 

@@ -16,6 +16,8 @@ import pytest
 
 from picktree.files import PicktreeError
 from picktree.logs import RunLog, RunResult, topics
+from picktree.logs.log_records import NodesMessage, TickMessage, decode
+from picktree.logs.node_states import NodeStates
 from picktree.logs.recording import Recorder
 from picktree.session import LiveServer, RunRequest, Session, WallClockPacer
 from picktree.world import PlanningScene
@@ -84,7 +86,7 @@ def test_who_comes_late_is_sent_what_still_holds(
     websocket: ModuleType, sample: ModuleType, tmp_path: Path
 ) -> None:
     cameras = [f"/camera/overhead/{what}" for what in ("calibration", "colour", "depth")]
-    states = ["/bt/tree", "/bt/tick", "/scene/robot", "/scene/objects", "/truth/objects", "/tf", *cameras]
+    states = ["/bt/tree", "/bt/nodes", "/scene/robot", "/scene/objects", "/truth/objects", "/tf", *cameras]
     passing = ["/events", "/log", "/plan", "/candidates", "/timing", "/wrench"]
     scene = PlanningScene([sample.TABLE], [sample.BIN])
     with (
@@ -95,9 +97,11 @@ def test_who_comes_late_is_sent_what_still_holds(
         for k in range(45):
             sample.step(recorder, scene, k)
         with websocket.Client(port_of(view)) as client:  # while the run stands still
-            client.wait_for([*states, *passing])
+            client.wait_for([*states, "/bt/tick", *passing])
             client.subscribe([*states, *passing])
             received = client.messages(len(states))
+            client.subscribe(["/bt/tick"])
+            ticks = client.messages(5)  # those since the snapshot at 2.0 s
             assert client.clock == 2_200_000_000
             sample.step(recorder, scene, 45)
             (following,) = client.messages(1)  # and nothing of what is over
@@ -107,7 +111,14 @@ def test_who_comes_late_is_sent_what_still_holds(
             last = log.last(message.topic, 2.2)
             assert last is not None
             assert (message.time, message.data) == (last.time, last.data), message.topic
-    assert {message.topic for message in received} == set(states)
+        assert {message.topic for message in received} == set(states)
+        snapshot = next(message for message in received if message.topic == "/bt/nodes")
+        nodes = NodeStates()
+        nodes.take(decode(NodesMessage, snapshot.data).nodes)
+        for message in ticks:
+            last_states = nodes.after(decode(TickMessage, message.data).transitions)
+        told = log.tick_at(2.2)
+        assert told is not None and last_states == told.record.nodes
 
 
 def test_a_client_that_does_not_listen_holds_up_nothing(websocket: ModuleType, tmp_path: Path) -> None:

@@ -32,8 +32,7 @@ from picktree.session import (
 from picktree.session.execution import TICK_LENGTH
 from picktree.session.run_recipe import Recording
 from picktree.simulation.kinematic import KinematicHardware
-from picktree.trees import TickReport
-from picktree.world import JournalEvent
+from picktree.world import JournalEvent, Tick
 
 from ..logs.rewriting import ORDER, WRITING, Content
 
@@ -88,7 +87,7 @@ class Killer(Observer):
     def started(self, run: Execution, folder: Path) -> None:
         self._run, self._log = run, folder / "log.mcap"
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         hardware = self._run.hardware
         assert isinstance(hardware, KinematicHardware)
         if items_done == 1 and self._run.world.scene.held is not None and hardware.bodies.held:

@@ -18,7 +18,8 @@ from picktree.session import Observer, RunRequest, Session, frozen_before_runs
 from picktree.session.checkpoints import RunState
 from picktree.session.execution import TICK_LENGTH
 from picktree.simulation import TrueBody
-from picktree.trees import NodeStatus, TickReport
+from picktree.trees import NodeStatus
+from picktree.world import Tick
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 TOPICS = {
@@ -44,7 +45,7 @@ spawn: [{of: {block: 1}, colours: [red], area: {min: [0.44, -0.1], max: [0.46, -
 class Interrupting(Observer):
     """Sends Ctrl-C while a tick is reported."""
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         if round(now / TICK_LENGTH) == 6:
             os.kill(os.getpid(), signal.SIGINT)
 

@@ -10,7 +10,7 @@ import pytest
 from picktree.logs import RunLog, RunResult
 from picktree.session import Execution, Observer, RunRequest, Session
 from picktree.session.mission_edits import FileWatch, MissionReload
-from picktree.trees import TickReport
+from picktree.world import Tick
 
 SORTING = """\
 picktree: 1
@@ -95,7 +95,7 @@ class Witness(Observer):
     def told(self, now: float, text: str) -> None:
         self.said.append((round(now, 2), text))
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         assert {node.path for node in report.nodes} == self.structures[-1]
 
     def heard(self, folder: Path) -> list[tuple[float, str]]:
@@ -322,7 +322,7 @@ class EditingWitness(Witness):
         super().__init__()
         self._file = file
 
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+    def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
         if round(now, 2) == 0.05:
             self._file.write_text(LOGGED)
 

@@ -19,9 +19,9 @@ from picktree.session.execution import TICK_LENGTH
 from picktree.simulation import Backend, build_hardware, score
 from picktree.simulation.physics import PhysicsHardware
 from picktree.simulation.scorer import Score
-from picktree.trees import Mission, NodeStatus, TickReport, build
+from picktree.trees import Mission, NodeStatus, build
 from picktree.trees.loading import NodeRegistry, load_mission, parse_mission
-from picktree.world import JournalEvent
+from picktree.world import JournalEvent, Tick
 from picktree.world.robot_model import RobotDescription, load_robot
 from picktree.world.scene import SceneDescription, load_scene
 
@@ -76,7 +76,7 @@ class Cell:
         """Another mission in the same world: what stands where, and what is believed, stay."""
         self.tree = build(mission, self.world)
 
-    def tick(self) -> TickReport:
+    def tick(self) -> Tick:
         report = self.tree.tick()
         self._note()
         if self.running:

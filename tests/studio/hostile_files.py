@@ -11,18 +11,23 @@ from types import ModuleType
 from picktree.apps.batch import RESULTS_FILE, Batch, BatchPlan, Store
 from picktree.apps.batch.tables import JobRows
 from picktree.files.file_system import ROOT
-from picktree.logs.log_records import NodeStatusRecord, Tick, TransitionRecord, Tree, TreeNode, WriteRecord
 from picktree.logs.recording import Recorder
 from picktree.world import (
+    BlackboardWrite,
     Box,
     CandidateEntry,
     CandidateSearchEntry,
     ImageEntry,
+    NodeState,
     ObjectId,
     OtherEvent,
     Plan,
     PlanningScene,
     Pose,
+    Tick,
+    Transition,
+    Tree,
+    TreeNode,
 )
 
 from ..batch.test_store import ITEMS, MISSED, SLIP
@@ -72,18 +77,18 @@ def hostile_log(sample: ModuleType, path: Path) -> None:
                 candidate = CandidateEntry(IMAGE, Pose(), 0.7, MARKUP, LINK)
                 recorder.entry(now, CandidateSearchEntry(IMAGE, item.id, {MARKUP: 1}, (candidate,)))
             ends = tuple(
-                TransitionRecord(node, "FAILURE", cause=cause, origin=leaf, message=MARKUP, evidence=both)
+                Transition(node, "FAILURE", cause=cause, origin=leaf, message=MARKUP, evidence=both)
                 for node in (leaf, main)
             )
             begins = (
-                TransitionRecord(main, "RUNNING"),
-                TransitionRecord(leaf, "RUNNING", {IMAGE: LINK}, str(item.id)),
+                Transition(main, "RUNNING"),
+                Transition(leaf, "RUNNING", {IMAGE: LINK}, str(item.id)),
             )
             nodes = (
-                NodeStatusRecord(main, "Sequence", status, True, "", cause),
-                NodeStatusRecord(leaf, IMAGE, status, True, MARKUP, cause, both if failed else {}),
+                NodeState(main, "Sequence", status, True, "", cause),
+                NodeState(leaf, IMAGE, status, True, MARKUP, cause, both if failed else {}),
             )
-            writes = (WriteRecord(f"/{IMAGE}", [MARKUP, LINK], main),) if k == 0 else ()
+            writes = (BlackboardWrite(f"/{IMAGE}", [MARKUP, LINK], main),) if k == 0 else ()
             moved = begins if k in (0, 31) else ends if failed else ()
             recorder.transforms(now, sample.LINKS, scene.objects)
             recorder.belief(now, scene.objects, scene.take_changes())

@@ -9,20 +9,7 @@ from textwrap import dedent
 from typing import TYPE_CHECKING, ClassVar, cast
 
 from picktree.files import ANY, ValueType
-from picktree.trees import (
-    ARM,
-    BehaviourTree,
-    In,
-    Mission,
-    Node,
-    NodeStatus,
-    Out,
-    Skill,
-    Steps,
-    TickReport,
-    build,
-    port,
-)
+from picktree.trees import ARM, BehaviourTree, In, Mission, Node, NodeStatus, Out, Skill, Steps, build, port
 from picktree.trees.loading import NodeRegistry, parse_mission
 from picktree.world import (
     BeliefObject,
@@ -31,11 +18,13 @@ from picktree.world import (
     Failure,
     Journal,
     JournalEvent,
+    NodeState,
     ObjectId,
     Plain,
     PlanningScene,
     Pose,
     RandomStreams,
+    Tick,
     cause_named,
     control,
     grasp,
@@ -196,6 +185,14 @@ def mission(body: str) -> Mission:
     return parse_mission(text, FILE, registry(), facts=AnyFacts())
 
 
+def state_of(node: Node) -> NodeState:
+    """The state of a node as the node itself has it."""
+    failure = node.failure
+    message, cause = (failure.message, failure.cause.name) if failure else (node.feedback_message, "")
+    evidence = dict(failure.evidence) if failure else {}
+    return NodeState(node.path, node.wiring.id, node.state, node.ticked, message, cause, evidence)
+
+
 @dataclass
 class Run:
     """A tree with its world; `tick` lets one tick of simulated time pass afterwards."""
@@ -204,7 +201,12 @@ class Run:
     world: FakeWorld
 
     def tick(self) -> NodeStatus:
-        self.report: TickReport = self.tree.tick()
+        """Tick once; the transitions of the tick must lead from the states before to those after it."""
+        states = {node.path: state_of(node) for node in self.tree.nodes}
+        self.report: Tick = self.tree.tick()
+        for each in self.report.transitions:
+            states[each.path] = each.state(states[each.path].id)
+        assert tuple(states.values()) == self.report.nodes == tuple(map(state_of, self.tree.nodes))
         self.world.clock.now += TICK
         return self.tree.status
 

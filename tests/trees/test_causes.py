@@ -101,7 +101,7 @@ def test_the_failure_is_gone_after_a_success() -> None:
     started.tick()
     assert started.tree.find("Main/RetryUntilSuccessful/A").failure is None
     assert started.tick() is NodeStatus.SUCCESS
-    assert {n.cause for n in started.report.nodes} == {None}
+    assert {n.cause for n in started.report.nodes} == {""}
 
 
 def test_a_cause_that_was_not_declared_is_noted() -> None:

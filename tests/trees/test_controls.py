@@ -131,7 +131,7 @@ def test_halted_after_any_tick_everything_is_idle_and_a_new_start_is_like_the_fi
         report = started.tree.halt()
         assert started.trace == [f"halt {name}" for name in running]
         assert {node.status for node in report.nodes} == {NodeStatus.IDLE}
-        assert all(node.cause is None for node in report.nodes)
+        assert not any(node.cause for node in report.nodes)
         if control == "RunOnce":
             continue  # it is to remember
         for node in started.tree.nodes:

@@ -55,11 +55,10 @@ def test_paths_are_names_from_the_root_and_a_second_of_the_same_name_is_numbered
 def test_the_structure_names_parents_children_and_ports_as_the_file_says_them() -> None:
     infos = {info.path: info for info in start(SORT).tree.structure()}
     loop = infos["Main/Repeat/Sequence/ForEach"]
-    assert (loop.id, loop.kind, loop.parent) == ("ForEach", "decorator", "Main/Repeat/Sequence")
+    assert (loop.id, loop.parent) == ("ForEach", "Main/Repeat/Sequence")
     assert loop.children == ("Main/Repeat/Sequence/ForEach/SortOne",)
     assert loop.ports == {"in": "{items}", "out": "{item}"}
-    assert infos[loop.children[0]].kind == "subtree"
-    assert infos["Main"].parent is None
+    assert infos["Main"].parent == ""
 
 
 def test_a_list_for_one_child_is_a_sequence_named_after_its_place() -> None:

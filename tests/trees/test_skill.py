@@ -140,7 +140,7 @@ def test_a_crash_is_an_internal_error_with_its_traceback() -> None:
     report = run.tree.failure
     assert report is not None
     assert str(report.cause) == "internal.error"
-    assert report.message == "ZeroDivisionError while Scripted was ticked: scripted (scripted.py, line 113)"
+    assert report.message == "ZeroDivisionError while Scripted was ticked: scripted (scripted.py, line 102)"
     assert 'raise ZeroDivisionError("scripted")' in str(report.evidence["traceback"])
     assert [n.message for n in run.notes("internal_error")] == [report.message]
 

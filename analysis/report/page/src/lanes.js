@@ -86,7 +86,6 @@ export class Lanes {
     const colour = (name) => `color:var(--${name})`;
     host.classList.add("lanes");
     host.append(
-      section.note ? made("p", { class: "lanes-note" }, section.note) : "",
       made("div", { class: "lanes-grid" },
         made("div", { class: "lanes-corner" }, made("span", {}, "item"), made("span", {}, "events"), made("span", {}, "time")),
         this.bandCanvas, this.scroller, this.cursor, this.none,

@@ -42,12 +42,9 @@ export class Visits {
     return this.words[this.columns[column][i]];
   }
 
-  // A failure that came up in this very node. Logs of format 1 do not tell.
+  // A failure that came up in this very node.
   failedItself(i) {
-    if (!this.failed(i)) return false;
-    const { path, leaf } = this.nodes[this.columns.node[i]];
-    const origin = this.word("origin", i);
-    return origin ? origin === path : leaf;
+    return this.failed(i) && this.word("origin", i) === this.nodes[this.columns.node[i]].path;
   }
 
   // Place among the node's own visits of the first that ends at `time` or later.
