@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import math
 from collections import Counter, defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
@@ -58,6 +59,7 @@ def picks_of(events: Iterable[Stamped[JournalEvent]]) -> tuple[Pick, ...]:
 
 
 HALTED: Final = "HALTED"
+_TIME_TOLERANCE: Final = 1e-6
 Key: TypeAlias = tuple[str, str, int]
 """Key of a visit in two runs: (item, node path, attempt)."""
 
@@ -133,6 +135,58 @@ class Visit:
     def failed_itself(self) -> bool:
         """Whether the visit ended in a failure that came from this very node, not from one below it."""
         return self.outcome == "FAILURE" and bool(self.cause) and self.origin == self.path
+
+
+@dataclass(frozen=True, slots=True)
+class SkillStep:
+    """Step of a skill that has ended, such as the closing of the fingers within a grasp."""
+
+    visit: int
+    """Number of the visit of the skill's node."""
+    node: str
+    """Path of the node."""
+    item: str
+    """Id of the object that the visit is about; empty when there is none."""
+    name: str
+    start: float
+    """Start, simulated s."""
+    end: float
+    outcome: str
+    """`success`, `failure` or `halted`."""
+    cause: str
+    """Cause of a failure; else empty."""
+
+
+def steps_of(events: Iterable[Stamped[JournalEvent]], visits: Iterable[Visit]) -> tuple[SkillStep, ...]:
+    """Return the steps of skills in the order of their ends."""
+    by_node: dict[str, list[Visit]] = defaultdict(list)
+    for visit in visits:
+        by_node[visit.path].append(visit)
+    steps: list[SkillStep] = []
+    for at in events:
+        step = at.record
+        if not isinstance(step, event_types.StepEvent):
+            continue
+        own = by_node[step.node]
+        place = bisect.bisect_right(own, at.time + _TIME_TOLERANCE, key=lambda visit: visit.start) - 1
+        # A visit may begin in the tick in which the one before has ended.
+        while place > 0 and own[place].start > step.start + _TIME_TOLERANCE:
+            place -= 1
+        if place >= 0:
+            visit = own[place]
+            steps.append(
+                SkillStep(
+                    visit.number,
+                    step.node,
+                    visit.item,
+                    step.step,
+                    step.start,
+                    at.time,
+                    step.outcome,
+                    step.cause,
+                )
+            )
+    return tuple(steps)
 
 
 class VisitTree:

@@ -14,7 +14,7 @@ from picktree.world import JournalEvent, Plan, Tree, TreeNode
 
 from . import topics
 from .log_records import Candidates, LogLine, RunInfo, Scene
-from .node_visits import Pick, Visit, picks_of
+from .node_visits import Pick, SkillStep, Visit, picks_of, steps_of
 from .run_account import RunAccount, account_of
 from .run_log import RunLog, Stamped
 from .run_result import RunResult
@@ -154,6 +154,11 @@ class RunRecord:
     def visits(self) -> tuple[Visit, ...]:
         """Activations of nodes from start to end, in order of their starts."""
         return self.account.visits
+
+    @cached_property
+    def steps(self) -> tuple[SkillStep, ...]:
+        """Steps of skills, such as `approach`, `close` and `lift` of a grasp, in the order of their ends."""
+        return steps_of(self.events, self.visits)
 
     @cached_property
     def account(self) -> RunAccount:

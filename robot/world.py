@@ -3,12 +3,13 @@ and motions."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from picktree.robot.planning import MotionPlan, Scaling
-from picktree.world import NoFeed, ObjectId, Pose, facts, world_facts
+from picktree.world import Failure, NoFeed, ObjectId, Pose, event_types, facts, world_facts
 
 from .operator_desk import OperatorRequests
 
@@ -157,6 +158,40 @@ class World:
     operator: OperatorRequests = field(default_factory=OperatorRequests)
     tick: float = 0.05
     """Time between two ticks of the tree, s."""
+    running_steps: dict[str, str] = field(default_factory=dict[str, str])
+    """Step that a skill is in, by the path of its node; see `step`."""
+
+    @contextmanager
+    def step(self, node: str, name: str) -> Generator[None]:
+        """Show the work done inside as a step of the skill at `node`: in its message, and as an event.
+
+        A step inside another takes its place meanwhile.
+        """
+        outer = self.running_steps.get(node)
+        self.running_steps[node] = name
+        start, outcome, cause = self.clock.now, "success", ""
+        try:
+            yield
+        except GeneratorExit:
+            outcome = "halted"
+            raise
+        except Failure as failure:
+            outcome, cause = "failure", failure.cause.name
+            raise
+        finally:
+            if outer is None:
+                del self.running_steps[node]
+            else:
+                self.running_steps[node] = outer
+            seconds = f"{self.clock.now - start:.2f} s"
+            message = {
+                "success": f"{name}: {seconds}",
+                "failure": f"{name} failed after {seconds}: {cause}",
+                "halted": f"{name} halted after {seconds}",
+            }[outcome]
+            self.journal.note(
+                event_types.StepEvent(message, node, step=name, start=start, outcome=outcome, cause=cause)
+            )
 
     def to_do(self) -> tuple[BeliefObject, ...]:
         """Return the items that are believed to be neither at their destination nor set aside."""

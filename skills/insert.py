@@ -80,7 +80,8 @@ class Insert(Skill):
         world.handover.drop()
         held, _ = yield from held_object.check_held_object(world, self.object)
         task = yield from insertion.choose_hole(world, held, self.into, self.path)
-        yield from insertion.move_over_hole(world, self.object, task, self.speed, self.path)
+        with world.step(self.path, "transfer"):
+            yield from insertion.move_over_hole(world, self.object, task, self.speed, self.path)
         held, _ = yield from held_object.check_held_object(world, self.object)
         hanging = world.control.load()
         touch = InsertionParameters(
@@ -92,7 +93,8 @@ class Insert(Skill):
         )
         if not result.inserted:
             raise (yield from insertion.explain_missed_insertion(world, self.object, task, result))
-        yield from withdraw(world, self.path)
+        with world.step(self.path, "withdraw"):
+            yield from withdraw(world, self.path)
         yield from held_object.confirm_release(world, held, hanging, insert.MISSED, hole=task.hole.id)
         world.journal.note(
             event_types.ItemDoneEvent(

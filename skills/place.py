@@ -64,7 +64,8 @@ class Place(Skill):
     def run(self, world: World) -> Steps:
         bin_belief.apply_bin_exchanges(world, self.path)
         task = object_placement.PlaceTask(self.object, self.path, self.into, tuple(self.at), self.speed)
-        spot = yield from object_placement.carry_to_place(world, task)
+        with world.step(self.path, "transfer"):
+            spot = yield from object_placement.carry_to_place(world, task)
         held = yield from object_placement.lower_and_release(world, task, spot)
         if self.into in world.scene.regions:
             world.scene.remove(held.id, held_object.PUT_BACK)

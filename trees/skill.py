@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from typing import TYPE_CHECKING, ClassVar, Final, TypeAlias, TypeVar, cast
 
 from picktree.world import Failure, FailureReport, event_types, internal, tree
@@ -62,6 +62,8 @@ class Skill(Node, abstract=True):
         self._steps: Steps | None = None
         self._began = 0.0
         self._known_stop: FailureReport | None = None
+        self._step = ""
+        """Step that the message shows."""
 
     @abstractmethod
     def run(self, world: World) -> Steps:
@@ -70,6 +72,7 @@ class Skill(Node, abstract=True):
 
     def on_start(self) -> None:
         self._steps = None
+        self._step = ""
         self._began = self.world.clock.now
         self._known_stop = self._stop()
 
@@ -113,7 +116,16 @@ class Skill(Node, abstract=True):
                 next(self._steps)
         except StopIteration:
             return self._finished()
+        finally:
+            self._show_step()
         return NodeStatus.RUNNING
+
+    def _show_step(self) -> None:
+        """Show the step that the body is in as the message. A rehearsal's world has no steps."""
+        running: Mapping[str, str] = getattr(self.world, "running_steps", {})
+        step = running.get(self.path, "")
+        if step != self._step:
+            self._step = self.feedback_message = step
 
     def _stop(self) -> FailureReport | None:
         """Return the latched safety stop if it concerns this skill. None in a rehearsal, which has no

@@ -56,6 +56,15 @@ class LogEvent(JournalEvent, kind="log"):
     value: Annotated[Plain, "logged value"]
 
 
+class StepEvent(JournalEvent, kind="step"):
+    """A step of a skill has ended, such as the closing of the fingers within a grasp."""
+
+    step: Annotated[str, "name of the step"]
+    start: Annotated[float, "start of the step, simulated", "s"]
+    outcome: Annotated[str, "`success`, `failure` or `halted`"] = "success"
+    cause: Annotated[str, "cause of a failure; else empty"] = ""
+
+
 class PostconditionFailedEvent(JournalEvent, kind="postcondition_failed"):
     """A node succeeded, but its postcondition does not hold."""
 

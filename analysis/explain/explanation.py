@@ -135,6 +135,8 @@ class FailureStory:
     sentence: str
     """Meaning of the cause; with `remedy` the first remedy. Both concern the cause, not this failure."""
     remedy: str
+    step: str
+    """Step of the skill that failed, such as `lift`; empty when it was in none."""
     message: str
     """Message of the node."""
     evidence: Values

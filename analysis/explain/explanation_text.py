@@ -256,7 +256,8 @@ class ExplanationText:
         name = self._names.get(story.node, story.node)
         fine = story.fate in ("cured", "done_instead")
         cause = self._paint(story.cause, "hint" if fine else "warning")
-        yield f"  {story.time:7.2f} s  {name}{about}{again}: {cause}"
+        step = f", step {story.step}" if story.step else ""
+        yield f"  {story.time:7.2f} s  {name}{about}{again}{step}: {cause}"
         yield from wrapped(story.message or story.sentence, _BODY)
         for choice in (c for c in story.choices if _tells(c, story)):
             yield from wrapped(_choice(choice), _BODY, _HANGING)

@@ -124,7 +124,10 @@ def _under_way(case: Investigation) -> tuple[str, ...]:
             f"and {len(lost)} of them were not cured"
         )
     running = [v for v in case.family.visits if v.outcome == "RUNNING" and not case.family.children(v)]
-    told = [f"{v.name_and_item} (for {v.duration:.1f} s)" for v in running]
+    last = case.run.log.tick_at(case.run.last_tick)
+    messages = {} if last is None else {node.path: node.message for node in last.record.nodes}
+    spans = {v.number: [f"for {v.duration:.1f} s", messages.get(v.path, "")] for v in running}
+    told = [f"{v.name_and_item} ({', '.join(filter(None, spans[v.number]))})" for v in running]
     return (*reasons, f"what ran then: {listed(told, 5)}") if told else tuple(reasons)
 
 

@@ -232,6 +232,7 @@ def _story(run: RunRecord, number: int, failure: Failure, cause: Cause | None) -
         cause=source.cause,
         sentence=cause.sentence if cause else "",
         remedy=remedy_of(cause, source.evidence) if cause else "",
+        step=next((step.name for step in reversed(run.steps) if _failed_in(step, source)), ""),
         message=source.message,
         evidence=source.evidence,
         chain=course.chain,
@@ -243,6 +244,10 @@ def _story(run: RunRecord, number: int, failure: Failure, cause: Cause | None) -
         choices=choices_before(run, source),
         observed=(),
     )
+
+
+def _failed_in(step: node_visits.SkillStep, visit: node_visits.Visit) -> bool:
+    return (step.visit, step.outcome) == (visit.number, "failure") and math.isclose(step.end, visit.end)
 
 
 def _follows(

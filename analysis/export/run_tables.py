@@ -145,6 +145,7 @@ class FailureRow:
     item: Item
     attempt: Annotated[int, ColumnDoc("of that node for that item")]
     cause: Cause
+    step: Annotated[str, ColumnDoc("step of the skill that failed; empty when it was in none")]
     message: Message
     fate: Annotated[str, ColumnDoc("cured, done_instead, passed_over, branched, ended or open")]
     fate_by: Annotated[str, ColumnDoc("path of the node that decided it")]
@@ -277,6 +278,20 @@ def run_rows(run: Run) -> Iterator[RunRow]:
         yield RunRow("digest", run.result.digest)
 
 
+@dataclass(frozen=True, slots=True)
+class StepRow:
+    """Step of a skill."""
+
+    visit: Annotated[int, ColumnDoc("number of the visit of the skill's node")]
+    node: Annotated[str, ColumnDoc("path of the node")]
+    item: Annotated[str, ColumnDoc("object that the visit is about; empty when there is none")]
+    name: Annotated[str, ColumnDoc("name of the step, such as `approach`, `close`, `lift`")]
+    start: Annotated[float, ColumnDoc("simulated time of its start", "s")]
+    end: Annotated[float, ColumnDoc("simulated time of its end", "s")]
+    outcome: Annotated[str, ColumnDoc("`success`, `failure` or `halted`")]
+    cause: Annotated[str, ColumnDoc("cause of a failure; else empty")]
+
+
 R = TypeVar("R")
 
 
@@ -320,6 +335,11 @@ def visits(run: Run) -> Iterator[VisitRow]:
             VisitRow, v, visit=v.number, first_tick=v.first, last_tick=v.last,
             inputs=_json(v.inputs), evidence=_json(v.evidence),
         )  # fmt: skip
+
+
+def steps(run: Run) -> Iterator[StepRow]:
+    for step in run.steps:
+        yield row_of(StepRow, step)
 
 
 def plans(run: Run) -> Iterator[PlanRow]:
@@ -439,6 +459,7 @@ TABLES: tuple[TableSpec[Any], ...] = (
     ),
     TableSpec("ticks", "a tick of the tree", TickRow, ticks),
     TableSpec("visits", "an activation of a node, from its beginning to its end", VisitRow, visits),
+    TableSpec("steps", "a step of a skill, such as the closing of the fingers", StepRow, steps),
     TableSpec("failures", "a failure with a cause, and what became of it", FailureRow, failures),
     TableSpec("items", "an item, as the robot believed", ItemRow, items),
     TableSpec("picks", "a closing of the fingers on an object", PickRow, picks),

@@ -24,7 +24,7 @@ MAX_LEAF_LANES = 12
 """Maximum number of lanes of leaves."""
 MAX_INNER_LANES = 5
 """Maximum number of lanes of nodes with children, besides the root."""
-_LANE_EVENTS = ("fault", "pick", "recovery", "item_done", "safety_stop", "mission_edited")
+_LANE_EVENTS = ("fault", "step", "pick", "recovery", "item_done", "safety_stop", "mission_edited")
 """Kinds of event that have a lane where the log holds any."""
 _VIEW_MARGIN = 1.15
 """Factor by which the view is larger than the scene's sphere."""

@@ -131,7 +131,9 @@ class NodeActivity:
             words.append(f"→ {into}")
         if visit.attempt > 1:
             words.append(f"· attempt {visit.attempt}")
-        return node, " ".join([*words, message]).strip()
+        if message:
+            words.append(f"· {message}")
+        return node, " ".join(words)
 
     def trouble(self, time: float, hold: float) -> CaptionFailure | None:
         """Return the last failure of the `hold` simulated seconds before; None for none."""

@@ -56,6 +56,7 @@ def pack_lanes(run: Run) -> Section:
             "nodes": [asdict(node) for node in table.nodes],
             "outcomes": list(OUTCOMES),
             "visits": _visits(visits, table),
+            "steps": _steps(run, table),
             "items": [{**asdict(span), "colour": colours.get(span.item, "")} for span in item_spans(visits)],
             "marks": [
                 {"time": at.time, **{name: getattr(at.record, name) for name in ("kind", "message", "node")}}
@@ -64,6 +65,21 @@ def pack_lanes(run: Run) -> Section:
             ],
         },
     )
+
+
+def _steps(run: Run, table: TickTable) -> dict[str, Packable]:
+    """Pack the steps of skills as (name, start, end, outcome), by the place of their visit."""
+    numbers = {node.path for node in table.nodes}
+    places = {
+        visit.number: place
+        for place, visit in enumerate(visit for visit in run.account.visits if visit.path in numbers)
+    }
+    steps: dict[str, Packable] = {}
+    for step in run.steps:
+        if step.visit in places:
+            packed: list[Packable] = [step.name, step.start, step.end, step.outcome]
+            cast("list[Packable]", steps.setdefault(str(places[step.visit]), [])).append(packed)
+    return steps
 
 
 def item_spans(visits: Sequence[node_visits.Visit]) -> tuple[ItemSpan, ...]:

@@ -335,6 +335,8 @@ class InsertionMotion(PegMotion):
         self._search: Search = search
         self._steps: Generator[None, ContactState, None] | None = None
         self.outcome: Outcome = "under way"
+        self.stage: Literal["touch", "search", "press", "withdraw"] = "touch"
+        """Present part of the motion."""
         self.searched = 0.0
         """Greatest distance of a searched point from the believed middle, m."""
         self.tried: list[str] = []
@@ -374,6 +376,10 @@ class InsertionMotion(PegMotion):
         else:
             yield from self._leave(felt)
 
+    def _leave(self, felt: ContactState) -> Part:
+        self.stage = "withdraw"
+        return (yield from super()._leave(felt))
+
     def _way(self, number: int) -> str:
         """Return the next search method. A spiral follows a tilt that found nothing; after a jam the peg
         leans the other way."""
@@ -387,6 +393,7 @@ class InsertionMotion(PegMotion):
         """Run one search; skip it when the peg is in the hole already."""
         if self.depth >= self._touch.drop:
             return felt
+        self.stage = "search"
         self._side = -1.0 if way == "tilt back" else 1.0
         if way == "spiral":
             return (yield from self._spiral(felt))
@@ -405,6 +412,7 @@ class InsertionMotion(PegMotion):
 
     def _descend(self, felt: ContactState) -> Part:
         """Move straight down until the surface is touched, or the peg is in the hole at once."""
+        self.stage = "touch"
         up, most = self._mouth.up, self._touch.contact
         self.velocity = -SURFACE_DESCENT_SPEED * up
         while True:
@@ -555,6 +563,7 @@ class InsertionMotion(PegMotion):
     def _press(self, felt: ContactState) -> Part:
         """Press the peg to the bottom with a wiggle. Where it stands before, pull it back and press
         harder."""
+        self.stage = "press"
         touch, mouth = self._touch, self._mouth
         x, y = perpendicular_axes(mouth.up)
         base, begun = self.rotation, felt.elapsed

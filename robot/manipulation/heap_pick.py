@@ -67,9 +67,10 @@ class HeapPickTask:
 def look_into_tote(world: World, task: HeapPickTask) -> Doing[BeliefObject]:
     """Look at the tote, and return its heap. Raises grasp.no_candidate when it is empty, and
     perception.not_found when the camera does not show it."""
-    yield from world.control.settle()
-    before = world.vision.heaps.get(task.tote)
-    yield from world.vision.look(task.camera)
+    with world.step(task.node, "look"):
+        yield from world.control.settle()
+        before = world.vision.heaps.get(task.tote)
+        yield from world.vision.look(task.camera)
     if world.vision.heaps.get(task.tote) is before:
         raise Failure(perception.NOT_FOUND, f"{task.camera} does not show {task.tote}", object=task.tote)
     found = world.scene.find(heap_geometry.heap_id(task.tote))
@@ -121,7 +122,8 @@ def _find(world: World, task: HeapPickTask, belief: BeliefObject) -> Doing[PickP
         if not offered:
             continue
         search = CandidateSearch(world, belief, offered, task.node)
-        found = yield from plan_after_stop(world, lambda s=search: s.find(speed=task.speed), task.node)
+        with world.step(task.node, "choose"):
+            found = yield from plan_after_stop(world, lambda s=search: s.find(speed=task.speed), task.node)
         if found is not None:
             return found
         trail = search.trail.entry()
@@ -142,19 +144,23 @@ def _pick(
 ) -> Doing[ObjectId]:
     """Grasp, lift and weigh. Raises grasp.missed or grasp.slipped when nothing is held after the lift."""
     press = grip_force(None, task.force, world.robot.description.gripper)
-    yield from world.control.settle()
-    world.control.zero()
-    world.gripper.start(candidate.grasp.opening)
-    trajectory = candidate.approach.trajectory
-    yield from world.move.along(
-        trajectory, guard=world.handling.guard, watch=world.gripper.late, node=task.node
-    )
-    closed = yield from close(world, press, task.node)
+    with world.step(task.node, "approach"):
+        yield from world.control.settle()
+        world.control.zero()
+        world.gripper.start(candidate.grasp.opening)
+        trajectory = candidate.approach.trajectory
+        yield from world.move.along(
+            trajectory, guard=world.handling.guard, watch=world.gripper.late, node=task.node
+        )
+    with world.step(task.node, "close"):
+        closed = yield from close(world, press, task.node)
     thing = _believe_thing(world, task, closed.width, press)
     hold = GripCheck(closed.width, None)
     try:
-        yield from _lift_out(world, task, thing)
-        hold = yield from measure_grip(world)
+        with world.step(task.node, "lift"):
+            yield from _lift_out(world, task, thing)
+        with world.step(task.node, "weigh"):
+            hold = yield from measure_grip(world)
     finally:
         _note(world, task, thing, candidate, hold)
     if hold.held and hold.load is not None:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -42,6 +43,8 @@ from picktree.world.scene import Fixture, Hole
 
 from .held_object import fail_as_slipped, measure_grip, release_held_object
 from .replanning import follow_with_replanning
+
+T = TypeVar("T")
 
 if TYPE_CHECKING:
     from picktree.robot import World
@@ -323,17 +326,42 @@ def insert_by_contact(
             LINEAR_STIFFNESS,
         )
         stiffness = CartesianStiffness(linear=LINEAR_STIFFNESS, angular=ANGULAR_STIFFNESS)
-        done = yield from world.move.comply(motion, SEARCH_TIME_LIMIT, stiffness=stiffness, node=node)
+        done = yield from _in_stages(
+            world, node, motion, world.move.comply(motion, SEARCH_TIME_LIMIT, stiffness=stiffness, node=node)
+        )
         if not done.finished:
             out = ExtractionMotion(motion.up, motion.depth)
-            yield from world.move.comply(
-                out, SEARCH_TIME_LIMIT, stiffness=stiffness, zero=done.zero, node=node
-            )
+            with world.step(node, "withdraw"):
+                yield from world.move.comply(
+                    out, SEARCH_TIME_LIMIT, stiffness=stiffness, zero=done.zero, node=node
+                )
         result = InsertionResult(motion, depth, width, done.force, done.seconds)
         if result.inserted:
             resting = inserted_pose(task, world.control.tcp)
-            yield from release_held_object(world, held, resting, task.hole.id, "inserted")
+            with world.step(node, "release"):
+                yield from release_held_object(world, held, resting, task.hole.id, "inserted")
     return result
+
+
+def _in_stages(world: World, node: str, motion: InsertionMotion, doing: Doing[T]) -> Doing[T]:
+    """Run the motion; each of its stages is a step."""
+    step = partial(next, doing)
+    while True:
+        stage = motion.stage
+        with world.step(node, stage):
+            while motion.stage == stage:
+                try:
+                    step()
+                except StopIteration as end:
+                    return end.value
+                try:
+                    yield
+                    step = partial(next, doing)
+                except GeneratorExit:
+                    doing.close()
+                    raise
+                except Failure as failure:
+                    step = partial(doing.throw, failure)
 
 
 def explain_missed_insertion(

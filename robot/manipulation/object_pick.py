@@ -102,9 +102,10 @@ def _approach_or_stop(world: World, task: PickTask, replans: ReplanBudget) -> Do
     offered = world.attempts.remaining(task.node, task.object, ranked)
     search = CandidateSearch(world, belief, offered, task.node)
     while True:
-        found = yield from plan_after_stop(
-            world, lambda: search.find(speed=task.speed, gently=task.gently), task.node
-        )
+        with world.step(task.node, "choose"):
+            found = yield from plan_after_stop(
+                world, lambda: search.find(speed=task.speed, gently=task.gently), task.node
+            )
         if found is None and search.cramped and not leaning:
             leaning, more = True, leaning_object_grasps(belief, gripper)
             ranked += more
@@ -120,14 +121,17 @@ def _approach_or_stop(world: World, task: PickTask, replans: ReplanBudget) -> Do
             raise failure
         candidate, watch = found, moved
         try:
-            if task.servo and world.vision.hand is not None:
-                candidate = yield from servo_to_grasp(
-                    world, found, task.node, task.speed, first=first, watch=watch
+            with world.step(task.node, "approach"):
+                if task.servo and world.vision.hand is not None:
+                    candidate = yield from servo_to_grasp(
+                        world, found, task.node, task.speed, first=first, watch=watch
+                    )
+                    # Detections of the hand camera count; another camera may err by its mounting.
+                    watch = None
+                transfer = (
+                    plan_transfer_ahead(world, candidate, task.speed, task.node) if task.onward else None
                 )
-                # Detections of the hand camera count; another camera may err by its mounting.
-                watch = None
-            transfer = plan_transfer_ahead(world, candidate, task.speed, task.node) if task.onward else None
-            yield from _move_to_grasp(world, task, candidate, transfer, watch)
+                yield from _move_to_grasp(world, task, candidate, transfer, watch)
         except TransferRefused as failure:
             search.refuse(candidate, failure)
         except TargetMoved as failure:
@@ -237,7 +241,8 @@ def close_on_object(
     object_in_tcp = world.control.tcp.inverse() @ belief.pose
     if transfer is None and candidate.landing is not None and task.onward:
         transfer = plan_transfer_from_here(world, candidate, object_in_tcp, task.speed, task.node)
-    closed = yield from close(world, press, task.node)
+    with world.step(task.node, "close"):
+        closed = yield from close(world, press, task.node)
     if closed.gave_way and transfer is not None:
         transfer = plan_transfer_from_here(world, candidate, object_in_tcp, task.speed, task.node)
     felt = GripCheck(closed.width, None)
@@ -292,14 +297,16 @@ def lift_object(world: World, task: PickTask, grip: ClosedGrip) -> Doing[LostGra
 def _lift(world: World, task: PickTask, grip: ClosedGrip) -> Doing[GripCheck]:
     """Lift the object and measure the grip, on the way to the bin or at rest."""
     transfer = grip.transfer
-    plan = None if transfer is None or grip.felt.empty else (yield from take_transfer(world, transfer))
-    if plan is None:
-        yield from lift(world, task.object, task.node)
-    else:
-        hold = yield from _lift_onward(world, task, grip, plan)
-        if hold is not None:
-            return hold
-    return (yield from measure_grip(world))
+    with world.step(task.node, "lift"):
+        plan = None if transfer is None or grip.felt.empty else (yield from take_transfer(world, transfer))
+        if plan is None:
+            yield from lift(world, task.object, task.node)
+        else:
+            hold = yield from _lift_onward(world, task, grip, plan)
+            if hold is not None:
+                return hold
+    with world.step(task.node, "weigh"):
+        return (yield from measure_grip(world))
 
 
 def _lift_onward(world: World, task: PickTask, grip: ClosedGrip, plan: MotionPlan) -> Doing[GripCheck | None]:

@@ -237,13 +237,20 @@ def lower_and_release(world: World, task: PlaceTask, spot: ReleaseSpot) -> Doing
 
     Raises grasp.slipped when it is not held before, and place.missed when it still hangs on the open hand.
     """
-    hanging = spot.weight
-    if hanging is None:
-        yield from measure_held_object(world, task.object)
-        hanging = world.control.load()
+    with world.step(task.node, "lower"):
+        hanging = spot.weight
+        if hanging is None:
+            yield from measure_held_object(world, task.object)
+            hanging = world.control.load()
+        held = world.scene.get(task.object)
+        yield from lower(world, held, None if task.at else task.bin(world), task.node)
+    with world.step(task.node, "release"):
+        return (yield from _release(world, task, spot, hanging))
+
+
+def _release(world: World, task: PlaceTask, spot: ReleaseSpot, hanging: float) -> Doing[BeliefObject]:
+    """Open the fingers at the spot and withdraw; `hanging`: weight of the object as felt before, N."""
     held = world.scene.get(task.object)
-    yield from lower(world, held, None if task.at else task.bin(world), task.node)
-    held = world.scene.get(held.id)
     resting = held.pose if task.at else _resting_pose(task.bin(world), held, spot)
     fragile = is_fragile(world, held.kind)
     if not task.at and not fragile:

@@ -525,7 +525,8 @@ def execute_stroke(
     """
     stroke = one.stroke
     start = stroke.tcp_at(-stroke.gap, one.height, one.flipped)
-    yield from move_to_start(world, one.over, start, one.opening, node)
+    with world.step(node, "approach"):
+        yield from move_to_start(world, one.over, start, one.opening, node)
     course = PushMotion(
         stroke.way,
         stroke.side.tool,
@@ -536,7 +537,8 @@ def execute_stroke(
         rolls=stroke.side.rolls,
     )
     along = {} if along is None else along
-    force = yield from follow_course(world, course, (belief.id, *along), node)
+    with world.step(node, "stroke"):
+        force = yield from follow_course(world, course, (belief.id, *along), node)
     touched = course.touched_at is not None
     ends = stroke.side.object(course.carrier)
     pushed = PushResult(touched, course.in_contact, course.blocked, course.lost, course.reached, force, ends)

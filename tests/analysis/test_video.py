@@ -130,7 +130,7 @@ def test_what_runs_and_how_much_is_done_is_said(picked: RunResult) -> None:
             (caption.node, caption.message, caption.done)
             for caption in (frame.caption for frame in moments(log, [1.0, log.end], (0.0, log.end)))
         ]
-    assert said[0] == ("Grasp", "blue_plate_1", "0 of 4 items done")
+    assert said[0] == ("Grasp", "blue_plate_1 · approach", "0 of 4 items done")
     assert said[1] == ("SUCCESS", "", "1 of 4 items done")
 
 

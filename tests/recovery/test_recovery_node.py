@@ -10,7 +10,7 @@ from picktree.trees import NodeStatus, build
 from picktree.trees.loading import NodeRegistry, parse_mission
 from picktree.world import FailureReport
 
-from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters
+from ..trees.scripted import CRASH_LINE, FILE, NODES, FakeWorld, Run, letters
 
 TEXT = """\
 picktree: 1
@@ -59,7 +59,7 @@ def test_a_recovery_node_does_not_cure_a_fault_of_the_program() -> None:
     report = failed(run)
     assert str(report.cause) == "internal.error"
     assert (report.message, report.node) == (
-        "ZeroDivisionError while Scripted was ticked: scripted (scripted.py, line 102)",
+        f"ZeroDivisionError while Scripted was ticked: scripted (scripted.py, line {CRASH_LINE})",
         "Main/RecoveryNode/Do",
     )  # fmt: skip
     assert "start Cure" not in run.trace

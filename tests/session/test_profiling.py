@@ -61,7 +61,7 @@ def test_a_run_is_the_same_with_and_without_a_profile(backend: Backend, tmp_path
     assert {"arm: Track", "rest"} <= set(profiler.activities)
     with RunLog(session.folder / "log.mcap") as log:
         ticks = [at.record for at in log.ticks()]
-    starts = Counter(t.path for tick in ticks for t in tick.transitions if t.status == "RUNNING")
+    starts = Counter(t.path for tick in ticks for t in tick.edges if t.starts)
     assert {path: cost.starts for path, cost in profiler.nodes.items() if cost.starts} == starts
 
 

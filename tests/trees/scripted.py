@@ -237,3 +237,8 @@ def start(body: str, world: FakeWorld | None = None, **parameters: Plain) -> Run
 def letters(statuses: list[NodeStatus]) -> str:
     """`[RUNNING, SUCCESS]` as `RS`; SKIPPED is K, IDLE is I."""
     return "".join("K" if s is NodeStatus.SKIPPED else s.value[0] for s in statuses)
+
+
+_LINES = [line.strip() for line in Path(__file__).read_text(encoding="utf-8").splitlines()]
+CRASH_LINE = 1 + _LINES.index('raise ZeroDivisionError("scripted")')
+"""Line of this file at which a `crash` in a script is raised."""

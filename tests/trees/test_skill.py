@@ -11,7 +11,7 @@ from picktree.trees import In, Node, NodeStatus, Out, Skill, Steps, build, port
 from picktree.trees.loading import NodeRegistry, parse_mission
 from picktree.world.event_types import InternalErrorEvent
 
-from .scripted import FILE, NODES, FakeWorld, Run, letters, start
+from .scripted import CRASH_LINE, FILE, NODES, FakeWorld, Run, letters, start
 
 if TYPE_CHECKING:
     from picktree.robot import World
@@ -140,7 +140,10 @@ def test_a_crash_is_an_internal_error_with_its_traceback() -> None:
     report = run.tree.failure
     assert report is not None
     assert str(report.cause) == "internal.error"
-    assert report.message == "ZeroDivisionError while Scripted was ticked: scripted (scripted.py, line 102)"
+    assert (
+        report.message
+        == f"ZeroDivisionError while Scripted was ticked: scripted (scripted.py, line {CRASH_LINE})"
+    )
     assert 'raise ZeroDivisionError("scripted")' in str(report.evidence["traceback"])
     assert [n.message for n in run.notes("internal_error")] == [report.message]
 

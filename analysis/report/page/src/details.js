@@ -1,7 +1,7 @@
 // The chosen node at the present time: what it did, with what, and how it ended.
 
 import { made } from "./made.js";
-import { called, pairs, seconds } from "./words.js";
+import { called, pairs, seconds, stepList } from "./words.js";
 
 export class Details {
   // `onvisit(i)`: another visit of the node is to be shown.
@@ -86,7 +86,9 @@ export class Details {
         ? made("p", {}, "from ", made("button", { class: "link", onclick: () => this.player.selectNode(origin) }, origin.split("/").slice(-2).join(" › ")))
         : "",
     ];
-    return [made("div", {}, ...told), ...this.values("inputs", i), ...this.values("evidence", i)];
+    const steps = visits.steps(i);
+    const listed = steps.length ? [made("div", { class: "details-values" }, made("h3", {}, "steps"), stepList(steps))] : [];
+    return [made("div", {}, ...told), ...listed, ...this.values("inputs", i), ...this.values("evidence", i)];
   }
 
   values(column, i) {

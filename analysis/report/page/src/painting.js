@@ -5,6 +5,7 @@ import { roundTimes } from "./span.js";
 
 export const ROW = 22; // height of a lane, pixels
 export const BAND = { axis: 18, items: 20, marks: 24, height: 66 };
+const STEPPED = 110; // length of a bar from which on its steps are drawn, pixels
 const FONT = 'system-ui, "Segoe UI", Roboto, "Helvetica Neue", Arial, "DejaVu Sans", sans-serif';
 const NAMES = [
   "paper", "sheet", "bar", "rim", "ink", "muted", "success", "success_fill", "failure", "failure_fill",
@@ -81,6 +82,7 @@ export class Paint {
       if (x > span.width) break;
       const right = Math.max(span.x(visits.until(i)), x + 1);
       this.bar(context, visits, i, x, right, look, i === hover);
+      this.steps(context, visits, i, span, look);
       // Of several within one pixel the first is drawn; failures come on top in any case.
       if (right - x <= 1.5) {
         const next = visits.firstFrom(node, span.time(Math.floor(x) + 1));
@@ -119,7 +121,24 @@ export class Paint {
       context.lineWidth = 2;
       context.strokeRect(left, top - 1, width - gap, height + 2);
     }
-    if (leaf && width > 46) this.text(context, label(visits, i), left + 4, top + height / 2 + 0.5, width - 8, colours.paper);
+    if (leaf && width > 46 && !(visits.steps(i).length && width > STEPPED)) this.text(context, label(visits, i), left + 4, top + height / 2 + 0.5, width - 8, colours.paper);
+  }
+
+  // The steps within a bar that is long enough: where each begins, and its name.
+  steps(context, visits, i, span, { top, height, leaf }) {
+    const [begin, end] = [span.x(visits.start(i)), span.x(visits.until(i))];
+    if (!leaf || end - begin <= STEPPED) return;
+    for (const [name, from, to, outcome] of visits.steps(i)) {
+      const [x, right] = [Math.max(span.x(from), -2), Math.min(span.x(to), 4000)];
+      if (right < 0 || x > span.width || right - x < 3) continue;
+      if (outcome === "failure") {
+        context.fillStyle = this.colours.failure;
+        context.fillRect(x, top, right - x, height);
+      }
+      context.fillStyle = this.colours.paper;
+      context.fillRect(x, top, 1, height);
+      if (right - x > 30) this.text(context, name, x + 4, top + height / 2 + 0.5, right - x - 6, this.colours.paper);
+    }
   }
 
   // Failures of what is folded away below a node.

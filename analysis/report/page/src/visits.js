@@ -1,13 +1,14 @@
 // The visits of a run as the lanes' section has them: columns, and for each node the order of its own.
 
 export class Visits {
-  constructor({ nodes, outcomes, visits }, times) {
+  constructor({ nodes, outcomes, visits, steps = {} }, times) {
     this.nodes = nodes;
     this.columns = visits;
     this.words = visits.words;
     this.outcomes = outcomes;
     this.times = times;
     this.count = visits.node.length;
+    this.stepsOf = steps;
     this.numbers = new Map(nodes.map(({ path }, number) => [path, number]));
     this.byNode = nodes.map(() => []);
     for (let i = 0; i < this.count; i += 1) this.byNode[visits.node[i]].push(i);
@@ -36,6 +37,11 @@ export class Visits {
   // A failure with a cause; a condition that is false has none.
   failed(i) {
     return this.outcome(i) === "FAILURE" && this.columns.cause[i] > 0;
+  }
+
+  // Steps of a skill: name, start, end, outcome.
+  steps(i) {
+    return this.stepsOf[i] ?? [];
   }
 
   word(column, i) {

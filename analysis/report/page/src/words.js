@@ -57,6 +57,14 @@ export function pairs(values) {
   ]));
 }
 
+// Steps of a skill with what each took.
+export function stepList(steps) {
+  return made("dl", { class: "pairs" }, ...steps.flatMap(([name, start, end, outcome]) => [
+    made("dt", {}, name),
+    made("dd", {}, `${seconds(end - start)}${outcome === "success" ? "" : `, ${outcome}`}`),
+  ]));
+}
+
 export function visitCard(visits, i) {
   const node = visits.nodes[visits.columns.node[i]];
   const start = visits.start(i);
@@ -71,6 +79,7 @@ export function visitCard(visits, i) {
     made("p", { class: `tip-outcome ${outcome.toLowerCase()}` }, cause ? `${outcome}: ${cause}` : outcome),
     made("p", { class: "tip-time" }, `${seconds(start)} – ${seconds(end)}, ${(end - start).toFixed(2)} s long`),
     ...(message ? [made("p", {}, message)] : []),
+    ...(visits.steps(i).length ? [stepList(visits.steps(i))] : []),
     ...(origin && origin !== node.path ? [made("p", { class: "tip-time" }, `from ${origin.split("/").slice(-2).join("/")}`)] : []),
     ...(visits.columns.inputs[i] ? [pairs(JSON.parse(visits.word("inputs", i)))] : []),
   ];
