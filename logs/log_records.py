@@ -205,40 +205,6 @@ class WrenchReading:
 
 
 @dataclass(frozen=True)
-class StageCount:
-    """Number of candidates that reached a stage of a search."""
-
-    name: str
-    count: int
-
-
-@dataclass(frozen=True)
-class Candidate:
-    name: str
-    position: tuple[float, float, float]
-    orientation: tuple[float, float, float, float]
-    score: float
-    verdict: str
-    place: str = ""
-    stage: str = ""
-    by: str = ""
-    gap: float = 0.0
-    count: int = 1
-
-
-@dataclass(frozen=True)
-class Candidates:
-    """Candidate search; see `world.journal.CandidateSearchEntry`. Older logs lack the fields with a
-    default."""
-
-    purpose: str
-    object: str
-    stages: tuple[StageCount, ...]
-    tried: tuple[Candidate, ...]
-    into: str = ""
-
-
-@dataclass(frozen=True)
 class Event:
     """Event: item done, injected fault, recovery, checkpoint, operator answer, change of the belief, …"""
 

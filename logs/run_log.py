@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from picktree.files import PicktreeError, listed
 from picktree.logs.mcap import RawMessage, is_written
 from picktree.logs.recording import decode_colour, decode_depth, foxglove_messages
-from picktree.world import Intrinsics, JournalEvent, Plan, Tick, Tree
+from picktree.world import Candidates, Intrinsics, JournalEvent, Plan, Tick, Tree
 
 from . import topics
 from .arithmetic_record import Arithmetic
@@ -26,7 +26,6 @@ from .format_2 import with_updates
 from .log_files import JoinedLog, find_log, part_paths
 from .log_records import (
     FORMAT,
-    Candidates,
     Control,
     Joints,
     LinkMesh,

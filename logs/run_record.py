@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any, Self
 
 from picktree.files import PicktreeError
-from picktree.world import JournalEvent, Plan, Tree, TreeNode
+from picktree.world import Candidates, JournalEvent, Plan, Tree, TreeNode
 
 from . import topics
-from .log_records import Candidates, LogLine, RunInfo, Scene
+from .log_records import LogLine, RunInfo, Scene
 from .node_visits import Pick, SkillStep, Visit, picks_of, steps_of
 from .run_account import RunAccount, account_of
 from .run_log import RunLog, Stamped

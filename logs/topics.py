@@ -19,7 +19,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 from google.protobuf.message_factory import GetMessageClass
 
-from picktree.world import Plan, Tree
+from picktree.world import Candidates, Plan, Tree
 
 from . import log_records
 from .event_records import event_schema
@@ -106,7 +106,7 @@ _JSON: dict[str, type] = {
     "picktree.Wrench": log_records.WrenchReading,
     "picktree.Control": log_records.Control,
     "picktree.Plan": Plan,
-    "picktree.Candidates": log_records.Candidates,
+    "picktree.Candidates": Candidates,
     "picktree.TrueState": log_records.TrueState,
 }
 _PROTOBUF: dict[str, Descriptor] = {

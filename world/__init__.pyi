@@ -76,8 +76,8 @@ from .colours import (
 )
 from .computing_time import ComputeTimeAccount as ComputeTimeAccount, Stopwatch as Stopwatch
 from .journal import (
-    CandidateEntry as CandidateEntry,
-    CandidateSearchEntry as CandidateSearchEntry,
+    Candidate as Candidate,
+    Candidates as Candidates,
     EVENT_KINDS as EVENT_KINDS,
     Entry as Entry,
     EventField as EventField,
@@ -86,6 +86,7 @@ from .journal import (
     OtherEvent as OtherEvent,
     Plain as Plain,
     Plan as Plan,
+    StageCount as StageCount,
     event_fields as event_fields,
 )
 from .pad_contacts import PadContacts as PadContacts, pad_contacts as pad_contacts, top_heights as top_heights

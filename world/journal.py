@@ -22,7 +22,7 @@ from typing import (
 )
 
 from .protocols import RgbdImage
-from .values import ObjectId, Pose
+from .values import Quaternion, Vector3
 
 Plain: TypeAlias = "str | int | float | bool | None | list[Plain] | dict[str, Plain]"
 EVENT_KINDS: Final[dict[str, type[JournalEvent]]] = {}
@@ -210,40 +210,53 @@ class Plan:
     """Smallest singular value of the TCP's Jacobian along `tool_path`; 0 without a path."""
 
 
-@dataclass(frozen=True, slots=True)
-class CandidateEntry:
-    """Candidates of a grasp, or of a grasp with a place, that dropped out alike; or the one that did not."""
+@dataclass(frozen=True)
+class StageCount:
+    """Number of candidates that reached a stage of a search."""
+
+    name: str
+    count: int
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Candidate grasps, or grasps with a place, that dropped out alike; or the accepted one.
+
+    Older logs lack the fields with a default. The class has no slots: orjson writes those slowly.
+    """
 
     name: str
     """Name of the grasp."""
-    pose: Pose
-    """Pose of the TCP in the world at closing."""
+    position: Vector3
+    """Position of the TCP at closing, in the world, m."""
+    orientation: Quaternion
+    """Orientation of the TCP at closing, quaternion xyzw."""
     score: float
     """Rank of the candidate, lowest first: seconds with bonuses and penalties."""
     verdict: str
-    """Why it dropped out, in words; `accepted` when it did not."""
+    """Reason for its refusal as text; `accepted` when there is none."""
     place: str = ""
-    """Where it would have been put, of the first of them; empty when it did not come that far."""
+    """Place to which the first of them would have led; empty when it did not come that far."""
     stage: str = ""
-    """The stage that it did not pass; of the accepted one the last that it passed."""
+    """Stage that it did not pass; of the accepted one the last that it passed."""
     by: str = ""
     """Obstacle: an id of the scene or a part of the robot; empty when there was none."""
     gap: float = 0.0
-    """Distance to it, negative when it is a depth, m; of several the greatest; 0 when it is not known."""
+    """Distance to the obstacle, m, negative for a penetration; the greatest of several; 0 when unknown."""
     count: int = 1
-    """How many of the grasp's places dropped out alike."""
+    """Number of the grasp's places that dropped out alike."""
 
 
-@dataclass(frozen=True, slots=True)
-class CandidateSearchEntry:
-    """The trail of a choice: how many grasps reached each stage, and what became of each one."""
+@dataclass(frozen=True)
+class Candidates:
+    """Candidate search: number of grasps that reached each stage, and what became of each one."""
 
     purpose: str
-    object: ObjectId
-    stages: Mapping[str, int]
-    tried: tuple[CandidateEntry, ...]
+    object: str
+    stages: tuple[StageCount, ...]
+    tried: tuple[Candidate, ...]
     into: str = ""
-    """The bin that the object was to go to."""
+    """Bin to which the object was to go."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,7 +267,7 @@ class ImageEntry:
     findings: tuple[str, ...] = ()
 
 
-Entry: TypeAlias = Plan | CandidateSearchEntry | ImageEntry | JournalEvent
+Entry: TypeAlias = Plan | Candidates | ImageEntry | JournalEvent
 
 
 class Journal:

@@ -14,6 +14,7 @@ from picktree.logs import BeliefEvent, Failure, RunAccount, Stamped, log_files, 
 from picktree.robot.manipulation import pick_candidates
 from picktree.simulation import ItemScore
 from picktree.world import (
+    Candidates,
     Cause,
     JournalEvent,
     Plan,
@@ -66,7 +67,7 @@ def choices_before(run: RunRecord, source: node_visits.Visit) -> tuple[Candidate
     return tuple(sorted(found, key=lambda choice: choice.time))
 
 
-def _of_candidates(at: Stamped[log_records.Candidates]) -> CandidateChoice:
+def _of_candidates(at: Stamped[Candidates]) -> CandidateChoice:
     record = at.record
     stages = tuple((stage.name, stage.count) for stage in record.stages)
     found = pick_candidates.count_rejections(record.tried, record.into)

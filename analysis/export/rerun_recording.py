@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -325,26 +325,42 @@ def lane_entity(path: str) -> str:
     return "/tree/" + "/".join(rr.escape_entity_path_part(part) for part in path.split("/") if part)
 
 
+def steps_entity(path: str) -> str:
+    """Return the entity of the steps of a skill's node."""
+    return f"{lane_entity(path)}/steps"
+
+
 def _lanes(sheet: RerunWriter, run: Run) -> None:
-    """Write each node's visits in the colour of their outcome; nothing between them."""
-    lanes: dict[str, list[tuple[float, str]]] = {}
-    for path, time, state in _changes(run):
-        lane = lanes.setdefault(path, [])
-        if lane and time <= lane[-1][0]:  # began again in the same tick
-            lane.pop()
-        lane.append((time, state))
-    for path, lane in lanes.items():
-        entity = lane_entity(path)
+    """Write each node's visits in the colour of their outcome, and below them the steps of skills.
+
+    Nothing is between two visits or steps.
+    """
+    visits = ((lane_entity(visit.path), visit.start, visit.end, visit.outcome) for visit in run.visits)
+    for entity, lane in _lane_changes(visits, run.info.tick).items():
         sheet.always(entity, _STATE_STYLE)
-        states = [state for _, state in lane]
-        sheet.column(entity, [time for time, _ in lane], rr.StateChange.columns(state=states))
+        _write_lane(sheet, entity, lane)
+    by_start = sorted(run.steps, key=lambda step: step.start)
+    steps = ((steps_entity(step.node), step.start, step.end, step.name) for step in by_start)
+    for entity, lane in _lane_changes(steps, run.info.tick).items():
+        _write_lane(sheet, entity, lane)
 
 
-def _changes(run: Run) -> Iterator[tuple[str, float, str]]:
-    """Yield (path, time, state), by time for each node."""
-    for visit in run.visits:
-        yield visit.path, visit.start, visit.outcome
-        yield visit.path, max(visit.end, visit.start + run.info.tick), _IDLE
+def _lane_changes(
+    spans: Iterable[tuple[str, float, float, str]], tick: float
+) -> Mapping[str, Sequence[tuple[float, str]]]:
+    """Return (time, state) by entity from spans of (entity, start, end, state), by time for each entity."""
+    lanes: dict[str, list[tuple[float, str]]] = {}
+    for entity, start, end, state in spans:
+        lane = lanes.setdefault(entity, [])
+        if lane and start <= lane[-1][0]:  # began again in the same tick
+            lane.pop()
+        lane += [(start, state), (max(end, start + tick), _IDLE)]
+    return lanes
+
+
+def _write_lane(sheet: RerunWriter, entity: str, lane: Sequence[tuple[float, str]]) -> None:
+    states = [state for _, state in lane]
+    sheet.column(entity, [time for time, _ in lane], rr.StateChange.columns(state=states))
 
 
 def _signals(sheet: RerunWriter, run: Run) -> None:
@@ -399,7 +415,12 @@ def write_rerun(run: Run, path: Path) -> None:
 
 def blueprint(run: Run) -> rrb.Blueprint:
     """Return a blueprint: scene beside images and log lines, above the nodes' lanes and the signals."""
-    contents = [f"+ {lane_entity(path)}" for path in lanes(run)]
+    skills = {step.node for step in run.steps}
+    contents = [
+        f"+ {entity}"
+        for path in lanes(run)
+        for entity in (lane_entity(path), *((steps_entity(path),) if path in skills else ()))
+    ]
     images = [
         rrb.Spatial2DView(origin=f"{camera_entity(camera)}/{kind}", name=f"{camera}, {kind}")
         for camera in run.log.cameras

@@ -13,7 +13,7 @@ from picktree.files import PicktreeError
 from picktree.logs import RunLog, binary_gltf, log_records, topics, triangle_meshes
 from picktree.logs.recording import UNKNOWN_COLOUR, foxglove_messages
 from picktree.robot.manipulation import pick_candidates
-from picktree.world import COLOURS, Array, Box, ConvexMesh, Cylinder, Pose, Shape, Sphere
+from picktree.world import COLOURS, Array, Box, Candidates, ConvexMesh, Cylinder, Pose, Shape, Sphere
 from picktree.world.robot_model import robot_file
 
 from .body_motion import (
@@ -247,7 +247,7 @@ def _choices(run: Run) -> Packable:
     return found
 
 
-def search_summary(search: log_records.Candidates) -> str:
+def search_summary(search: Candidates) -> str:
     """Return `tote_heap: 14 candidates, 3 checked, 1 taken; refused: 2 …` for a search."""
     taken = sum(c.verdict == pick_candidates.ACCEPTED_VERDICT for c in search.tried)
     ranked = search.stages[0].count if search.stages else len(search.tried)

@@ -12,7 +12,6 @@ from picktree.simulation import TrueBody, TrueObstacle
 from picktree.world import (
     BeliefChange,
     BeliefObject,
-    CandidateSearchEntry,
     ConvexMesh,
     GripperState,
     JointState,
@@ -75,31 +74,6 @@ def belief_event(change: BeliefChange) -> BeliefEvent:
         reason=change.reason,
         before=None if change.before is None else belief_record(change.before),
         after=None if change.after is None else belief_record(change.after),
-    )
-
-
-def candidates_record(choice: CandidateSearchEntry) -> log_records.Candidates:
-    """Return the record of a candidate search."""
-    return log_records.Candidates(
-        choice.purpose,
-        choice.object,
-        tuple(log_records.StageCount(name, count) for name, count in choice.stages.items()),
-        tuple(
-            log_records.Candidate(
-                c.name,
-                c.pose.position,
-                c.pose.orientation,
-                c.score,
-                c.verdict,
-                c.place,
-                c.stage,
-                c.by,
-                c.gap,
-                c.count,
-            )
-            for c in choice.tried
-        ),
-        choice.into,
     )
 
 

@@ -23,7 +23,7 @@ from picktree.world import (
     BeliefChange,
     BeliefObject,
     BlackboardWrite,
-    CandidateSearchEntry,
+    Candidates,
     Entry,
     GripperState,
     ImageEntry,
@@ -627,10 +627,8 @@ class Recorder:
         match entry:
             case Plan():
                 self._write(topics.PLAN, now, log_records.encode(entry))
-            case CandidateSearchEntry():
-                self._write(
-                    topics.CANDIDATES, now, log_records.encode(journal_records.candidates_record(entry))
-                )
+            case Candidates():
+                self._write(topics.CANDIDATES, now, log_records.encode(entry))
             case ImageEntry(image, findings):
                 self.image(now, image)
                 self._event(now, ImageEvent(f"image from {image.camera}", findings=findings))

@@ -9,11 +9,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from picktree.robot import PlaceCandidate
 from picktree.robot.planning import ContactPair, MotionPlan
-from picktree.world import Array, CandidateEntry, CandidateSearchEntry, Failure, ObjectId, Pose
+from picktree.world import Array, Candidate, Candidates, Failure, ObjectId, Pose, StageCount
 
 from .grasps import GraspCandidate
 
@@ -41,23 +41,6 @@ STAGES = (
 ACCEPTED_VERDICT = "accepted"
 
 
-class TriedCandidate(Protocol):
-    """Tried candidate: `world.journal.CandidateEntry`, or its record in a log."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def verdict(self) -> str: ...
-    @property
-    def stage(self) -> str: ...
-    @property
-    def by(self) -> str: ...
-    @property
-    def gap(self) -> float: ...
-    @property
-    def count(self) -> int: ...
-
-
 @dataclass(frozen=True, slots=True)
 class RejectionCount:
     """Number of grasps that failed at a stage for one reason."""
@@ -70,21 +53,21 @@ class RejectionCount:
     """Name of the first of these grasps."""
 
 
-def count_rejections(tried: Iterable[TriedCandidate], into: str) -> tuple[RejectionCount, ...]:
+def count_rejections(tried: Iterable[Candidate], into: str) -> tuple[RejectionCount, ...]:
     """Return the rejections, most frequent first.
 
     An accepted grasp has none. A grasp whose places failed for several reasons counts for the one at the
     latest stage, or the more frequent one.
     """
     taken = {one.name for one in tried if one.verdict == ACCEPTED_VERDICT}
-    last: dict[str, TriedCandidate] = {}
+    last: dict[str, Candidate] = {}
     for one in tried:
         if one.name in taken or one.stage not in STAGES:
             continue
         before = last.get(one.name)
         if before is None or _stage_weight(one) > _stage_weight(before):
             last[one.name] = one
-    alike: dict[tuple[str, str], list[TriedCandidate]] = {}
+    alike: dict[tuple[str, str], list[Candidate]] = {}
     for one in last.values():
         alike.setdefault((one.stage, one.by or one.verdict), []).append(one)
     found = [
@@ -102,11 +85,11 @@ def describe_rejections(found: Sequence[RejectionCount], most: int = 4) -> str:
     return ", ".join([*parts, f"{rest} for other reasons"] if rest else parts)
 
 
-def _stage_weight(one: TriedCandidate) -> tuple[int, int]:
+def _stage_weight(one: Candidate) -> tuple[int, int]:
     return (STAGES.index(one.stage), one.count)
 
 
-def _rejection_words(group: Sequence[TriedCandidate], into: str) -> str:
+def _rejection_words(group: Sequence[Candidate], into: str) -> str:
     best = max(group, key=lambda one: one.gap)
     if best.stage == HAND_STAGE and best.by:
         near = (
@@ -162,7 +145,7 @@ class CandidateTrail:
     def __init__(self, purpose: str, object_id: ObjectId, into: str) -> None:
         self._purpose, self._object, self._into = purpose, object_id, into
         self._passed: dict[str, set[str]] = {stage: set() for stage in STAGES}
-        self._tried: dict[tuple[str, str, str], CandidateEntry] = {}
+        self._tried: dict[tuple[str, str, str], Candidate] = {}
 
     def passed(self, grasp: GraspCandidate, stage: str) -> None:
         self._passed[stage].add(grasp.name)
@@ -170,8 +153,16 @@ class CandidateTrail:
     def refuse(self, grasp: GraspCandidate, cost: float, refusal: StageRefusal, place: str = "") -> None:
         """Record a refusal. Places of one grasp with the same reason at the same stage count together."""
         key = (grasp.name, refusal.stage, refusal.by or refusal.words)
-        tried = CandidateEntry(
-            grasp.name, grasp.tcp_in_world, cost, refusal.words, place, refusal.stage, refusal.by, refusal.gap
+        tried = Candidate(
+            grasp.name,
+            grasp.tcp_in_world.position,
+            grasp.tcp_in_world.orientation,
+            cost,
+            refusal.words,
+            place,
+            refusal.stage,
+            refusal.by,
+            refusal.gap,
         )
         before = self._tried.get(key)
         if before is not None:
@@ -181,20 +172,24 @@ class CandidateTrail:
 
     def accept(self, grasp: GraspCandidate, cost: float, place: str, stage: str) -> None:
         """Record the accepted candidate, tested up to that stage."""
-        self._tried[grasp.name, "", ""] = CandidateEntry(
-            grasp.name, grasp.tcp_in_world, cost, "accepted", place, stage
+        self._tried[grasp.name, "", ""] = Candidate(
+            grasp.name,
+            grasp.tcp_in_world.position,
+            grasp.tcp_in_world.orientation,
+            cost,
+            "accepted",
+            place,
+            stage,
         )
 
     def count(self, stage: str) -> int:
         """Return the number of grasps that have passed a stage."""
         return len(self._passed[stage])
 
-    def entry(self) -> CandidateSearchEntry:
+    def entry(self) -> Candidates:
         """Return the journal entry."""
-        stages = {stage: len(names) for stage, names in self._passed.items()}
-        return CandidateSearchEntry(
-            self._purpose, self._object, stages, tuple(self._tried.values()), self._into
-        )
+        stages = tuple(StageCount(stage, len(names)) for stage, names in self._passed.items())
+        return Candidates(self._purpose, self._object, stages, tuple(self._tried.values()), self._into)
 
 
 def _named_bodies(failure: Failure) -> Iterator[str]:

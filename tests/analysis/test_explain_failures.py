@@ -12,12 +12,12 @@ from picktree.analysis.explain import FailureStory
 from picktree.analysis.explain.run_explanation import failures_of
 from picktree.world import (
     BlackboardWrite,
-    CandidateEntry,
-    CandidateSearchEntry,
+    Candidate,
+    Candidates,
     JournalEvent,
     ObjectId,
     Plan,
-    Pose,
+    StageCount,
     Transition,
 )
 from picktree.world.event_types import RecoveryEvent
@@ -167,11 +167,19 @@ def test_a_timeout_stops_what_runs_and_fails_by_itself(tmp_path: Path) -> None:
 
 def test_candidates_and_plans_that_were_refused(tmp_path: Path) -> None:
     tried = tuple(
-        CandidateEntry(f"yaw {n}", Pose(), 0.5, "the hand would touch wall" if n < 3 else "out of reach")
+        Candidate(
+            f"yaw {n}",
+            (0.0, 0.0, 0.0),
+            (0.0, 0.0, 0.0, 1.0),
+            0.5,
+            "the hand would touch wall" if n < 3 else "out of reach",
+        )
         for n in range(4)
     )
     path = tmp_path / "log.mcap"
-    choice = CandidateSearchEntry("grasp by Grasp", ObjectId(ITEM), {"ranked": 4, "hand fits": 1}, tried)
+    choice = Candidates(
+        "grasp by Grasp", ObjectId(ITEM), (StageCount("ranked", 4), StageCount("hand fits", 1)), tried
+    )
     plans = [
         Plan(f"to ({n})", "", 50, 0.1, "planning.no_path", f"only {n} % of the line is free", 0.0)
         for n in (10, 20)

@@ -103,6 +103,14 @@ def test_a_lane_is_coloured_from_beginning_to_end_and_then_empty(run: Run, read:
     ]
 
 
+def test_steps_of_a_skill_have_a_lane_of_their_own(run: Run, read: Read) -> None:
+    steps = [step for step in run.steps if step.node.endswith("Grasp") and step.end > step.start]
+    lane = read.column(f"/tree/{steps[0].node}/steps", "StateChange:state")
+    assert [(time, state) for time, (state,) in lane if state in ("approach", "close", "lift")] == [
+        (round(step.start * 1e9), step.name) for step in steps if step.name != "weigh"
+    ]
+
+
 def test_signals_are_those_of_the_log(run: Run, read: Read) -> None:
     positions = read.column("/joints/position", "Scalars:scalars")
     assert np.array([v for _, v in positions]) == pytest.approx(run.joints.positions[:, :7])

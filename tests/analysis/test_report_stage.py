@@ -31,17 +31,9 @@ from picktree.analysis.report.packing import Quantised
 from picktree.analysis.report.report import style
 from picktree.analysis.report.stage_panel import MAX_LINK_FACES, pack_stage, packed_link, search_summary
 from picktree.logs.binary_gltf import write_glb
-from picktree.logs.log_records import (
-    BlockRecord,
-    BodyRecord,
-    Candidate,
-    Candidates,
-    LinkMesh,
-    PartRecord,
-    StageCount,
-)
+from picktree.logs.log_records import BlockRecord, BodyRecord, LinkMesh, PartRecord
 from picktree.logs.triangle_meshes import join_meshes, shape_mesh
-from picktree.world import Array, Box, Pose, Sphere
+from picktree.world import Array, Box, Candidate, Candidates, Pose, Sphere, StageCount
 
 STILL = row(Pose())
 

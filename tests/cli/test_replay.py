@@ -15,13 +15,13 @@ from picktree.apps.cli import answer
 from picktree.apps.cli.replay_prompt import ReplayPrompt
 from picktree.world import (
     BlackboardWrite,
-    CandidateEntry,
-    CandidateSearchEntry,
+    Candidate,
+    Candidates,
     JournalEvent,
     ObjectId,
     OtherEvent,
     Plan,
-    Pose,
+    StageCount,
     Transition,
 )
 
@@ -31,17 +31,17 @@ from ..logs.scripted_log import Seen, begins, ends, record, tree
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "format-2.mcap"
 NODES = tree("Main:ForEach", "Main/Part:Sequence", "Main/Part/Grasp", "Main/Part/Place", object="{item}")
 PART, GRASP, PLACE = "Main/Part", "Main/Part/Grasp", "Main/Part/Place"
-SCRIPT: Mapping[int, Sequence[Transition | BlackboardWrite | JournalEvent | Plan | CandidateSearchEntry]] = {
+SCRIPT: Mapping[int, Sequence[Transition | BlackboardWrite | JournalEvent | Plan | Candidates]] = {
     0: [begins("Main", items=["red_block_1"])],
     2: [
         BlackboardWrite("Main/item", "red_block_1", "Main"),
         begins(PART),
         begins(GRASP, "red_block_1"),
-        CandidateSearchEntry(
+        Candidates(
             "grasp",
             ObjectId("red_block_1"),
-            {"made": 8, "reachable": 1},
-            (CandidateEntry("top", Pose(), 0.7, "accepted"),),
+            (StageCount("made", 8), StageCount("reachable", 1)),
+            (Candidate("top", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), 0.7, "accepted"),),
         ),
         Plan("to home", "direct", 12, 0.0003, "found", "", 1.5, ((0.0, 1.0), (0.5, 1.5)), ()),
     ],

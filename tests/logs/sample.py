@@ -19,8 +19,8 @@ from picktree.world import (
     BeliefObject,
     BlackboardWrite,
     Box,
-    CandidateEntry,
-    CandidateSearchEntry,
+    Candidate,
+    Candidates,
     ConvexMesh,
     Cylinder,
     GripperState,
@@ -36,6 +36,7 @@ from picktree.world import (
     RgbdImage,
     Shape,
     Sphere,
+    StageCount,
     Tick,
     Transition,
     Tree,
@@ -181,11 +182,11 @@ def step(
         )
         recorder.entry(
             now,
-            CandidateSearchEntry(
+            Candidates(
                 "grasp",
                 ObjectId("red_block_1"),
-                {"made": 8, "reachable": 5},
-                (CandidateEntry("top", Pose(), 0.7, "accepted"),),
+                (StageCount("made", 8), StageCount("reachable", 5)),
+                (Candidate("top", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), 0.7, "accepted"),),
             ),
         )
         scene.attach("red_block_1", Pose())
@@ -193,7 +194,10 @@ def step(
         recorder.entry(
             now,
             OtherEvent(
-                "SafeRetreat after grasp.missed", "/Main/Grasp", name="recovery", extra={"attempt": 1}
+                "SafeRetreat after grasp.missed",
+                "/Main/Grasp",
+                name="recovery",
+                extra={"attempt": 1},
             ),
         )
         scene.remove("blue_block_3", "its place was seen empty")

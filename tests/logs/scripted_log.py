@@ -14,7 +14,7 @@ from picktree.world import (
     BeliefObject,
     BlackboardWrite,
     Box,
-    CandidateSearchEntry,
+    Candidates,
     JournalEvent,
     NodeState,
     ObjectId,
@@ -28,7 +28,7 @@ from picktree.world import (
 )
 
 TICK = 0.05
-Said: TypeAlias = Transition | BlackboardWrite | JournalEvent | Plan | CandidateSearchEntry
+Said: TypeAlias = Transition | BlackboardWrite | JournalEvent | Plan | Candidates
 """What may be told of a tick."""
 
 
@@ -104,7 +104,7 @@ def record(
             moves = tuple(one for one in said if isinstance(one, Transition))
             state.update({move.path: move.status for move in moves})
             for one in said:
-                if isinstance(one, Plan | CandidateSearchEntry):
+                if isinstance(one, Plan | Candidates):
                     recorder.entry(k * TICK, one)
                 if isinstance(one, JournalEvent):
                     recorder.entry(k * TICK, one)

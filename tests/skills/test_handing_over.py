@@ -16,7 +16,7 @@ from picktree.robot.perception import BinView
 from picktree.robot.planning import OffsetGoal, Request
 from picktree.simulation.kinematic import KinematicHardware
 from picktree.trees import Steps
-from picktree.world import BeliefObject, Box, CandidateSearchEntry, Entry, ObjectId
+from picktree.world import BeliefObject, Box, Candidates, Entry, ObjectId
 
 from .cell import Cell, items, mission
 
@@ -179,11 +179,11 @@ def test_the_approach_is_broken_off_when_there_is_no_way_on(monkeypatch: pytest.
         return (Request(OffsetGoal((0.0, 0.0, -0.5)), legs[0].start), *legs[1:]) if len(asked) == 1 else legs
 
     monkeypatch.setattr("picktree.robot.manipulation.pick_place_motions.transfer_requests", blocked_at_first)
-    ranked: list[CandidateSearchEntry] = []
+    ranked: list[Candidates] = []
     note = cell.world.journal.note
 
     def noting(entry: Entry) -> None:
-        if isinstance(entry, CandidateSearchEntry):
+        if isinstance(entry, Candidates):
             ranked.append(entry)
         note(entry)
 

@@ -15,15 +15,15 @@ from picktree.logs.recording import Recorder
 from picktree.world import (
     BlackboardWrite,
     Box,
-    CandidateEntry,
-    CandidateSearchEntry,
+    Candidate,
+    Candidates,
     ImageEntry,
     NodeState,
     ObjectId,
     OtherEvent,
     Plan,
     PlanningScene,
-    Pose,
+    StageCount,
     Tick,
     Transition,
     Tree,
@@ -74,8 +74,8 @@ def hostile_log(sample: ModuleType, path: Path) -> None:
                 recorder.log(now, "ERROR", LINK, LINK)
                 recorder.entry(now, OtherEvent(MARKUP, leaf, name=IMAGE, extra={MARKUP: LINK}))
                 recorder.entry(now, Plan(MARKUP, IMAGE, 1, 0.1, IMAGE, MARKUP, 0.0))
-                candidate = CandidateEntry(IMAGE, Pose(), 0.7, MARKUP, LINK)
-                recorder.entry(now, CandidateSearchEntry(IMAGE, item.id, {MARKUP: 1}, (candidate,)))
+                candidate = Candidate(IMAGE, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), 0.7, MARKUP, LINK)
+                recorder.entry(now, Candidates(IMAGE, item.id, (StageCount(MARKUP, 1),), (candidate,)))
             ends = tuple(
                 Transition(node, "FAILURE", cause=cause, origin=leaf, message=MARKUP, evidence=both)
                 for node in (leaf, main)
