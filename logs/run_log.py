@@ -22,7 +22,6 @@ from picktree.world import Candidates, Intrinsics, JournalEvent, Plan, Tick, Tre
 from . import topics
 from .arithmetic_record import Arithmetic
 from .event_records import decode_event
-from .format_2 import with_updates
 from .log_files import JoinedLog, find_log, part_paths
 from .log_records import (
     FORMAT,
@@ -40,7 +39,7 @@ from .log_records import (
     WrenchReading,
     decode,
 )
-from .node_states import NodeStates
+from .node_states import NodeStates, with_updates
 from .topics import Digest
 
 SETTINGS: Final = "picktree"

@@ -10,8 +10,8 @@ import pytest
 
 from picktree.files import PicktreeError
 from picktree.logs import RunLog
-from picktree.logs.format_2 import with_updates
 from picktree.logs.log_records import NodesMessage, decode
+from picktree.logs.node_states import with_updates
 from picktree.logs.recording import Recorder
 from picktree.world import NodeState, Tick, Transition, Tree, TreeNode
 
