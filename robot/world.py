@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from picktree.robot.planning import MotionPlan, Scaling
-from picktree.world import Failure, NoFeed, ObjectId, Pose, event_types, facts, world_facts
+from picktree.world import Failure, NoFeed, ObjectId, Pose, event_types, facts, internal, world_facts
 
 from .operator_desk import OperatorRequests
 
@@ -177,6 +177,9 @@ class World:
             raise
         except Failure as failure:
             outcome, cause = "failure", failure.cause.name
+            raise
+        except Exception:
+            outcome, cause = "failure", internal.ERROR.name
             raise
         finally:
             if outer is None:

@@ -58,6 +58,15 @@ def test_a_failed_step_has_the_cause() -> None:
     )  # fmt: skip
 
 
+def test_a_program_fault_within_a_step_is_its_cause() -> None:
+    cell = Cell(sorting(), items(block=1))
+    with pytest.raises(ZeroDivisionError), cell.world.step("Main/Polish", "wipe"):
+        raise ZeroDivisionError
+    cell.halt()
+    (step,) = steps(cell)
+    assert (step.outcome, step.cause) == ("failure", "internal.error")
+
+
 def test_a_step_within_a_step_takes_its_place_meanwhile() -> None:
     cell = Cell(sorting(), items(block=1))
     world = cell.world
