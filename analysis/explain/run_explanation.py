@@ -206,8 +206,11 @@ def failures_of(run: RunRecord, account: RunAccount) -> tuple[FailureStory, ...]
     charged: set[int | None] = {None}
     found: list[FailureStory] = []
     before: list[node_visits.Visit] = []
+    # The innermost step that fails together with its skill; a skill may go on after a failed step.
+    steps = {(step.visit, step.end): step.name for step in reversed(run.steps) if step.outcome == "failure"}
     for failure in account.failures:
-        story = _story(run, len(found), failure, causes.get(failure.source.cause))
+        step = steps.get((failure.source.number, failure.source.end), "")
+        story = _story(run, len(found), failure, causes.get(failure.source.cause), step)
         episode = account.recovery.of_failure(story.cause, story.time, story.node)
         lost = 0.0 if episode in charged or episode is None else account.recovery.episodes[episode].seconds
         charged.add(episode)
@@ -217,7 +220,7 @@ def failures_of(run: RunRecord, account: RunAccount) -> tuple[FailureStory, ...]
     return tuple(found)
 
 
-def _story(run: RunRecord, number: int, failure: Failure, cause: Cause | None) -> FailureStory:
+def _story(run: RunRecord, number: int, failure: Failure, cause: Cause | None, step: str) -> FailureStory:
     source, course = failure.source, failure.course
     node = source.origin or source.path
     known = run.tree_at(source.end).nodes
@@ -233,7 +236,7 @@ def _story(run: RunRecord, number: int, failure: Failure, cause: Cause | None) -
         cause=source.cause,
         sentence=cause.sentence if cause else "",
         remedy=remedy_of(cause, source.evidence) if cause else "",
-        step=next((step.name for step in reversed(run.steps) if _failed_in(step, source)), ""),
+        step=step,
         message=source.message,
         evidence=source.evidence,
         chain=course.chain,
@@ -245,10 +248,6 @@ def _story(run: RunRecord, number: int, failure: Failure, cause: Cause | None) -
         choices=choices_before(run, source),
         observed=(),
     )
-
-
-def _failed_in(step: node_visits.SkillStep, visit: node_visits.Visit) -> bool:
-    return (step.visit, step.outcome) == (visit.number, "failure") and math.isclose(step.end, visit.end)
 
 
 def _follows(
