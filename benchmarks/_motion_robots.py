@@ -66,7 +66,7 @@ def random_shape(rng: np.random.Generator, kind: int) -> Shape:
 
 
 def _thing(name: str, shape: Shape, pose: Pose) -> BeliefObject:
-    return BeliefObject(ObjectId(name), "item", "thing", "box", shape, "red", pose, 1e-3, 0.01, 1.0, 0.0)
+    return BeliefObject("thing", "box", shape, "red", pose, 1e-3, 0.01, 1.0, 0.0, id=ObjectId(name))
 
 
 def _turn(rng: np.random.Generator) -> Vector3:

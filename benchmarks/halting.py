@@ -82,7 +82,7 @@ def one(job: Job, folder: Path) -> Row:
         return False
 
     cell.halted_at(run, wanted, limit=SLOW)
-    return {"unhalted": run.score().sorted, "halts": answers}
+    return {"unhalted": run.score().count.sorted, "halts": answers}
 
 
 def report(rows: list[Row]) -> tuple[str, bool]:

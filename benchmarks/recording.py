@@ -175,8 +175,6 @@ def _object(k: int, rng: np.random.Generator) -> BeliefObject:
     x, y = rng.uniform(0.3, 0.7), rng.uniform(-0.3, 0.3)
     colour = ("red", "green", "blue")[k % 3]
     return BeliefObject(
-        ObjectId(f"{colour}_block_{k}"),
-        "item",
         "block",
         "box",
         Box((0.04, 0.04, 0.04)),
@@ -186,6 +184,7 @@ def _object(k: int, rng: np.random.Generator) -> BeliefObject:
         0.01,
         0.9,
         0.0,
+        id=ObjectId(f"{colour}_block_{k}"),
     )
 
 

@@ -333,8 +333,10 @@ class Lab:
         size = tuple(float(s) for s in rng.uniform(0.04, 0.15, 3))
         box = Box((size[0], size[1], size[2]))
         pose = Pose.from_rpy((x, y, z), (0.0, 0.0, float(rng.uniform(-3, 3))))
-        known = ("obstacle", "unknown", "unknown", box, "grey", pose)
-        phantom = BeliefObject(ObjectId("phantom"), *known, 0.002, 0.0, 1.0, world.clock.now)
+        known = ("unknown", "unknown", box, "grey", pose)
+        phantom = BeliefObject(
+            *known, 0.002, 0.0, 1.0, world.clock.now, id=ObjectId("phantom"), role="obstacle"
+        )
         world.scene.put(phantom, "supposed by the campaign")
         deep = [c for c in world.plan.contacts() if c.distance < 0]
         depth = -min((c.distance for c in deep), default=0.0)

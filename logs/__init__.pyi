@@ -41,9 +41,7 @@ from .run_record import RunRecord as RunRecord
 from .run_result import (
     CrushedItem as CrushedItem,
     FeedCount as FeedCount,
-    FormCount as FormCount,
     HoleItem as HoleItem,
-    ItemCount as ItemCount,
     PickCount as PickCount,
     RunStatus as RunStatus,
     WallSeconds as WallSeconds,

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 
-from .item_episodes import Episode, Planted
+from picktree.world import event_types
+
+from .item_episodes import ENDS, Decision
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,15 +111,19 @@ class EpisodeCounts:
         for fault in planted:
             self.add_faults(fault)
 
-    def add(self, episode: Episode) -> None:
-        self.add_cures(_one(episode))
+    def add(self, decision: Decision) -> None:
+        """Count an episode or an injected fault; single failures are not counted."""
+        match decision:
+            case event_types.EpisodeEvent():
+                self.add_cures(_one(decision))
+            case event_types.FaultOutcomeEvent(fault=fault, cause=cause, end=end):
+                self.add_faults(PlantedCount(fault, cause, end or "", 1))
+            case event_types.FailureDecidedEvent():
+                pass
 
     def add_cures(self, some: CureCount) -> None:
         key = (some.cause, some.cure)
         self._cures[key] = self._cures.get(key, CureCount(*key)).with_(some)
-
-    def add_planted(self, fault: Planted) -> None:
-        self.add_faults(PlantedCount(fault.fault, fault.cause, fault.end or "", 1))
 
     def add_faults(self, some: PlantedCount) -> None:
         key = (some.fault, some.cause, some.end)
@@ -143,7 +149,7 @@ def by_cause(cures: Iterable[CureCount]) -> tuple[CauseCount, ...]:
     return tuple(sorted(counts, key=lambda c: (-c.total.seconds, -c.total.seen, c.cause)))
 
 
-def counted(episodes: Iterable[Episode]) -> tuple[CureCount, ...]:
+def counted(episodes: Iterable[event_types.EpisodeEvent]) -> tuple[CureCount, ...]:
     counts = EpisodeCounts()
     for episode in episodes:
         counts.add(episode)
@@ -175,7 +181,7 @@ def planted_lines(planted: Iterable[PlantedCount]) -> Iterator[str]:
         yield f"{each.count} {each.fault}, then {seen}"
 
 
-def _one(episode: Episode) -> CureCount:
+def _one(episode: event_types.EpisodeEvent) -> CureCount:
     end = episode.end
     return CureCount(
         episode.cause,
@@ -201,13 +207,3 @@ def _sum(cause: str, parts: Iterable[CureCount]) -> CureCount:
 
 def _tries(number: float) -> str:
     return "1 try" if number == 1.0 else f"{number:.1f} tries".replace(".0 ", " ")
-
-
-ENDS: Mapping[str, str] = {
-    "cured": "cured",
-    "done_instead": "done instead",
-    "given_up": "given up",
-    "unhandled": "not handled",
-    "open": "open at the end",
-}
-"""How an episode ended, in words."""

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Annotated, Self, cast, get_args
 
-from picktree.world import EVENT_KINDS, EventField, JournalEvent, OtherEvent, event_fields, event_types
+from picktree.world import EVENT_KINDS, JournalEvent, OtherEvent, RecordField, event_fields, event_types
 
 from .json_schema import is_viewable, schema, value_schema
 from .log_records import BodyRecord, Event, decode, record_adapter
@@ -94,7 +94,7 @@ def _shared_values(kinds: Iterable[type[JournalEvent]]) -> dict[str, dict[str, o
     return {name: said for name, said in alike.items() if is_viewable(said)}
 
 
-def _recorded_type(kind: type[JournalEvent], value: EventField) -> object:
+def _recorded_type(kind: type[JournalEvent], value: RecordField) -> object:
     """Return the type of a recorded value. One whose default is None is left out while it is None."""
     given = [arm for arm in get_args(value.hint) if arm is not types.NoneType]
     left_out = value.default is None and kind.data is JournalEvent.data

@@ -32,13 +32,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
-from typing import Literal, Protocol, TypeAlias
+from dataclasses import dataclass, field, replace
+from typing import Protocol, TypeAlias
 
 from picktree.world import JournalEvent, event_types
 
+Decision: TypeAlias = (
+    event_types.FailureDecidedEvent | event_types.EpisodeEvent | event_types.FaultOutcomeEvent
+)
 AGAIN = "again"
 _MAX_NAMED_NODES = 3
 """Maximum number of nodes that a handler's name lists."""
@@ -83,6 +86,8 @@ class TransitionLike(Protocol):
     def cause(self) -> str: ...
     @property
     def origin(self) -> str: ...
+    @property
+    def message(self) -> str: ...
 
 
 class CureNames:
@@ -114,81 +119,17 @@ def _last(path: str) -> str:
     return path.rsplit("/", 1)[-1]
 
 
-End: TypeAlias = Literal["cured", "done_instead", "given_up", "unhandled", "open"]
-Fate: TypeAlias = Literal["cured", "done_instead", "passed_over", "branched", "ended", "open"]
-"""Outcome of a single failure; it follows from the end of its episode.
-
-`cured`, `done_instead` and `open`: as its episode. A failure whose episode was given up or unhandled is told
-by what the mission did: `passed_over`: a loop went on with the next item. `branched`: a Fallback or another
-node went another way. `ended`: it reached the root, and the mission ended with it.
-"""
-
-
 @dataclass(frozen=True, slots=True)
-class DecidedFailure:
-    """Failure of one node, and the decision about it."""
-
-    path: str
-    time: float
-    """Time of the failure, simulated s."""
-    cause: str
-    fate: Fate
-    by: str
-    """Path of the node that decided it; empty when open."""
-
-
-@dataclass(frozen=True, slots=True)
-class Episode:
-    """Episode: one cause from its first failure to the decision, in the terms of this module."""
-
-    cause: str
-    node: str
-    """Path of the node that failed first."""
-    item: str
-    """Id of the item that the failure is about; empty when unknown."""
-    times: tuple[float, ...]
-    """Times of its failures, simulated s."""
-    end: End
-    ended: float
-    """Time of the decision, or of the log's end, simulated s."""
-    by: str
-    """Path of the node that handled the failure last; empty when none did."""
-    handler: str
-    """Name of the last cure in that node: the pattern of `when`, `otherwise`, …"""
-    tried: tuple[str, ...]
-    """Names of the cures that were run, in order."""
-    tries: int
-    seconds: float
-    """Time lost, simulated s."""
-
-    @property
-    def time(self) -> float:
-        """Time of the first failure, simulated s."""
-        return self.times[0]
-
-    @property
-    def cure(self) -> str:
-        """Name of the last cure; empty when nothing was tried."""
-        return self.tried[-1] if self.tried else ""
-
-
-@dataclass(frozen=True, slots=True)
-class Planted:
-    """Injected fault, and the first failure after it; for the analyst only."""
+class InjectedFault:
+    """Injected fault after which nothing has been decided yet."""
 
     time: float
-    """Time of the fault, simulated s."""
+    """Simulated s."""
     fault: str
     """Kind of the fault: `remove`, `slip`, …"""
     message: str
     item: str
     """Id of the item in the simulation; empty when the fault is about none."""
-    cause: str
-    """Cause of the first failure after the fault; empty when none came."""
-    after: float | None
-    """Time from the fault to that failure, simulated s; None when none came."""
-    end: End | None
-    """End of that failure's episode; None when none came."""
 
 
 @dataclass
@@ -207,12 +148,16 @@ class OpenEpisode:
     tried: list[str] = field(default_factory=list[str])
     tries: int = 0
     seconds: float = 0.0
-    planted: list[Planted] = field(default_factory=list[Planted])
+    planted: list[InjectedFault] = field(default_factory=list[InjectedFault])
     """Faults after which it was the first."""
     failures: list[tuple[str, float]] = field(default_factory=list[tuple[str, float]])
     """Path and time (s) of each failure; without those of conditions."""
     came_up: float = 0.0
     """When it last went up to a node around, s."""
+
+
+FailureKey: TypeAlias = tuple[str, str, str]
+"""Cause, origin and message: a node that fails with those of a child passes the child's failure on."""
 
 
 @dataclass
@@ -252,6 +197,8 @@ class RunningNode:
     """Handler that it told of last, where that is done instead of the branch; empty: none."""
     again: bool = False
     """It has run the child again whose failure had come up."""
+    failed_children: dict[str, FailureKey] = field(default_factory=dict[str, "FailureKey"])
+    """Last failure of each child that failed, by the child's path."""
     settled: list[str] = field(default_factory=list[str])
     """Causes that came up here and were decided: the node may still fail with one of them."""
 
@@ -262,27 +209,19 @@ class EpisodeTrackerState:
 
     nodes: tuple[RunningNode, ...] = ()
     troubles: dict[int, OpenEpisode] = field(default_factory=dict[int, OpenEpisode])
-    planted: tuple[Planted, ...] = ()
+    planted: tuple[InjectedFault, ...] = ()
     number: int = 0
     elsewhere: tuple[str, ...] = ()
     """Items that were put down outside of bins and holes, and not held since."""
 
 
 class EpisodeTracker:
-    """Turns ticks into episodes; `on_end` receives each when it is decided, `on_planted` each fault.
+    """Turns ticks into decisions: the outcomes of failures, of episodes and of injected faults, as events."""
 
-    `on_failure` receives each failure of an episode with its own outcome.
-    """
-
-    def __init__(
-        self,
-        on_end: Callable[[Episode], None],
-        on_planted: Callable[[Planted], None] = lambda _: None,
-        state: EpisodeTrackerState | None = None,
-        on_failure: Callable[[DecidedFailure], None] = lambda _: None,
-    ) -> None:
+    def __init__(self, state: EpisodeTrackerState | None = None) -> None:
         state = deepcopy(state) if state is not None else EpisodeTrackerState()
-        self._on_end, self._on_planted, self._on_failure = on_end, on_planted, on_failure
+        self._decisions: list[Decision] = []
+        """Decisions that were not handed over yet."""
         self._open = {node.path: node for node in state.nodes}
         self._troubles = dict(state.troubles)
         self._waiting = list(state.planted)
@@ -335,8 +274,11 @@ class EpisodeTracker:
 
     def take(
         self, time: float, changes: Iterable[TransitionLike], events: Sequence[JournalEvent] = ()
-    ) -> None:
-        """One tick: which nodes began and ended, in their order, and what was told in it."""
+    ) -> tuple[Decision, ...]:
+        """Follow one tick and return the decisions of it.
+
+        `changes` are the starts and ends of nodes, in order.
+        """
         self._time = round(time, 9)  # as the log has it
         aside = {event.node for event in events if isinstance(event, event_types.SetAsideEvent)}
         self._notice(events)
@@ -352,24 +294,28 @@ class EpisodeTracker:
                 self._progress(event.object)
             elif isinstance(event, event_types.FaultEvent) and event.struck:
                 item = event.item or ""
-                self._waiting.append(Planted(time, event.fault, event.message, item, "", None, None))
+                self._waiting.append(InjectedFault(time, event.fault, event.message, item))
+        return self._handed_over()
 
-    def finish(self, time: float) -> None:
-        """The run, or its log, has ended: what is open is told as such."""
+    def finish(self, time: float) -> tuple[Decision, ...]:
+        """Return what is open at the end of the run, or of its log, as such."""
         self._time = max(time, self._time)
         for node in reversed(list(self._open.values())):
             self._bear(node)
         for number in sorted(self._troubles):
             self._decide(number, "open", "open", None)
         for fault in self._waiting:
-            self._on_planted(fault)
+            self._decisions.append(_followed(fault, "", None, None))
         self._open, self._waiting = {}, []
+        return self._handed_over()
 
-    def copied(
-        self, on_end: Callable[[Episode], None], on_planted: Callable[[Planted], None]
-    ) -> EpisodeTracker:
-        """One that goes on by itself."""
-        made = EpisodeTracker(on_end, on_planted, self.state())
+    def _handed_over(self) -> tuple[Decision, ...]:
+        decisions, self._decisions = tuple(self._decisions), []
+        return decisions
+
+    def copied(self) -> EpisodeTracker:
+        """Return a copy that goes on by itself."""
+        made = EpisodeTracker(self.state())
         made._ids, made._parents, made._names, made._time = self._ids, self._parents, self._names, self._time
         made._giving_up, made._leaves = self._giving_up, self._leaves
         return made
@@ -419,7 +365,11 @@ class EpisodeTracker:
             self._set_aside(node)
         if change.status == "FAILURE":
             if change.cause:
-                self._source(node, change)
+                key = (change.cause, change.origin, change.message)
+                self._source(node, change, key not in node.failed_children.values())
+                parent = self._open.get(self._parents.get(node.path, ""))
+                if parent is not None:
+                    parent.failed_children[node.path] = key
             self._close(node, cause=change.cause)
         elif change.status == "IDLE":
             self._close(node, halted=True)
@@ -479,12 +429,16 @@ class EpisodeTracker:
             ):
                 self._elsewhere.discard(event.object)
 
-    def _source(self, node: RunningNode, change: TransitionLike) -> None:
-        """A node has failed: with something new, or with what has come up from below."""
+    def _source(self, node: RunningNode, change: TransitionLike, by_itself: bool) -> None:
+        """Assign the failure of a node to a trouble: a new one, or one that has come up from below.
+
+        `by_itself`: the failure is not just that of a child.
+        """
+        failure = [(node.path, self._time)] if by_itself else []
         own = change.origin in ("", node.path)
         same = self._with(change.cause, (*node.taken, *node.arrived))
         if same is not None and (not own or self._troubles[same].node == node.path):
-            self._troubles[same].failures.append((node.path, self._time))
+            self._troubles[same].failures += failure
             return
         if not own and change.cause in node.settled:
             return
@@ -492,12 +446,12 @@ class EpisodeTracker:
         again = self._answered(change.cause, around)
         if again is not None:
             self._troubles[again].times.append(self._time)
-            self._troubles[again].failures.append((node.path, self._time))
+            self._troubles[again].failures += failure
             node.arrived.append(again)
             return
         began = self._time if not own or any(other.dealing for other in around) else node.start
         number = self._arise(node, change.cause, change.origin or node.path, self._time - began)
-        self._troubles[number].failures = [(node.path, self._time)]
+        self._troubles[number].failures = failure
         self._troubles[number].planted, self._waiting = self._waiting, []
         node.arrived.append(number)
 
@@ -636,7 +590,11 @@ class EpisodeTracker:
             other.borne += seconds
 
     def _settle(
-        self, numbers: Iterable[int], at: RunningNode | None, by: RunningNode | None, fate: Fate = "branched"
+        self,
+        numbers: Iterable[int],
+        at: RunningNode | None,
+        by: RunningNode | None,
+        fate: event_types.Fate = "branched",
     ) -> None:
         """Decide troubles that no node takes up any more: `at` goes on without them, because of `by`."""
         if by is not None and self._ids.get(by.path) == "ForEach" and fate == "branched":
@@ -654,27 +612,44 @@ class EpisodeTracker:
             at.arrived = [n for n in at.arrived if n in self._troubles]
 
     def _decide(
-        self, number: int, end: End, fate: Fate, by: RunningNode | None, time: float | None = None
+        self,
+        number: int,
+        end: event_types.End,
+        fate: event_types.Fate,
+        by: RunningNode | None,
+        time: float | None = None,
     ) -> None:
         t = self._troubles.pop(number)
         ended = self._time if time is None else time
-        self._on_end(
-            Episode(
-                t.cause, t.node, t.item, tuple(t.times), end, ended, t.by, t.handler, tuple(t.tried), t.tries,
-                round(t.seconds, 6),
-            )
-        )  # fmt: skip
-        for f in t.planted:
-            after = round(min(at for at in t.times if at >= f.time - 1e-9) - f.time, 6)
-            self._on_planted(Planted(f.time, f.fault, f.message, f.item, t.cause, after, end))
         for path, at in t.failures:
             around = self._upwards(by.path) if by is not None else ()
             shared = next((above for above in around if f"{path}/".startswith(f"{above}/")), "")
             if end in ("cured", "done_instead", "open"):  # the failures of an episode end as it does
-                own: Fate = end
+                own: event_types.Fate = end
             else:
                 own = fate if by is None or shared == by.path else "branched"  # decided in another branch
-            self._on_failure(DecidedFailure(path, at, t.cause, own, shared))
+            decided = f"{t.cause} at {at:.2f} s: {own.replace('_', ' ')}"
+            self._decisions.append(
+                event_types.FailureDecidedEvent(decided, path, cause=t.cause, time=at, fate=own, by=shared)
+            )
+        episode = event_types.EpisodeEvent(
+            "",
+            t.node,
+            cause=t.cause,
+            item=t.item,
+            times=tuple(t.times),
+            end=end,
+            ended=ended,
+            by=t.by,
+            handler=t.handler,
+            tried=tuple(t.tried),
+            tries=t.tries,
+            seconds=round(t.seconds, 6),
+        )
+        self._decisions.append(replace(episode, message=_told(episode)))
+        for fault in t.planted:
+            after = round(min(at for at in t.times if at >= fault.time - 1e-9) - fault.time, 6)
+            self._decisions.append(_followed(fault, t.cause, after, end))
 
     # Looking around.
 
@@ -700,6 +675,29 @@ class EpisodeTracker:
         return found[-1] if found else None
 
 
+def _followed(
+    fault: InjectedFault, cause: str, after: float | None, end: event_types.End | None
+) -> event_types.FaultOutcomeEvent:
+    return event_types.FaultOutcomeEvent(
+        fault.message, fault=fault.fault, time=fault.time, item=fault.item, cause=cause, after=after, end=end
+    )
+
+
+def _told(episode: event_types.EpisodeEvent) -> str:
+    """Return the episode as text: `grasp.slipped: cured by RetreatAndLook, 12.4 s lost`."""
+    by = f" by {episode.cure}" if episode.end == "cured" and episode.cure else ""
+    lost = f", {episode.seconds:.1f} s lost" if episode.seconds >= 0.05 else ""
+    return f"{episode.cause}: {ENDS[episode.end]}{by}{lost}"
+
+
+ENDS: Mapping[str, str] = {
+    "cured": "cured",
+    "done_instead": "done instead",
+    "given_up": "given up",
+    "unhandled": "not handled",
+    "open": "open at the end",
+}
+"""Text for each end of an episode."""
 _KINDS = {
     "Recover": "recovering",
     "RecoveryNode": "recovering",

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import (
     TYPE_CHECKING,
+    Annotated,
     Any,
     TypeVar,
 )
@@ -18,7 +19,7 @@ from typing import (
 import orjson
 
 from picktree.simulation import HoleSeating
-from picktree.world import BlackboardWrite, NodeState, Pose, Shape, Tick, Transition, Values, Vector3
+from picktree.world import BlackboardWrite, Body, NodeState, Pose, Shape, Tick, Transition, Values, Vector3
 from picktree.world.scene import Hole
 
 from .arithmetic_record import Arithmetic
@@ -174,15 +175,15 @@ class NodeTime:
 
 @dataclass(frozen=True)
 class Timing:
-    """Wall seconds of one tick, in all and by part."""
+    """Wall times of one tick, in all and by part."""
 
-    total: float
-    physics: float = 0.0
-    control: float = 0.0
-    planning: float = 0.0
-    perception: float = 0.0
-    rendering: float = 0.0
-    recording: float = 0.0
+    total: Annotated[float, "wall time of the tick", "s"]
+    physics: Annotated[float, "wall time of the physics", "s"] = 0.0
+    control: Annotated[float, "wall time of the control", "s"] = 0.0
+    planning: Annotated[float, "wall time of the planner", "s"] = 0.0
+    perception: Annotated[float, "wall time of perception", "s"] = 0.0
+    rendering: Annotated[float, "wall time of the simulated cameras", "s"] = 0.0
+    recording: Annotated[float, "wall time of the recording", "s"] = 0.0
     nodes: tuple[NodeTime, ...] = ()
 
 
@@ -279,15 +280,9 @@ class BlockRecord:
 
 
 @dataclass(frozen=True)
-class BodyRecord:
-    """Movable body as believed, or as it truly is. `pose` is in the world."""
+class BodyRecord(Body):
+    """Movable body as believed, or as it truly is."""
 
-    id: str
-    kind: str
-    form: str
-    colour: str
-    shape: Shape
-    pose: Pose
     role: str = "item"
     place: str = ""
     attached: bool = False

@@ -7,7 +7,7 @@ import math
 from collections import Counter, defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final, TypeAlias
+from typing import Annotated, Final, TypeAlias
 
 from picktree.world import (
     BlackboardWrite,
@@ -72,38 +72,26 @@ def _no_values() -> Values:
 class Visit:
     """Visit: one activation of a node, from the tick of its start to the tick of its end."""
 
-    number: int
-    """Place among the visits of the run, which are ordered by their starts."""
-    path: str
-    id: str
-    """Registered name of the node, such as `Grasp`."""
-    parent: int | None
-    """Number of the parent's visit around this one; None for the root."""
-    item: str
-    """Id of the object that the visit is about; empty when there is none.
-
-    It is the visit's own subject, or that of the nearest visit around it. An iteration's element counts as a
-    subject.
-    """
-    attempt: int
-    """Number of visits of the node for this item so far, this one included."""
-    start: float
-    """Start, simulated s."""
-    end: float
-    """End, simulated s; time of the log's last tick when the visit had not ended."""
-    first: int
-    """Number of the first tick, 0 for the first of the log."""
-    last: int
-    outcome: str
-    """SUCCESS, FAILURE, SKIPPED or HALTED; RUNNING when the log ends before."""
-    inputs: Values = field(default_factory=_no_values)
-    """Values read through references at the start, by port."""
-    cause: str = ""
-    """Cause of a failure; empty for a false condition."""
-    origin: str = ""
-    """Path of the node from which the failure came, which may be this one; empty without a failure."""
-    message: str = ""
-    evidence: Values = field(default_factory=_no_values)
+    number: Annotated[int, "number of the visit, in order of the starts"]
+    path: Annotated[str, "path of the node"]
+    id: Annotated[str, "registered name of the node, such as `Grasp`"]
+    parent: Annotated[int | None, "number of the parent's visit around this one; empty for the root"]
+    item: Annotated[str, "object that the visit is about; empty when there is none"]
+    """It is the visit's own subject, or that of the nearest visit around it. An iteration's element counts
+    as a subject."""
+    attempt: Annotated[int, "number of visits of the node for this item so far, this one included"]
+    start: Annotated[float, "start, simulated", "s"]
+    end: Annotated[float, "end, or that of the log when the visit had not ended, simulated", "s"]
+    first: Annotated[int, "number of the first tick, 0 for the first of the log"]
+    last: Annotated[int, "number of the last tick"]
+    outcome: Annotated[str, "SUCCESS, FAILURE, SKIPPED or HALTED; RUNNING when the log ends before"]
+    inputs: Annotated[Values, "values read through references at the start, by port"] = field(
+        default_factory=_no_values
+    )
+    cause: Annotated[str, "cause of a failure, such as `grasp.missed`; empty for a false condition"] = ""
+    origin: Annotated[str, "path of the node from which the failure came; empty without a failure"] = ""
+    message: Annotated[str, "message of the node"] = ""
+    evidence: Annotated[Values, "evidence of the failure"] = field(default_factory=_no_values)
 
     @property
     def name(self) -> str:
@@ -141,20 +129,14 @@ class Visit:
 class SkillStep:
     """Step of a skill that has ended, such as the closing of the fingers within a grasp."""
 
-    visit: int
-    """Number of the visit of the skill's node."""
-    node: str
-    """Path of the node."""
-    item: str
-    """Id of the object that the visit is about; empty when there is none."""
-    name: str
-    start: float
-    """Start, simulated s."""
-    end: float
-    outcome: str
-    """`success`, `failure` or `halted`."""
-    cause: str
-    """Cause of a failure; else empty."""
+    visit: Annotated[int, "number of the visit of the skill's node"]
+    node: Annotated[str, "path of the node"]
+    item: Annotated[str, "object that the visit is about; empty when there is none"]
+    name: Annotated[str, "name of the step, such as `approach`, `close`, `lift`"]
+    start: Annotated[float, "start of the step, simulated", "s"]
+    end: Annotated[float, "end of the step, simulated", "s"]
+    outcome: Annotated[str, "`success`, `failure` or `halted`"]
+    cause: Annotated[str, "cause of a failure; else empty"]
 
 
 def steps_of(events: Iterable[Stamped[JournalEvent]], visits: Iterable[Visit]) -> tuple[SkillStep, ...]:

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from picktree.world import JournalEvent, event_types
 
 from .episode_counts import CauseCount, CureCount, by_cause, counted
-from .item_episodes import AGAIN, CureNames, DecidedFailure, Episode, EpisodeTracker, Fate, Planted
+from .item_episodes import AGAIN, CureNames, Decision, EpisodeTracker
 from .node_visits import HALTED, Visit, VisitBuilder, VisitTree, ticks_with_trees, under_way
 from .run_log import RunLog, Stamped
 
 ANSWERING = frozenset({"Recover", "RecoveryNode"})
 """Nodes that announce the handler that they run."""
-OPEN = DecidedFailure("", 0.0, "", "open", "")
+OPEN = event_types.FailureDecidedEvent("", cause="", time=0.0, fate="open", by="")
 GIVE_UP = "give_up"
 """Slot of the child that a node runs before it fails for good."""
 
@@ -27,8 +27,8 @@ class Episodes:
     Of a log that continues from a checkpoint: from there on.
     """
 
-    episodes: tuple[Episode, ...]
-    planted: tuple[Planted, ...]
+    episodes: tuple[event_types.EpisodeEvent, ...]
+    planted: tuple[event_types.FaultOutcomeEvent, ...]
 
     @property
     def cures(self) -> tuple[CureCount, ...]:
@@ -84,23 +84,18 @@ class CureAttempt:
     """Whether the handler takes the place of the branch, as one of `instead` does."""
 
 
-@dataclass(frozen=True, slots=True)
-class FailureCourse:
-    """Course of a failure up the tree: the nodes that it ended, what was tried, and the decision."""
-
-    chain: tuple[FailureLink, ...]
-    handled_by: tuple[CureAttempt, ...]
-    fate: Fate
-    fate_by: str
-    fate_at: float | None
-
-
 @dataclass(frozen=True)
 class Failure:
-    """Failure with a cause: the visit that failed by itself, and what became of the failure."""
+    """Failure with a cause, its course up the tree, and the decision about it."""
 
     source: Visit
-    course: FailureCourse
+    """Visit that failed by itself."""
+    chain: tuple[FailureLink, ...]
+    """Nodes that ended with the failure, from the parent upwards."""
+    handled_by: tuple[CureAttempt, ...]
+    decided: event_types.FailureDecidedEvent
+    decided_at: float | None
+    """Time of the decision, simulated s; None when open."""
 
 
 @dataclass(frozen=True)
@@ -119,27 +114,39 @@ class RunAccount:
 def account_of(log: RunLog, events: Sequence[Stamped[JournalEvent]]) -> RunAccount:
     """Return the account of a run from its log and its events.
 
+    What became of each failure was decided and recorded while the run was going on. A log that was cut off
+    lacks what was undecided then, and format 2 lacks all: there, the same tracker decides from the ticks.
     Raises PicktreeError when the log is damaged.
     """
-    builder, episodes, planted = VisitBuilder(), list[Episode](), list[Planted]()
-    decided: dict[tuple[str, float, str], DecidedFailure] = {}
-    tracker = EpisodeTracker(
-        episodes.append, planted.append, on_failure=lambda f: decided.update({(f.path, f.time, f.cause): f})
-    )
+    builder, tracker = VisitBuilder(), None if log.has_decisions else EpisodeTracker()
+    decisions: list[Decision] = [at.record for at in events if isinstance(at.record, Decision)]
+    if tracker is not None:
+        decisions = []
     coming, last = deque(events), 0.0
     for number, (at, trees) in enumerate(ticks_with_trees(log)):
         for tree in trees:
             builder.follow(tree)
-            tracker.follow(tree.nodes)
+            if tracker is not None:
+                tracker.follow(tree.nodes)
+        builder.take(at.time, at.record)
+        last = at.time
+        if tracker is None:
+            continue
         told: list[JournalEvent] = []
         while coming and coming[0].time <= at.time + 1e-9:
             told.append(coming.popleft().record)
         if number == 0:
             tracker.begun(at.time, under_way(at.record))
-        builder.take(at.time, at.record)
-        tracker.take(at.time, at.record.edges, told)
-        last = at.time
-    tracker.finish(log.end)
+        decisions += tracker.take(at.time, at.record.edges, told)
+    if tracker is not None:
+        decisions += tracker.finish(log.end)
+    decided = {
+        (each.node, each.time, each.cause): each
+        for each in decisions
+        if isinstance(each, event_types.FailureDecidedEvent)
+    }
+    episodes = [each for each in decisions if isinstance(each, event_types.EpisodeEvent)]
+    planted = [each for each in decisions if isinstance(each, event_types.FaultOutcomeEvent)]
     visits = VisitTree(builder.finish())
     names = CureNames(node for at in log.trees() for node in at.record.nodes)
     recoveries = {
@@ -152,7 +159,7 @@ def account_of(log: RunLog, events: Sequence[Stamped[JournalEvent]]) -> RunAccou
         visits.visits,
         visits,
         tuple(
-            Failure(source, courses.of(source, decided.get((source.path, source.end, source.cause), OPEN)))
+            courses.of(source, decided.get((source.path, source.end, source.cause), OPEN))
             for source in visits.sources()
         ),
         Episodes(
@@ -173,7 +180,7 @@ class _Courses:
     """Time of the log's last tick, simulated s."""
     names: CureNames
 
-    def of(self, source: Visit, decided: DecidedFailure) -> FailureCourse:
+    def of(self, source: Visit, decided: event_types.FailureDecidedEvent) -> Failure:
         chain: list[FailureLink] = []
         handlings: list[CureAttempt] = []
         at: float | None = None
@@ -205,8 +212,8 @@ class _Courses:
             if chain[-1:] != [FailureLink(parent.path, parent.id, parent.end, "FAILURE")]:
                 chain.append(FailureLink(parent.path, parent.id, parent.end, "FAILURE"))
             visit, at = parent, parent.end
-        return FailureCourse(
-            tuple(chain), tuple(handlings), decided.fate, decided.by, None if decided.fate == "open" else at
+        return Failure(
+            source, tuple(chain), tuple(handlings), decided, None if decided.fate == "open" else at
         )
 
     def _handling(self, parent: Visit, failed: Visit, *, given_up: bool) -> list[CureAttempt]:

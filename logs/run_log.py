@@ -291,6 +291,11 @@ class RunLog:
         """Whether the run's process still writes this log."""
         return any(is_written(path) for path in (self.path, *part_paths(self.path).values()))
 
+    @property
+    def has_decisions(self) -> bool:
+        """Whether the outcome of each failure was recorded: the run has ended, in this format."""
+        return self.format == FORMAT and "json" in self.result
+
     def require_repeatable(self) -> None:
         """Raise PicktreeError when this version cannot run the recorded run again.
 

@@ -12,7 +12,7 @@ from typing import Any, Literal, TypeAlias
 
 from picktree.files import PicktreeError
 from picktree.robot import operator_desk
-from picktree.world import Plain
+from picktree.world import FormCount, ItemCount, Plain
 
 from .episode_counts import CureCount, PlantedCount, cause_lines, planted_lines
 
@@ -26,42 +26,6 @@ _SENTENCES: Mapping[RunStatus, str] = {
     "paused": "it waits for help",
     "interrupted": "the run was interrupted",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class FormCount:
-    """Number of items of one form (box, cylinder, …)."""
-
-    total: int
-    sorted: int
-
-
-@dataclass(frozen=True, slots=True)
-class ItemCount:
-    """Number of items by place, as the scorer found them. `total` = `sorted` + `misplaced` + `left`."""
-
-    total: int
-    sorted: int
-    misplaced: int
-    left: int
-    by_form: Mapping[str, FormCount]
-    without_destination: int = 0
-    """Number of items that belong into no bin and lie in none; they are not in `total`."""
-    elsewhere: int = 0
-    """Number of items that the mission put down outside of bins and holes, as the robot believes."""
-    set_aside: int = 0
-    """Number of items that the mission gave up at their place, as the robot believes."""
-
-    def to_text(self) -> str:
-        """Return a line: `4 of 6 sorted, 0 misplaced, 2 left; 2 set aside, 1 without a destination`."""
-        counts = f"{self.sorted} of {self.total} sorted, {self.misplaced} misplaced, {self.left} left"
-        others = (
-            (self.elsewhere, "put elsewhere"),
-            (self.set_aside, "set aside"),
-            (self.without_destination, "without a destination"),
-        )
-        told = ", ".join(f"{number} {words}" for number, words in others if number)
-        return f"{counts}; {told}" if told else counts
 
 
 @dataclass(frozen=True, slots=True)

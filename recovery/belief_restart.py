@@ -118,7 +118,7 @@ def _measure_hand(world: World) -> Generator[None, None, held_object.GripCheck |
     shape = Box((UNKNOWN_OBJECT_SIZE, max(grip.width, 0.005), UNKNOWN_OBJECT_SIZE))
     tcp = world.control.tcp
     believed = BeliefObject(
-        UNKNOWN_OBJECT, "item", "unknown", "unknown", shape, "unknown", tcp, 0.02, 0.2, 0.5, world.clock.now
+        "unknown", "unknown", shape, "unknown", tcp, 0.02, 0.2, 0.5, world.clock.now, id=UNKNOWN_OBJECT
     )
     world.scene.put(believed, "felt in the hand")
     world.scene.attach(UNKNOWN_OBJECT, Pose())

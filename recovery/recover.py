@@ -293,13 +293,6 @@ class RecoveryControl(ControlNode, abstract=True):
         state = self.tried().step()
         if state is NodeStatus.FAILURE:
             return self._failed(self.tried())
-        if state is NodeStatus.SUCCESS and self._reports:
-            last = self._reports[-1]
-            message, tries = f"cured after {len(self._reports)} failures: {last.cause}", len(self._reports)
-            event = event_types.CuredEvent(
-                message, self.path, cause=last.cause.name, failed=last.node, tries=tries
-            )
-            self.world.journal.note(event)
         return state
 
     def _failed(self, body: Node) -> NodeStatus:

@@ -231,8 +231,8 @@ class Execution:
         for happened in (*faults, *feed):
             self.world.journal.note(happened)
         entries = self.world.journal.take()
-        self.tally.take(self.world.clock.now, entries, self.tree.leaves, report.edges)
-        return report, entries
+        decisions = self.tally.take(self.world.clock.now, entries, self.tree.leaves, report.edges)
+        return report, (*entries, *decisions)
 
     def pass_time(self) -> None:
         """Advance control and simulation by one tick."""

@@ -45,8 +45,6 @@ class RunCounters:
     """Number of failures of leaves by cause, and of branches that were stopped at their limit of time."""
     recovered: Counter[str] = field(default_factory=Counter[str])
     """Number of handler runs by cause."""
-    cured: Counter[str] = field(default_factory=Counter[str])
-    """Number of successful branches after a handler, by cause."""
     gone: int = 0
     """Number of objects that were tried and have left with their bins; their ids are no longer needed."""
     gone_first_try: int = 0
@@ -65,8 +63,8 @@ class RunCounters:
     """Episodes at the start of the count."""
 
     def __post_init__(self) -> None:
-        counts = self._counts = episode_counts.EpisodeCounts(self.episodes.cures, self.episodes.planted)
-        self._tracker = item_episodes.EpisodeTracker(counts.add, counts.add_planted, self.episodes.following)
+        self._counts = episode_counts.EpisodeCounts(self.episodes.cures, self.episodes.planted)
+        self._tracker = item_episodes.EpisodeTracker(self.episodes.following)
 
     def state(self) -> RunCounters:
         """Return a copy for a checkpoint, from which the count may go on."""
@@ -83,11 +81,24 @@ class RunCounters:
             made.emptied = made.done
         return made
 
-    def episodes_so_far(self, time: float) -> episode_counts.EpisodeCounts:
-        """Return the counts of episodes up to `time`, simulated s; undecided ones count as open."""
-        counts = episode_counts.EpisodeCounts(self._counts.cures, self._counts.planted)
-        self._tracker.copied(counts.add, counts.add_planted).finish(time)
-        return counts
+    @property
+    def cures(self) -> tuple[episode_counts.CureCount, ...]:
+        """Decided episodes, counted by cause and last cure."""
+        return self._counts.cures
+
+    @property
+    def planted(self) -> tuple[episode_counts.PlantedCount, ...]:
+        """Injected faults of which the outcome is known, counted by kind and first cause."""
+        return self._counts.planted
+
+    def finish(self, time: float) -> tuple[item_episodes.Decision, ...]:
+        """End the count at `time`, simulated s: count what is undecided as open, and return it."""
+        return self._counted(self._tracker.copied().finish(time))
+
+    def _counted(self, decisions: tuple[item_episodes.Decision, ...]) -> tuple[item_episodes.Decision, ...]:
+        for decision in decisions:
+            self._counts.add(decision)
+        return decisions
 
     @property
     def tried_objects(self) -> int:
@@ -128,8 +139,8 @@ class RunCounters:
         entries: Iterable[Entry],
         leaves: frozenset[str],
         changes: Iterable[item_episodes.TransitionLike],
-    ) -> None:
-        """Count the results of one tick.
+    ) -> tuple[item_episodes.Decision, ...]:
+        """Count the results of one tick, and return the decisions about failures of it.
 
         `leaves` are the paths of the nodes without children. `changes` are the starts and ends of nodes, in
         order.
@@ -137,11 +148,11 @@ class RunCounters:
         events = [entry for entry in entries if isinstance(entry, JournalEvent)]
         for event in events:
             self._happened(event)
-        self._tracker.take(time, changes, events)
         for change in changes:
             own = change.path in leaves or (change.cause == "tree.timeout" and change.origin == change.path)
             if change.status == "FAILURE" and change.cause and own:
                 self.failures[change.cause] += 1
+        return self._counted(self._tracker.take(time, changes, events))
 
     def _happened(self, event: JournalEvent) -> None:
         match event:
@@ -167,7 +178,5 @@ class RunCounters:
                 self._forget(objects)
             case event_types.RecoveryEvent(cause=cause):
                 self.recovered[cause] += 1
-            case event_types.CuredEvent(cause=cause):
-                self.cured[cause] += 1
             case _:
                 pass

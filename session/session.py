@@ -13,6 +13,7 @@ import signal
 import time
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -20,9 +21,7 @@ from picktree.files import PicktreeError, arithmetic
 from picktree.logs import (
     CrushedItem,
     FeedCount,
-    FormCount,
     HoleItem,
-    ItemCount,
     PickCount,
     RunResult,
     RunStatus,
@@ -100,27 +99,17 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
     goal = run.mission.goal.text if run.mission.goal else scene.goal
     if status == "success" and not verdict.reached(goal):
         status = "incomplete"
-    episodes = tally.episodes_so_far(now)
     asked = desk.pending if status == "paused" else None
     return RunResult(
         status=status,
         seed=recipe.seed,
         digest=digest,
-        items=ItemCount(
-            verdict.total,
-            verdict.sorted,
-            verdict.misplaced,
-            verdict.left,
-            {form: FormCount(count.total, count.sorted) for form, count in verdict.by_form.items()},
-            verdict.without_destination,
-            tally.count("elsewhere"),
-            tally.count("aside"),
-        ),
+        items=replace(verdict.count, elsewhere=tally.count("elsewhere"), set_aside=tally.count("aside")),
         picks=PickCount(tally.tried, tally.held, tally.tried_objects, tally.held_first_try),
         failures=dict(tally.failures),
         recoveries=dict(tally.recovered),
-        cures=episodes.cures,
-        planted=episodes.planted,
+        cures=tally.cures,
+        planted=tally.planted,
         sim_seconds=now,
         cpu_seconds=timer.cpu_seconds,
         wall_seconds=timer.wall_seconds(),

@@ -224,8 +224,10 @@ class SessionRecorder:
         self._recorder.settle()
 
     def last(self) -> None:
-        """Write the ground truth at the end."""
+        """Write what is undecided as open, and the ground truth, at the end."""
         now = self._world.clock.now
+        for decision in self._run.tally.finish(now):
+            self._recorder.entry(now, decision)
         self._truth(now)
         self._recorder.true_state(now, self._run.true_state)
 

@@ -202,5 +202,5 @@ class Inventory:
 
 def _departed(body: TrueBody, taken_with: ObjectId, brought_by: int | None) -> TrueBody:
     """Return the truth of an item that leaves with a bin."""
-    still = TrueBody(body.id, body.kind, body.form, body.shape, body.colour, body.pose, present=False)
+    still = TrueBody(body.kind, body.form, body.shape, body.colour, body.pose, id=body.id, present=False)
     return replace(still, taken_with=taken_with, brought_by=brought_by, mass=body.mass, tag=body.tag)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from picktree.files import Expression
-from picktree.world import ObjectId, bottom
-from picktree.world.scene import Bin, Delivery, Form, SceneDescription, destinations
+from picktree.world import FormCount, ItemCount, ObjectId, bottom
+from picktree.world.scene import Bin, Delivery, SceneDescription, destinations
 
 from .truth import HoleSeating, TrueBody
 
@@ -33,7 +33,7 @@ class ItemScore:
     """Destination and place of one item: a bin, a hole, or none."""
 
     id: ObjectId
-    form: Form
+    form: str
     destination: ObjectId | None
     bin: ObjectId | None
     """Bin or hole in which it rests."""
@@ -50,41 +50,26 @@ class ItemScore:
 
 
 @dataclass(frozen=True, slots=True)
-class FormScore:
-    """Counts of the items of one form."""
-
-    total: int
-    sorted: int
-    misplaced: int
-    left: int
-
-
-@dataclass(frozen=True, slots=True)
 class Score:
-    """Score of a run. `total` = `sorted` + `misplaced` + `left`: all items with a destination that ever came,
-    those taken away with their bins included, and those that lie in a bin and belong into none."""
+    """Score of a run."""
 
-    total: int
-    sorted: int
-    misplaced: int
-    left: int
-    by_form: Mapping[str, FormScore]
+    count: ItemCount
+    """Counts of all items that ever came, those taken away with their bins included."""
     items: tuple[ItemScore, ...]
     outstanding: int = 0
     """Items that the scene's feed has not brought yet; endless entries count 0."""
-    without_destination: int = 0
-    """Items that belong into no bin and lie in none."""
 
     def reached(self, goal: str | None = None) -> bool:
         """Return whether an expression over the counts holds. Without one: whether every item is sorted, and
         none is outstanding."""
+        count = self.count
         if goal is None:
-            return self.sorted == self.total and self.outstanding == 0
+            return count.sorted == count.total and self.outstanding == 0
         counts = {
-            "total": self.total,
-            "sorted": self.sorted,
-            "misplaced": self.misplaced,
-            "left": self.left,
+            "total": count.total,
+            "sorted": count.sorted,
+            "misplaced": count.misplaced,
+            "left": count.left,
             "outstanding": self.outstanding,
         }
         return bool(Expression.parse(goal).evaluate(counts))
@@ -104,11 +89,24 @@ def score(truth: Iterable[TrueBody], scene: SceneDescription) -> Score:
     truth = tuple(truth)
     destination = destinations.destination_rule(scene.destinations)
     items = tuple(_item_score(body, destination(body), scene.bins) for body in truth)
-    by_form: dict[str, FormScore] = {}
-    for form in dict.fromkeys(item.form for item in items):
-        by_form[form] = FormScore(*_counts(item for item in items if item.form == form))
-    free = sum(item.verdict == "no destination" for item in items)
-    return Score(*_counts(items), by_form, items, _outstanding(truth, scene.deliveries), free)
+    verdicts = Counter(item.verdict for item in items)
+    forms: dict[str, list[ItemScore]] = {}
+    for item in items:
+        forms.setdefault(item.form, []).append(item)
+    count = ItemCount(
+        len(items) - verdicts["no destination"],
+        verdicts["sorted"],
+        verdicts["misplaced"],
+        verdicts["left"],
+        {form: _form_count(same) for form, same in forms.items()},
+        verdicts["no destination"],
+    )
+    return Score(count, items, _outstanding(truth, scene.deliveries))
+
+
+def _form_count(items: Iterable[ItemScore]) -> FormCount:
+    verdicts = Counter(item.verdict for item in items)
+    return FormCount(verdicts.total() - verdicts["no destination"], verdicts["sorted"])
 
 
 def _outstanding(truth: Iterable[TrueBody], deliveries: Iterable[Delivery]) -> int:
@@ -194,8 +192,3 @@ def is_inside(each: Bin, body: TrueBody) -> bool:
     (x_low, y_low, _), (x_high, y_high, rim) = each.inside()
     x, y, z = item_in_bin.position
     return x_low < x < x_high and y_low < y < y_high and z > 0.0 and bottom(body.shape, item_in_bin) < rim
-
-
-def _counts(items: Iterable[ItemScore]) -> tuple[int, int, int, int]:
-    verdicts = [item.verdict for item in items if item.verdict != "no destination"]
-    return len(verdicts), verdicts.count("sorted"), verdicts.count("misplaced"), verdicts.count("left")

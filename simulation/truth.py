@@ -6,8 +6,19 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from picktree.world import Box, ObjectId, Pose, Shape, Sphere, Vector3, bottom, greatest_length, hole_geometry
-from picktree.world.scene import CatalogueEntry, Fixture, Form, Hole
+from picktree.world import (
+    Body,
+    Box,
+    ObjectId,
+    Pose,
+    Shape,
+    Sphere,
+    Vector3,
+    bottom,
+    greatest_length,
+    hole_geometry,
+)
+from picktree.world.scene import CatalogueEntry, Fixture, Hole
 
 MAX_STANDING_DEPTH = 0.001
 """Depth below a board's top face up to which an item stands on it, m."""
@@ -81,16 +92,9 @@ def _seat(hole: Hole, shape: Shape, item_in_board: Pose) -> HoleSeating:
 
 
 @dataclass(frozen=True, slots=True)
-class TrueBody:
+class TrueBody(Body):
     """True state of an item."""
 
-    id: ObjectId
-    kind: str
-    form: Form
-    shape: Shape
-    colour: str
-    pose: Pose
-    """Pose in the world."""
     velocity: Vector3 = (0.0, 0.0, 0.0)
     """Velocity of the centre, m/s."""
     spin: Vector3 = (0.0, 0.0, 0.0)
@@ -123,7 +127,7 @@ class TrueBody:
     @classmethod
     def of(cls, item_id: ObjectId, entry: CatalogueEntry, colour: str, pose: Pose) -> TrueBody:
         """Return the truth of a catalogue item at rest at `pose`."""
-        return cls(item_id, entry.kind, entry.form, entry.shape, colour, pose, mass=entry.mass)
+        return cls(entry.kind, entry.form, entry.shape, colour, pose, id=item_id, mass=entry.mass)
 
 
 @dataclass(frozen=True, slots=True)

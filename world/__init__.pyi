@@ -80,7 +80,7 @@ from .journal import (
     Candidates as Candidates,
     EVENT_KINDS as EVENT_KINDS,
     Entry as Entry,
-    EventField as EventField,
+    RecordField as RecordField,
     ImageEntry as ImageEntry,
     JournalEvent as JournalEvent,
     OtherEvent as OtherEvent,
@@ -88,6 +88,7 @@ from .journal import (
     Plan as Plan,
     StageCount as StageCount,
     event_fields as event_fields,
+    record_fields as record_fields,
 )
 from .pad_contacts import PadContacts as PadContacts, pad_contacts as pad_contacts, top_heights as top_heights
 from .planar_geometry import outline as outline
@@ -112,6 +113,9 @@ from .protocols import (
 from .quasi_static_pushing import PlanarPushModel as PlanarPushModel
 from .record import (
     BlackboardWrite as BlackboardWrite,
+    Body as Body,
+    FormCount as FormCount,
+    ItemCount as ItemCount,
     NodeState as NodeState,
     Tick as Tick,
     Transition as Transition,

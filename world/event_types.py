@@ -5,7 +5,7 @@ way from recorded values to an event.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 from .journal import EVENT_KINDS, JournalEvent, OtherEvent, Plain
 
@@ -23,12 +23,60 @@ class RecoveryEvent(JournalEvent, kind="recovery"):
     )
 
 
-class CuredEvent(JournalEvent, kind="cured"):
-    """A branch succeeded after handlers had run."""
+End: TypeAlias = Literal["cured", "done_instead", "given_up", "unhandled", "open"]
+"""End of an episode; see `logs.item_episodes`."""
+Fate: TypeAlias = Literal["cured", "done_instead", "passed_over", "branched", "ended", "open"]
+"""Outcome of a single failure; it follows from the end of its episode.
 
-    cause: Annotated[str, "cause of the last failure"]
-    failed: Annotated[str, "path of the node that failed"] = ""
-    tries: Annotated[int, "number of failures before"] = 1
+`cured`, `done_instead` and `open`: as its episode. A failure whose episode was given up or unhandled is told
+by what the mission did: `passed_over`: a loop went on with the next item. `branched`: a Fallback or another
+node went another way. `ended`: it reached the root, and the mission ended with it.
+"""
+
+
+class FailureDecidedEvent(JournalEvent, kind="failure_decided"):
+    """The outcome of a failure of `node` is decided."""
+
+    cause: Annotated[str, "cause of the failure"]
+    time: Annotated[float, "time of the failure, simulated", "s"]
+    fate: Annotated[Fate, "outcome: cured, done_instead, passed_over, branched, ended or open"]
+    by: Annotated[str, "path of the node that decided it; empty when open"]
+
+
+class EpisodeEvent(JournalEvent, kind="episode"):
+    """An episode is decided: one cause from its first failure, at `node`, to the decision about it."""
+
+    cause: Annotated[str, "cause of its failures"]
+    item: Annotated[str, "object that it is about; empty when unknown"]
+    times: Annotated[tuple[float, ...], "times of its failures, simulated", "s"]
+    end: Annotated[End, "outcome: cured, done_instead, given_up, unhandled or open"]
+    ended: Annotated[float, "time of the decision, simulated", "s"]
+    by: Annotated[str, "path of the node that handled it last; empty when none did"]
+    handler: Annotated[str, "name of the last cure in that node: the pattern of `when`, `otherwise`, …"]
+    tried: Annotated[tuple[str, ...], "names of the cures that ran, in order"]
+    tries: Annotated[int, "number of runs after the failure that could succeed"]
+    seconds: Annotated[float, "simulated time lost", "s"]
+
+    @property
+    def time(self) -> float:
+        """Time of the first failure, simulated s."""
+        return self.times[0]
+
+    @property
+    def cure(self) -> str:
+        """Name of the last cure; empty when nothing was tried."""
+        return self.tried[-1] if self.tried else ""
+
+
+class FaultOutcomeEvent(JournalEvent, kind="fault_outcome"):
+    """The first failure after an injected fault is decided, or none came; for the analyst only."""
+
+    fault: Annotated[str, "kind of the fault"]
+    time: Annotated[float, "time of the fault, simulated", "s"]
+    item: Annotated[str, "id of the item in the simulation; empty when the fault is about none"]
+    cause: Annotated[str, "cause of the first failure after the fault; empty when none came"]
+    after: Annotated[float | None, "time from the fault to that failure, simulated", "s"] = None
+    end: Annotated[End | None, "end of that failure's episode"] = None
 
 
 class BudgetEvent(JournalEvent, kind="budget"):

@@ -11,6 +11,7 @@ from typing import (
     Any,
     ClassVar,
     Final,
+    Literal,
     Self,
     TypeAlias,
     Union,
@@ -110,7 +111,7 @@ class OtherEvent(JournalEvent):
 
 
 @dataclass(frozen=True, slots=True)
-class EventField:
+class RecordField:
     """Declaration of a recorded value: `width: Annotated[float, "opening after closing", "m"]`."""
 
     name: str
@@ -134,28 +135,33 @@ class EventField:
 
 
 @cache
-def event_fields(declared: type[JournalEvent]) -> tuple[EventField, ...]:
+def event_fields(declared: type[JournalEvent]) -> tuple[RecordField, ...]:
     """Return the fields that a kind adds to those of every event, in the recorded order."""
-    hints = get_type_hints(declared, include_extras=True)
-    common = get_type_hints(JournalEvent)
     if any(isinstance(value, Field) for kind in declared.__mro__ for value in vars(kind).values()):
         _complete(declared)
-    if "__dataclass_fields__" in vars(declared):
+    common = get_type_hints(JournalEvent)
+    return tuple(each for each in record_fields(declared) if each.name not in common)
+
+
+def record_fields(record: type) -> tuple[RecordField, ...]:
+    """Return the fields of a record in the order of their declaration."""
+    hints = get_type_hints(record, include_extras=True)
+    if "__dataclass_fields__" in vars(record):
         defaults = {
             each.name: each.default if each.default_factory is MISSING else each.default_factory
-            for each in fields(declared)
+            for each in fields(record)
         }
     else:
-        defaults = {name: getattr(declared, name, MISSING) for name in hints}
+        defaults = {name: getattr(record, name, MISSING) for name in hints}
     return tuple(
-        _event_field(name, hint, defaults[name]) for name, hint in hints.items() if name not in common
+        _record_field(name, hint, defaults[name]) for name, hint in hints.items() if name in defaults
     )
 
 
-def _event_field(name: str, hint: Any, default: object) -> EventField:
+def _record_field(name: str, hint: Any, default: object) -> RecordField:
     words = hint.__metadata__ if get_origin(hint) is Annotated else ()
     meaning, unit = (*words, "", "")[:2]
-    return EventField(name, hint.__origin__ if words else hint, meaning, unit, default)
+    return RecordField(name, hint.__origin__ if words else hint, meaning, unit, default)
 
 
 def _plain(value: object) -> object:
@@ -172,6 +178,10 @@ def _converted(value: object, hint: object) -> object:
     if origin is tuple and isinstance(value, list | tuple):
         inner = get_args(hint)[0]
         return tuple(_converted(each, inner) for each in cast("list[object]", value))
+    if origin is Literal:
+        if value not in get_args(hint):
+            raise ValueError(f"{value!r} is none of {get_args(hint)}")
+        return value
     wanted = {float: (int, float), tuple: (list, tuple)}.get(cast("type", origin or hint), origin or hint)
     if not isinstance(value, cast("type", wanted)) or (isinstance(value, bool) and hint is not bool):
         raise ValueError(f"{value!r} is no {hint}")
@@ -180,34 +190,29 @@ def _converted(value: object, hint: object) -> object:
 
 @dataclass(frozen=True)
 class Plan:
-    """Planning request and its answer. `path` holds joint configurations, rad.
+    """Planning request and its answer.
 
     Older logs lack the fields with a default. The class has no slots: orjson writes those slowly.
     """
 
-    request: str
-    planner: str
-    checks: int
-    thinking: float
-    """Simulated seconds charged."""
-    outcome: str
-    """"found" or the name of a failure cause."""
-    message: str
-    duration: float
-    """Duration of the timed trajectory, s; 0 when there is none."""
-    path: tuple[tuple[float, ...], ...] = ()
-    tool_path: tuple[tuple[float, float, float], ...] = ()
-    """Positions of the TCP along the path in the world, m."""
-    start: tuple[float, ...] = ()
-    """Where it was to begin, rad; also of a failure."""
-    version: int = 0
-    """Belief version in which the motion was planned."""
-    length: float = 0.0
-    """Way in joint space, rad."""
-    way: float = 0.0
-    """Way of the TCP, along `tool_path`, m."""
-    singular: float = 0.0
-    """Smallest singular value of the TCP's Jacobian along `tool_path`; 0 without a path."""
+    request: Annotated[str, "request to the planner"]
+    planner: Annotated[str, "planner that answered"]
+    checks: Annotated[int, "number of checked configurations"]
+    thinking: Annotated[float, "simulated time charged for the checks", "s"]
+    outcome: Annotated[str, "`found`, or the cause of the failure"]
+    message: Annotated[str, "answer as a sentence"]
+    duration: Annotated[float, "duration of the timed trajectory; 0 without one", "s"]
+    path: Annotated[tuple[tuple[float, ...], ...], "waypoints in joint space", "rad"] = ()
+    tool_path: Annotated[
+        tuple[tuple[float, float, float], ...], "positions of the TCP along the path in the world", "m"
+    ] = ()
+    start: Annotated[tuple[float, ...], "configuration at the start, also of a failure", "rad"] = ()
+    version: Annotated[int, "version of the belief in which it was planned"] = 0
+    length: Annotated[float, "length of the path in joint space", "rad"] = 0.0
+    way: Annotated[float, "length of the TCP's path", "m"] = 0.0
+    singular: Annotated[
+        float, "minimum singular value of the TCP's Jacobian along the path; 0 without a path"
+    ] = 0.0
 
 
 @dataclass(frozen=True)
@@ -225,26 +230,16 @@ class Candidate:
     Older logs lack the fields with a default. The class has no slots: orjson writes those slowly.
     """
 
-    name: str
-    """Name of the grasp."""
-    position: Vector3
-    """Position of the TCP at closing, in the world, m."""
-    orientation: Quaternion
-    """Orientation of the TCP at closing, quaternion xyzw."""
-    score: float
-    """Rank of the candidate, lowest first: seconds with bonuses and penalties."""
-    verdict: str
-    """Reason for its refusal as text; `accepted` when there is none."""
-    place: str = ""
-    """Place to which the first of them would have led; empty when it did not come that far."""
-    stage: str = ""
-    """Stage that it did not pass; of the accepted one the last that it passed."""
-    by: str = ""
-    """Obstacle: an id of the scene or a part of the robot; empty when there was none."""
-    gap: float = 0.0
-    """Distance to the obstacle, m, negative for a penetration; the greatest of several; 0 when unknown."""
-    count: int = 1
-    """Number of the grasp's places that dropped out alike."""
+    name: Annotated[str, "name of the grasp"]
+    position: Annotated[Vector3, "position of the TCP at closing in the world", "m"]
+    orientation: Annotated[Quaternion, "orientation of the TCP at closing in the world, quaternion xyzw"]
+    score: Annotated[float, "rank, lowest first: seconds with bonuses and penalties", "s"]
+    verdict: Annotated[str, "`accepted`, or the reason of the refusal"]
+    place: Annotated[str, "first place that it would have led to; empty when none was tried"] = ""
+    stage: Annotated[str, "stage that it did not pass; of the accepted one the last that it passed"] = ""
+    by: Annotated[str, "obstacle: an id of the scene or a part of the robot; empty without one"] = ""
+    gap: Annotated[float, "distance to the obstacle, negative for a penetration; 0 when unknown", "m"] = 0.0
+    count: Annotated[int, "number of the grasp's places that dropped out alike"] = 1
 
 
 @dataclass(frozen=True)

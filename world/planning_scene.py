@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Literal, TypeAlias
 
@@ -12,7 +12,8 @@ from picktree.world.scene import Bin, Fixture
 
 from .causes import Failure, world
 from .heap_geometry import HeapRegion
-from .shapes import Shape, greatest_length
+from .record import Body
+from .shapes import greatest_length
 from .values import ObjectId, Pose, Vector3
 
 Role: TypeAlias = Literal["item", "obstacle", "heap"]
@@ -34,21 +35,9 @@ class ObstacleBlock:
 
 
 @dataclass(frozen=True, slots=True)
-class BeliefObject:
-    """One movable body as it is believed to be."""
+class BeliefObject(Body):
+    """One movable body as it is believed to be. While attached, its pose follows from the TCP."""
 
-    id: ObjectId
-    role: Role
-    """`item`: fitted to the catalogue, or a thing lifted out of a heap. `obstacle`: depth that nothing known
-    explains. `heap`: what lies in a tote or in a pile."""
-    kind: str
-    """Catalogue kind, or `unknown`."""
-    form: str
-    """box, cylinder, sphere, plate, mesh, or `unknown`."""
-    shape: Shape
-    colour: str
-    pose: Pose
-    """Pose in the world; while attached it follows from the TCP and `object_in_tcp`."""
     sigma_position: float
     """Standard deviation of the position along each axis, m."""
     sigma_angle: float
@@ -57,6 +46,9 @@ class BeliefObject:
     """0 … 1"""
     last_seen: float
     """Simulated seconds."""
+    role: Role = field(default="item", kw_only=True)
+    """`item`: fitted to the catalogue, or a thing lifted out of a heap. `obstacle`: depth that nothing known
+    explains. `heap`: what lies in a tote or in a pile."""
     object_in_tcp: Pose | None = None
     """Set while the object is attached to the gripper."""
     place: str = "table"

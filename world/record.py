@@ -1,4 +1,4 @@
-"""Record of a behaviour tree: its nodes, their states and transitions, and writes to the blackboard.
+"""Record of a run: bodies, counts of items, and the tree: its nodes, their states, transitions and writes.
 
 The tree fills these values, a log writes and reads them, and the analysis works on them. Times are simulated
 seconds. The classes have no slots, because orjson writes those eight times as slowly.
@@ -10,8 +10,63 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
+from .shapes import Shape
+from .values import ObjectId, Pose
+
 Values: TypeAlias = Mapping[str, object]
 """Plain JSON values by name."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """Movable body: as it is detected, believed to be, or truly is."""
+
+    kind: str
+    """Kind of the catalogue, or `unknown`."""
+    form: str
+    """`box`, `cylinder`, `sphere`, `plate`, `mesh`, or `unknown`."""
+    shape: Shape
+    colour: str
+    pose: Pose
+    """Pose in the world."""
+    id: ObjectId = field(default=ObjectId(""), kw_only=True)
+    """Empty while it is only detected."""
+
+
+@dataclass(frozen=True, slots=True)
+class FormCount:
+    """Number of items of one form (box, cylinder, …)."""
+
+    total: int
+    sorted: int
+
+
+@dataclass(frozen=True, slots=True)
+class ItemCount:
+    """Number of items by place, as the scorer found them. `total` = `sorted` + `misplaced` + `left`."""
+
+    total: int
+    sorted: int
+    misplaced: int
+    left: int
+    by_form: Mapping[str, FormCount]
+    without_destination: int = 0
+    """Number of items that belong into no bin and lie in none; they are not in `total`."""
+    elsewhere: int = 0
+    """Number of items that the mission put down outside of bins and holes, as the robot believes."""
+    set_aside: int = 0
+    """Number of items that the mission gave up at their place, as the robot believes."""
+
+    def to_text(self) -> str:
+        """Return a line: `4 of 6 sorted, 0 misplaced, 2 left; 2 set aside, 1 without a destination`."""
+        counts = f"{self.sorted} of {self.total} sorted, {self.misplaced} misplaced, {self.left} left"
+        others = (
+            (self.elsewhere, "put elsewhere"),
+            (self.set_aside, "set aside"),
+            (self.without_destination, "without a destination"),
+        )
+        told = ", ".join(f"{number} {words}" for number, words in others if number)
+        return f"{counts}; {told}" if told else counts
 
 
 @dataclass(frozen=True)

@@ -330,12 +330,12 @@ class Investigation:
         entry = self._catalogue.get(last.kind)
         form = entry.form if entry else "box"
         return TrueBody(
-            ObjectId(id_),
             last.kind,
             form,
             last.shape,
             last.colour,
             last.pose,
+            id=ObjectId(id_),
             present=present,
             seat=last.seat,
             crushed=max(

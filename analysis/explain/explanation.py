@@ -6,11 +6,11 @@ import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, cast
+from typing import Annotated, Literal, TypeAlias, cast
 
 from picktree.files import listed
-from picktree.logs import CureAttempt, Episodes, FailureLink, item_episodes
-from picktree.world import Values, matches
+from picktree.logs import CureAttempt, Episodes, FailureLink
+from picktree.world import Values, event_types, matches
 
 WIDTH = 96
 """Columns of the text."""
@@ -121,35 +121,28 @@ class FailureStory:
 
     number: int
     """Its place among the failures of the run, from 0."""
-    time: float
-    """Simulated s."""
-    tick: int
-    visit: int
-    """Number of the visit that failed by itself (`Run.visits`)."""
-    node: str
-    """Path of that visit's node."""
-    id: str
-    item: str
-    attempt: int
-    cause: str
+    time: Annotated[float, "simulated time", "s"]
+    tick: Annotated[int, "number of the tick"]
+    visit: Annotated[int, "number of the visit that failed by itself"]
+    node: Annotated[str, "path of the visit's node"]
+    id: Annotated[str, "registered name of the node, such as `Grasp`"]
+    item: Annotated[str, "object that it is about; empty when there is none"]
+    attempt: Annotated[int, "number of visits of the node for this item so far"]
+    cause: Annotated[str, "cause, such as `grasp.missed`"]
     sentence: str
     """Meaning of the cause; with `remedy` the first remedy. Both concern the cause, not this failure."""
     remedy: str
-    step: str
-    """Step of the skill that failed, such as `lift`; empty when it was in none."""
-    message: str
-    """Message of the node."""
+    step: Annotated[str, "step of the skill that failed, such as `lift`; empty when it was in none"]
+    message: Annotated[str, "message of the node"]
     evidence: Values
     chain: tuple[FailureLink, ...]
     """Nodes that ended with the failure, from the parent upwards to the one that stopped it, or the root."""
     handled_by: tuple[CureAttempt, ...]
-    fate: item_episodes.Fate
-    fate_by: str
-    """Path of the node that decided it; empty when open."""
-    fate_at: float | None
-    """Simulated s."""
-    because_of: int | None
-    """Number of the earlier failure that it follows from, as a failing handler does from what it handles."""
+    fate: Annotated[event_types.Fate, "cured, done_instead, passed_over, branched, ended or open"]
+    fate_by: Annotated[str, "path of the node that decided it; empty when open"]
+    fate_at: Annotated[float | None, "simulated time of the decision", "s"]
+    because_of: Annotated[int | None, "number of the failure that it follows from"]
+    """A failing handler follows from what it handles."""
     choices: tuple[CandidateChoice, ...]
     observed: tuple[str, ...]
     """Sentences on the moment of the failure: belief, hand, stops, changes, injected faults.
@@ -161,8 +154,9 @@ class FailureStory:
     """Place of its root cause among those of the run."""
     episode: int | None = None
     """Place of its episode among those of the run."""
-    seconds_lost: float = 0.0
-    """Time lost of its episode, simulated s: the whole at its first failure, and 0 at the further ones."""
+    seconds_lost: Annotated[
+        float, "simulated time lost of its episode, at the episode's first failure; 0 at others", "s"
+    ] = 0.0
 
     @property
     def name(self) -> str:

@@ -56,7 +56,7 @@ def recovery_lines(found: Episodes, paint: Paint) -> Iterator[str]:
 
 
 def _title(found: Episodes) -> str:
-    ends = [(said, sum(e.end == end for e in found.episodes)) for end, said in episode_counts.ENDS.items()]
+    ends = [(said, sum(e.end == end for e in found.episodes)) for end, said in item_episodes.ENDS.items()]
     told = ", ".join(f"{number} {said}" for said, number in ends if number)
     lost = sum(e.seconds for e in found.episodes)
     return f"Recovery ({counted(len(found.episodes), 'episode')}: {told}; {lost:.1f} s lost)"
@@ -78,10 +78,10 @@ def _by(found: episode_counts.CauseCount) -> str:
     return ", ".join([*by, *instead])
 
 
-def _then(fault: item_episodes.Planted) -> str:
+def _then(fault: event_types.FaultOutcomeEvent) -> str:
     if fault.end is None or fault.after is None:
         return "nothing failed"
-    return f"{fault.cause} {fault.after:.1f} s later, {episode_counts.ENDS[fault.end]}"
+    return f"{fault.cause} {fault.after:.1f} s later, {item_episodes.ENDS[fault.end]}"
 
 
 MAX_SINGLE = 8
@@ -398,9 +398,13 @@ def to_json_text(run: Run, found: Explanation) -> str:
         "recovery": {
             "causes": [_cause(each) for each in found.recovery.causes],
             "episodes": [
-                {**_plain(each), "time": each.time, "cure": each.cure} for each in found.recovery.episodes
+                {"node": each.node, **each.data, "time": each.time, "cure": each.cure}
+                for each in found.recovery.episodes
             ],
-            "planted": [_plain(each) for each in found.recovery.planted],
+            "planted": [
+                {"message": each.message, "after": None, "end": None, **each.data}
+                for each in found.recovery.planted
+            ],
         },
         "root_causes": [
             {**_plain(cause), "confidence_rate": RATES[cause.confidence]} for cause in found.root_causes

@@ -208,9 +208,18 @@ def full_bin(
 
 def _object(body: log_records.BodyRecord) -> BeliefObject:
     return BeliefObject(
-        ObjectId(body.id), "item", body.kind, body.form, body.shape, body.colour, body.pose,
-        body.sigma_position, body.sigma_angle, body.confidence, body.last_seen, place=body.place,
-    )  # fmt: skip
+        body.kind,
+        body.form,
+        body.shape,
+        body.colour,
+        body.pose,
+        body.sigma_position,
+        body.sigma_angle,
+        body.confidence,
+        body.last_seen,
+        id=ObjectId(body.id),
+        place=body.place,
+    )
 
 
 TOUCHES = re.compile(r"the hand would touch (.+)")

@@ -221,7 +221,7 @@ def failures_of(run: RunRecord, account: RunAccount) -> tuple[FailureStory, ...]
 
 
 def _story(run: RunRecord, number: int, failure: Failure, cause: Cause | None, step: str) -> FailureStory:
-    source, course = failure.source, failure.course
+    source = failure.source
     node = source.origin or source.path
     known = run.tree_at(source.end).nodes
     return FailureStory(
@@ -239,11 +239,11 @@ def _story(run: RunRecord, number: int, failure: Failure, cause: Cause | None, s
         step=step,
         message=source.message,
         evidence=source.evidence,
-        chain=course.chain,
-        handled_by=course.handled_by,
-        fate=course.fate,
-        fate_by=course.fate_by,
-        fate_at=course.fate_at,
+        chain=failure.chain,
+        handled_by=failure.handled_by,
+        fate=failure.decided.fate,
+        fate_by=failure.decided.by,
+        fate_at=failure.decided_at,
         because_of=None,
         choices=choices_before(run, source),
         observed=(),

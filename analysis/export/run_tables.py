@@ -10,28 +10,19 @@ from typing import Annotated, Any, Generic, TypeAlias, TypeVar
 import orjson
 
 from picktree.analysis import Run
-from picktree.logs import log_records
-from picktree.world import event_types
+from picktree.analysis.explain import FailureStory
+from picktree.logs import log_records, node_visits
+from picktree.world import Candidate, Plan, event_fields, event_types
 
-from .table_files import Column, ColumnDoc, columns, event_row, row_of
+from .table_files import Column, ColumnDoc, columns, row_of, row_type
 
 Time: TypeAlias = Annotated[float, ColumnDoc("simulated time", "s")]
-
-
 Tick: TypeAlias = Annotated[int, ColumnDoc("number of the tick, 0 for the first of the log")]
-
-
 Item: TypeAlias = Annotated[str, ColumnDoc("id of the object that it is about, empty when there is none")]
-
-
 NodePath: TypeAlias = Annotated[str, ColumnDoc("path of the node in the tree")]
-
-
 Cause: TypeAlias = Annotated[
     str, ColumnDoc("cause of the failure, such as grasp.missed; empty when it did not fail")
 ]
-
-
 Message: TypeAlias = Annotated[str, ColumnDoc("what it said, for people")]
 
 
@@ -42,17 +33,9 @@ Y: TypeAlias = Annotated[float, ColumnDoc("position in the world, y", "m")]
 
 
 Z: TypeAlias = Annotated[float, ColumnDoc("position in the world, z", "m")]
-
-
 Qx: TypeAlias = Annotated[float, ColumnDoc("orientation in the world: quaternion, x")]
-
-
 Qy: TypeAlias = Annotated[float, ColumnDoc("orientation in the world: quaternion, y")]
-
-
 Qz: TypeAlias = Annotated[float, ColumnDoc("orientation in the world: quaternion, z")]
-
-
 Qw: TypeAlias = Annotated[float, ColumnDoc("orientation in the world: quaternion, w")]
 
 
@@ -70,93 +53,59 @@ class TickRow:
     writes: Annotated[int, ColumnDoc("writes to the blackboard")]
 
 
-@dataclass(frozen=True, slots=True)
-class VisitRow:
-    visit: Annotated[int, ColumnDoc("number of the visit, in the order of the beginnings")]
-    path: NodePath
-    id: Annotated[str, ColumnDoc("registered name of the node, such as Grasp")]
-    item: Item
-    attempt: Annotated[int, ColumnDoc("visits of this node for this item so far, this one included")]
-    parent: Annotated[int | None, ColumnDoc("number of the visit of the parent; empty for the root")]
-    start: Annotated[float, ColumnDoc("simulated time at which it began", "s")]
-    end: Annotated[float, ColumnDoc("simulated time at which it ended, or the log did", "s")]
-    duration: Annotated[float, ColumnDoc("simulated time from beginning to end", "s")]
-    first_tick: Annotated[int, ColumnDoc("number of the tick in which it began")]
-    last_tick: Annotated[int, ColumnDoc("number of the tick in which it ended")]
-    outcome: Annotated[str, ColumnDoc("SUCCESS, FAILURE, SKIPPED, HALTED; RUNNING when the log ends before")]
-    cause: Cause
-    origin: Annotated[str, ColumnDoc("path of the node that the failure came from")]
-    message: Message
-    inputs: Annotated[str, ColumnDoc("what it read through references, by port: a JSON object")]
-    evidence: Annotated[str, ColumnDoc("evidence of the failure: a JSON object")]
+def _json_of(meaning: str) -> Any:
+    return Annotated[str, ColumnDoc(f"{meaning}: a JSON object")]
 
 
-@dataclass(frozen=True, slots=True)
-class PlanRow:
-    time: Time
-    request: Annotated[str, ColumnDoc("what was asked for")]
-    planner: Annotated[str, ColumnDoc("who answered")]
-    outcome: Annotated[str, ColumnDoc("found, or why not")]
-    message: Message
-    checks: Annotated[int, ColumnDoc("collision checks")]
-    thinking: Annotated[float, ColumnDoc("simulated time that the checks cost", "s")]
-    duration: Annotated[float, ColumnDoc("of the motion", "s")]
-    waypoints: Annotated[int, ColumnDoc("of the path in joint space")]
-    tool_length: Annotated[float, ColumnDoc("way of the tool's centre point", "m")]
-    path: Annotated[str, ColumnDoc("waypoints, joint positions in rad: a JSON list of lists")]
-    tool_path: Annotated[str, ColumnDoc("points of the tool in the world, m: a JSON list of lists")]
+VisitRow = row_type(
+    node_visits.Visit,
+    "visit path id item attempt parent start end duration first_tick last_tick outcome cause origin message "
+    "inputs evidence",
+    visit=Annotated[int, ColumnDoc("number of the visit, in order of the starts")],
+    duration=Annotated[float, ColumnDoc("simulated time from start to end", "s")],
+    first_tick=Annotated[int, ColumnDoc("number of the first tick")],
+    last_tick=Annotated[int, ColumnDoc("number of the last tick")],
+    inputs=_json_of("values read through references, by port"),
+    evidence=_json_of("evidence of the failure"),
+)
+StepRow = row_type(node_visits.SkillStep, "visit node item name start end outcome cause")
+PlanRow = row_type(
+    Plan,
+    "time request planner outcome message checks thinking duration waypoints tool_length path tool_path",
+    waypoints=Annotated[int, ColumnDoc("number of waypoints in joint space")],
+    tool_length=Annotated[float, ColumnDoc("length of the TCP's path", "m")],
+    path=Annotated[str, ColumnDoc("waypoints, joint positions in rad: a JSON list of lists")],
+    tool_path=Annotated[str, ColumnDoc("positions of the TCP in the world, m: a JSON list of lists")],
+)
+CandidateRow = row_type(
+    Candidate,
+    "time purpose object name verdict score place stage by gap count x y z qx qy qz qw",
+    purpose=Annotated[str, ColumnDoc("purpose of the search, and its node")],
+    object=Annotated[str, ColumnDoc("id of the object")],
+    x=X,
+    y=Y,
+    z=Z,
+    qx=Qx,
+    qy=Qy,
+    qz=Qz,
+    qw=Qw,
+)
+_PICK_FIELDS = (each.name for each in event_fields(event_types.PickEvent))
+PickRow = row_type(
+    event_types.PickEvent,
+    " ".join(dict.fromkeys(("time", "object", "held", "node", *_PICK_FIELDS))),
+    node=NodePath,
+)
 
 
-@dataclass(frozen=True, slots=True)
-class CandidateRow:
-    time: Time
-    purpose: Annotated[str, ColumnDoc("what was chosen, and by which node")]
-    object: Annotated[str, ColumnDoc("id of the object")]
-    name: Annotated[str, ColumnDoc("of the candidate")]
-    verdict: Annotated[str, ColumnDoc("accepted, or why not")]
-    score: Annotated[float, ColumnDoc("by which candidates were ranked, the lowest first")]
-    place: Annotated[
-        str, ColumnDoc("where the object would have been put; empty when it did not come that far")
-    ]
-    stage: Annotated[str, ColumnDoc("that it did not pass, or the last that it passed; empty in older logs")]
-    by: Annotated[str, ColumnDoc("what was in the way")]
-    gap: Annotated[float, ColumnDoc("distance to it, negative when it is a depth; 0 when not known", "m")]
-    count: Annotated[int, ColumnDoc("how many places of the grasp dropped out alike")]
-    x: X
-    y: Y
-    z: Z
-    qx: Qx
-    qy: Qy
-    qz: Qz
-    qw: Qw
-
-
-PickRow = event_row(event_types.PickEvent, "object", "held", "node", others=True)
-
-
-@dataclass(frozen=True, slots=True)
-class FailureRow:
-    failure: Annotated[int, ColumnDoc("number of the failure")]
-    time: Time
-    tick: Tick
-    visit: Annotated[int, ColumnDoc("number of the visit that failed")]
-    node: NodePath
-    id: Annotated[str, ColumnDoc("registered name of the node")]
-    item: Item
-    attempt: Annotated[int, ColumnDoc("of that node for that item")]
-    cause: Cause
-    step: Annotated[str, ColumnDoc("step of the skill that failed; empty when it was in none")]
-    message: Message
-    fate: Annotated[str, ColumnDoc("cured, done_instead, passed_over, branched, ended or open")]
-    fate_by: Annotated[str, ColumnDoc("path of the node that decided it")]
-    fate_at: Annotated[float | None, ColumnDoc("simulated time at which that was", "s")]
-    seconds_lost: Annotated[
-        float,
-        ColumnDoc("simulated time lost of its episode, at the episode's first failure; 0 at others", "s"),
-    ]
-    because_of: Annotated[int | None, ColumnDoc("number of the failure that it follows from")]
-    handlers: Annotated[str, ColumnDoc("what recovery tried, in order: a JSON list")]
-    evidence: Annotated[str, ColumnDoc("a JSON object")]
+FailureRow = row_type(
+    FailureStory,
+    "failure time tick visit node id item attempt cause step message fate fate_by fate_at seconds_lost "
+    "because_of handlers evidence",
+    failure=Annotated[int, ColumnDoc("number of the failure")],
+    handlers=Annotated[str, ColumnDoc("handlers that were tried, in order: a JSON list")],
+    evidence=_json_of("evidence of the failure"),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,18 +186,7 @@ class ControlRow:
     error: Annotated[float | None, ColumnDoc("reference less position", "rad")]
 
 
-@dataclass(frozen=True, slots=True)
-class TimingRow:
-    """Wall times of a tick, which differ in every run."""
-
-    time: Time
-    total: Annotated[float, ColumnDoc("wall time of the tick", "s")]
-    physics: Annotated[float, ColumnDoc("wall time of it", "s")]
-    control: Annotated[float, ColumnDoc("wall time of it", "s")]
-    planning: Annotated[float, ColumnDoc("wall time of it", "s")]
-    perception: Annotated[float, ColumnDoc("wall time of it", "s")]
-    rendering: Annotated[float, ColumnDoc("wall time of it", "s")]
-    recording: Annotated[float, ColumnDoc("wall time of it", "s")]
+TimingRow = row_type(log_records.Timing, "time total physics control planning perception rendering recording")
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,20 +214,6 @@ def run_rows(run: Run) -> Iterator[RunRow]:
         yield RunRow("items.total", str(run.result.items.total))
         yield RunRow("items.sorted", str(run.result.items.sorted))
         yield RunRow("digest", run.result.digest)
-
-
-@dataclass(frozen=True, slots=True)
-class StepRow:
-    """Step of a skill."""
-
-    visit: Annotated[int, ColumnDoc("number of the visit of the skill's node")]
-    node: Annotated[str, ColumnDoc("path of the node")]
-    item: Annotated[str, ColumnDoc("object that the visit is about; empty when there is none")]
-    name: Annotated[str, ColumnDoc("name of the step, such as `approach`, `close`, `lift`")]
-    start: Annotated[float, ColumnDoc("simulated time of its start", "s")]
-    end: Annotated[float, ColumnDoc("simulated time of its end", "s")]
-    outcome: Annotated[str, ColumnDoc("`success`, `failure` or `halted`")]
-    cause: Annotated[str, ColumnDoc("cause of a failure; else empty")]
 
 
 R = TypeVar("R")
@@ -329,7 +253,7 @@ def ticks(run: Run) -> Iterator[TickRow]:
         )
 
 
-def visits(run: Run) -> Iterator[VisitRow]:
+def visits(run: Run) -> Iterator[Any]:
     for v in run.visits:
         yield row_of(
             VisitRow, v, visit=v.number, first_tick=v.first, last_tick=v.last,
@@ -337,12 +261,12 @@ def visits(run: Run) -> Iterator[VisitRow]:
         )  # fmt: skip
 
 
-def steps(run: Run) -> Iterator[StepRow]:
+def steps(run: Run) -> Iterator[Any]:
     for step in run.steps:
         yield row_of(StepRow, step)
 
 
-def plans(run: Run) -> Iterator[PlanRow]:
+def plans(run: Run) -> Iterator[Any]:
     for at in run.plans:
         plan = at.record
         yield row_of(
@@ -356,7 +280,7 @@ def plans(run: Run) -> Iterator[PlanRow]:
         )
 
 
-def candidates(run: Run) -> Iterator[CandidateRow]:
+def candidates(run: Run) -> Iterator[Any]:
     for at in run.candidates:
         for c in at.record.tried:
             yield CandidateRow(
@@ -372,7 +296,7 @@ def picks(run: Run) -> Iterator[Any]:
             yield row_of(PickRow, at.record, time=at.time)
 
 
-def failures(run: Run) -> Iterator[FailureRow]:
+def failures(run: Run) -> Iterator[Any]:
     for f in run.failures:
         handlers = _json([handling.handler for handling in f.handled_by])
         yield row_of(FailureRow, f, failure=f.number, handlers=handlers, evidence=_json(f.evidence))
@@ -434,7 +358,7 @@ def controls(run: Run) -> Iterator[ControlRow]:
             )
 
 
-def timings(run: Run) -> Iterator[TimingRow]:
+def timings(run: Run) -> Iterator[Any]:
     for at in run.log.timings():
         yield row_of(TimingRow, at.record, time=at.time)
 

@@ -23,7 +23,7 @@ from typing import get_type_hints as hints
 
 from picktree.files import PicktreeError, file_system
 from picktree.logs import optional_import
-from picktree.world import JournalEvent, event_fields
+from picktree.world import record_fields
 
 R = TypeVar("R")
 Cell: TypeAlias = int | float | bool | str | None
@@ -46,7 +46,6 @@ class ColumnDoc:
 
 
 _TIME: Final = Annotated[float, ColumnDoc("simulated time", "s")]
-_NODE: Final = Annotated[str, ColumnDoc("path of the node in the tree")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,18 +79,18 @@ def columns(row: type) -> tuple[Column, ...]:
     return tuple(_column(field.name, said[field.name]) for field in dataclasses.fields(row))
 
 
-def event_row(kind: type[JournalEvent], *leading: str, others: bool = False) -> type[Any]:
-    """Return a row type for events of a kind: `time`, the `leading` values, then `others` in recorded order.
+def row_type(record: type, names: str, **others: Any) -> type[Any]:
+    """Return a row type whose columns are the `names`, in their order: fields of a record, or of `others`.
 
-    The columns have the types, meanings and units of the kind's declaration. `node` is the event's node.
+    A field has the type, meaning and unit of its declaration. `time` is simulated seconds where the record
+    has no field of that name.
     """
     declared = {
-        each.name: Annotated[each.hint, ColumnDoc(each.meaning, each.unit)] for each in event_fields(kind)
+        each.name: Annotated[each.hint, ColumnDoc(each.meaning, each.unit)] for each in record_fields(record)
     }
-    values = {name: _NODE if name == "node" else declared[name] for name in leading}
-    values |= declared if others else {}
+    declared = {"time": _TIME, **declared, **others}
     return dataclasses.make_dataclass(
-        f"{kind.__name__}Row", [("time", _TIME), *values.items()], frozen=True, slots=True
+        f"{record.__name__}Row", [(name, declared[name]) for name in names.split()], frozen=True, slots=True
     )
 
 

@@ -10,10 +10,11 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import TypeAdapter, ValidationError
 
-from picktree.analysis.export import columns, table_files
+from picktree.analysis.explain import FailureStory
+from picktree.analysis.export import columns, row_type, table_files
 from picktree.files import PicktreeError
-from picktree.logs import RunStatus, item_episodes
-from picktree.world import event_types
+from picktree.logs import RunStatus
+from picktree.world import Plan, event_types
 
 CELL_SIZE = 0.05
 """Side of a cell of the table, m."""
@@ -80,66 +81,63 @@ class JobItemRow:
 
 
 @dataclass(frozen=True, slots=True)
-class JobPickRow(table_files.event_row(event_types.PickEvent, "object", "held", "node")):
+class JobPickRow(row_type(event_types.PickEvent, "time object held node", node=Node)):
     """Closing of the fingers on an object."""
 
 
 @dataclass(frozen=True, slots=True)
-class JobFailureRow:
-    time: Time
-    node: Node
-    cause: Cause
-    message: Message
-    item: Item
-    fate: Annotated[str, table_files.ColumnDoc("cured, done_instead, passed_over, branched, ended, open")]
-    handled_by: Annotated[str, table_files.ColumnDoc("handlers that were tried, in order")]
-    seconds_lost: Annotated[
-        float | None,
-        table_files.ColumnDoc(
-            "simulated time lost of its episode, at the episode's first failure; 0 at others", "s"
-        ),
-    ]
+class JobFailureRow(
+    row_type(
+        FailureStory,
+        "time node cause message item fate handled_by seconds_lost",
+        handled_by=Annotated[str, table_files.ColumnDoc("handlers that were tried, in order")],
+        seconds_lost=Annotated[
+            float | None,
+            table_files.ColumnDoc(
+                "simulated time lost of its episode, at the episode's first failure; 0 at others", "s"
+            ),
+        ],
+    )
+):
+    """Failure, and its outcome."""
+
+
+_Ended: TypeAlias = Annotated[
+    event_types.End | Literal[""],
+    table_files.ColumnDoc("outcome of the episode: cured, done_instead, given_up, unhandled or open"),
+]
 
 
 @dataclass(frozen=True, slots=True)
-class EpisodeRow:
-    time: Annotated[float, table_files.ColumnDoc("simulated, of its first failure", "s")]
-    cause: Cause
-    node: Annotated[str, table_files.ColumnDoc("path of the node that failed first")]
-    item: Item
-    ended: Annotated[
-        item_episodes.End, table_files.ColumnDoc("cured, done_instead, given_up, unhandled, open")
-    ]
-    handler: Annotated[str, table_files.ColumnDoc("what was tried last; empty: nothing")]
-    tried: Annotated[str, table_files.ColumnDoc("all that was tried, one after the other")]
-    by: Annotated[str, table_files.ColumnDoc("path of the node that took it up last; empty: nobody")]
-    tries: Annotated[int, table_files.ColumnDoc("runs after the failure that were to succeed")]
-    seconds: Annotated[float, table_files.ColumnDoc("simulated time lost", "s")]
+class EpisodeRow(
+    row_type(
+        event_types.EpisodeEvent,
+        "time cause node item ended handler tried by tries seconds",
+        time=Annotated[float, table_files.ColumnDoc("simulated time of the first failure", "s")],
+        node=Annotated[str, table_files.ColumnDoc("path of the node that failed first")],
+        ended=_Ended,
+        handler=Annotated[str, table_files.ColumnDoc("name of the last cure; empty when none was tried")],
+        tried=Annotated[str, table_files.ColumnDoc("names of the cures that ran, in order")],
+    )
+):
+    """Cause that was seen, with its cures and its outcome."""
 
 
 @dataclass(frozen=True, slots=True)
-class PlantedRow:
-    time: Time
-    fault: Annotated[str, table_files.ColumnDoc("its kind, as slip")]
-    message: Message
-    item: Annotated[str, table_files.ColumnDoc("name in the simulation; empty: it is about none")]
-    cause: Annotated[str, table_files.ColumnDoc("of the first failure after it; empty: nothing failed")]
-    after: Annotated[float | None, table_files.ColumnDoc("from the fault to that failure", "s")]
-    ended: Annotated[
-        item_episodes.End | Literal[""],
-        table_files.ColumnDoc("what became of that failure, as in episodes; empty: nothing failed"),
-    ]
+class PlantedRow(
+    row_type(
+        event_types.FaultOutcomeEvent,
+        "time fault message item cause after ended",
+        message=Message,
+        ended=_Ended,
+    )
+):
+    """Injected fault, and the first failure after it."""
 
 
 @dataclass(frozen=True, slots=True)
-class JobPlanRow:
-    time: Time
-    request: Annotated[str, table_files.ColumnDoc("what was asked for")]
-    planner: Annotated[str, table_files.ColumnDoc("that answered")]
-    outcome: Annotated[str, table_files.ColumnDoc("found, or why not")]
-    checks: Annotated[int, table_files.ColumnDoc("of collisions")]
-    thinking: Annotated[float, table_files.ColumnDoc("simulated time that it took", "s")]
-    duration: Annotated[float, table_files.ColumnDoc("of the motion", "s")]
+class JobPlanRow(row_type(Plan, "time request planner outcome checks thinking duration")):
+    """Request to the planner."""
 
 
 @dataclass(frozen=True, slots=True)

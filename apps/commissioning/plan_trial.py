@@ -322,7 +322,7 @@ def _point(failure: Failure) -> tuple[log_records.BodyRecord, ...]:
         if isinstance(told, list) and len(told) == 3:
             x, y, z = (float(c) for c in told)
             return (
-                log_records.BodyRecord("point", "point", "sphere", "red", Sphere(0.012), Pose((x, y, z))),
+                log_records.BodyRecord("point", "sphere", Sphere(0.012), "red", Pose((x, y, z)), id="point"),
             )
     return ()
 
@@ -349,7 +349,7 @@ def _marked(world: World, names: frozenset[str]) -> Iterable[log_records.BodyRec
             yield belief_record(o)
     for part in _fixed(world):
         if part.id.split("/")[0] in names:
-            yield log_records.BodyRecord(part.id, "fixture", "box", "red", part.shape, part.pose)
+            yield log_records.BodyRecord("fixture", "box", part.shape, "red", part.pose, id=part.id)
 
 
 def _fixed(world: World) -> Iterable[log_records.PartRecord]:
@@ -385,8 +385,6 @@ def build(scene: str, robot: str | None, seed: int, *, verify: bool) -> World:
 def _believed(world: World, body: TrueBody) -> BeliefObject:
     """Return the believed object of a true body, named as perception names it."""
     return BeliefObject(
-        world.scene.new_id(f"{body.colour}_{body.kind}"),
-        "item",
         body.kind,
         body.form,
         body.shape,
@@ -396,6 +394,7 @@ def _believed(world: World, body: TrueBody) -> BeliefObject:
         EXACT_BELIEF_DEVIATION,
         1.0,
         world.clock.now,
+        id=world.scene.new_id(f"{body.colour}_{body.kind}"),
     )
 
 

@@ -238,7 +238,7 @@ class Belief:
     def _put(self, identity: ObjectId, entry: ObjectFile) -> None:
         known = self.scene.find(identity)
         belief = known or BeliefObject(
-            identity, "item", UNKNOWN, UNKNOWN, _DEFAULT_SHAPE, UNKNOWN, Pose(), 0.0, 0.0, 1.0, 0.0
+            UNKNOWN, UNKNOWN, _DEFAULT_SHAPE, UNKNOWN, Pose(), 0.0, 0.0, 1.0, 0.0, id=identity
         )
         if entry.kind is not None:
             belief = _of_kind(belief, entry.kind, self._catalogue.get(entry.kind))

@@ -54,7 +54,7 @@ def truth_record(body: TrueBody | TrueObstacle, *, measured: bool = False) -> lo
     shape = _portable(body.shape)
     seat = body.seat if isinstance(body, TrueBody) else None
     record = log_records.BodyRecord(
-        body.id, body.kind, body.form, body.colour, shape, body.pose, body.role, seat=seat
+        body.kind, body.form, shape, body.colour, body.pose, role=body.role, id=body.id, seat=seat
     )
     if isinstance(body, TrueBody) and (measured or body.kind == "unknown"):
         return log_records.ThingRecord(

@@ -185,9 +185,20 @@ def _believe_thing(world: World, task: HeapPickTask, width: float, press: GripFo
     tcp = heap.map.frame.inverse() @ world.control.tcp
     colour = colour_between(heap.map, tcp, world.robot.description.gripper.tip, width)
     thing = BeliefObject(
-        world.scene.new_id("thing"), "item", "unknown", "mesh", shape, colour, pose, 0.01, 0.3, 0.5,
-        world.clock.now, place=task.tote, seen_size=_seen_size(heap.map, cells), tag=_tag_on(heap.map, cells),
-    )  # fmt: skip
+        "unknown",
+        "mesh",
+        shape,
+        colour,
+        pose,
+        0.01,
+        0.3,
+        0.5,
+        world.clock.now,
+        id=world.scene.new_id("thing"),
+        place=task.tote,
+        seen_size=_seen_size(heap.map, cells),
+        tag=_tag_on(heap.map, cells),
+    )
     heights = np.where(cells, np.minimum(heap.map.heights(), max(tip, heap.map.floor)), heap.map.heights())
     lowered = replace(heap, map=heap.map.with_heights(heights))
     _store(world, task.tote, lowered, "a thing was taken")

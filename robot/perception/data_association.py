@@ -236,9 +236,18 @@ def _part_of_items(patch: UnexplainedPatch, view: PerceivedView, items: Sequence
 
 def _belief_from(object_id: ObjectId, d: Detection, now: float) -> BeliefObject:
     return BeliefObject(
-        object_id, "item", d.kind, d.form, d.shape, d.colour, d.pose, d.sigma_position, d.sigma_angle,
-        d.confidence, now, place=d.place,
-    )  # fmt: skip
+        d.kind,
+        d.form,
+        d.shape,
+        d.colour,
+        d.pose,
+        d.sigma_position,
+        d.sigma_angle,
+        d.confidence,
+        now,
+        id=object_id,
+        place=d.place,
+    )
 
 
 def _updated_belief(

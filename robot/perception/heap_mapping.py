@@ -169,9 +169,20 @@ def heap_object(
         ObstacleBlock(b.size, (b.at[0] - middle[0], b.at[1] - middle[1], b.at[2] - middle[2])) for b in blocks
     )
     return BeliefObject(
-        heap_geometry.heap_id(region.id), "heap", HEAP_KIND, "unknown", shape, "grey",
-        region.frame @ Pose(middle), 0.002, 0.0, 1.0, now, place=str(region.id), blocks=moved,
-    )  # fmt: skip
+        HEAP_KIND,
+        "unknown",
+        shape,
+        "grey",
+        region.frame @ Pose(middle),
+        0.002,
+        0.0,
+        1.0,
+        now,
+        id=heap_geometry.heap_id(region.id),
+        role="heap",
+        place=str(region.id),
+        blocks=moved,
+    )
 
 
 def _merged_columns(heights: Array, heap: heap_geometry.HeightMap) -> Iterator[ObstacleBlock]:

@@ -614,7 +614,18 @@ def _store_obstacle(
     colour = _colour(seen.patches) or (known.colour if known is not None else "grey")
     last_seen = now if seen.patches or known is None else known.last_seen
     belief = BeliefObject(
-        name, "obstacle", "unknown", "unknown", shape, colour, pose, 0.005, 0.1, 0.5, last_seen, blocks=blocks
+        "unknown",
+        "unknown",
+        shape,
+        colour,
+        pose,
+        0.005,
+        0.1,
+        0.5,
+        last_seen,
+        id=name,
+        role="obstacle",
+        blocks=blocks,
     )
     scene.put(belief, _reason(cells, before))
 

@@ -12,8 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from picktree.world import Array, Box, ObjectId, Pose, Shape, Sphere, heap_geometry, ray_hits
-from picktree.world.scene import Form
+from picktree.world import Array, Body, Box, ObjectId, Pose, Shape, Sphere, heap_geometry, ray_hits
 
 from . import segmentation
 from .camera_geometry import PosedCamera
@@ -25,15 +24,9 @@ MIN_DEPTH_BEHIND = 0.010
 
 
 @dataclass(frozen=True, slots=True)
-class Detection:
-    """One recognised item."""
+class Detection(Body):
+    """One recognised item, which has no id yet."""
 
-    kind: str
-    form: Form
-    shape: Shape
-    colour: str
-    pose: Pose
-    """Pose in the world."""
     sigma_position: float
     """Standard deviation of the position along each axis, m."""
     sigma_angle: float

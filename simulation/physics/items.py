@@ -412,7 +412,6 @@ class PhysicsItems:
         item = self.inventory.here[state.id]
         entry = item.entry
         return TrueBody(
-            state.id,
             entry.kind,
             entry.form,
             entry.shape,
@@ -421,6 +420,7 @@ class PhysicsItems:
             state.velocity,
             state.spin,
             state.present,
+            id=state.id,
             brought_by=item.brought_by,
             mass=next((c.mass for c in self._ledger[::-1] if c.item == state.id and c.mass), entry.mass),
             tag=item.tag,

@@ -11,8 +11,8 @@ import pytest
 from picktree.analysis import Run
 from picktree.analysis.compare import diff
 from picktree.analysis.compare.run_diff import FileChange, RunDiff, to_json_text, to_text
-from picktree.logs import ItemCount, PickCount, RunResult, WallSeconds
-from picktree.world import BlackboardWrite, JournalEvent, Transition
+from picktree.logs import PickCount, RunResult, WallSeconds
+from picktree.world import BlackboardWrite, ItemCount, JournalEvent, Transition
 from picktree.world.event_types import ItemDoneEvent, PickEvent
 
 from ..logs.scripted_log import Seen, begins, ends, record, tree

@@ -65,7 +65,7 @@ def test_a_field_of_a_protobuf_topic_is_named() -> None:
 
 def test_a_record_in_the_metadata_of_an_entity_is_looked_into() -> None:
     bodies = (
-        BodyRecord("red_ball_1", "ball", "sphere", "red", Sphere(0.02), Pose(), place=place)
+        BodyRecord("ball", "sphere", Sphere(0.02), "red", Pose(), id="red_ball_1", place=place)
         for place in ("table", "red_bin")
     )
     a, b = (SceneMessages(locked=True).encode(0, Scene((body,), ())) for body in bodies)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
 from pydantic import TypeAdapter
 
 from picktree.analysis import Run
 from picktree.analysis.explain import explain, to_json_text, to_text
 from picktree.logs.episode_counts import CureCount, PlantedCount, added_planted, by_cause
+from picktree.logs.run_log import RunLog
 from picktree.session import RunCounters, tally_of
 from picktree.session.run_tally import EpisodeCountersState
 
@@ -23,7 +25,8 @@ LOST = CureCount("world.unknown_object", "Observe", 1, 0, 1, tries=1, seconds=1.
 def test_the_summary_and_the_log_agree(troubled_log: Path) -> None:
     with Run(troubled_log) as run:
         found, result = run.account.recovery, run.result
-        later = tally_of(run, run.end).episodes_so_far(run.end)
+        later = tally_of(run, run.end)
+        later.finish(run.end)
     assert result is not None and result.cures is not None
     assert {(c.cause, c.cure, c.seen, c.given_up, c.tries) for c in result.cures} == {
         (c.cause, c.cure, c.seen, c.given_up, c.tries) for c in (MISSED, LOST)
@@ -31,6 +34,20 @@ def test_the_summary_and_the_log_agree(troubled_log: Path) -> None:
     assert found.cures == result.cures == later.cures
     assert result.planted == (PlantedCount("remove", "grasp.missed", "given_up", 1),) == later.planted
     assert [each.cause for each in by_cause(result.cures)] == ["grasp.missed", "world.unknown_object"]
+
+
+def test_decisions_are_recorded_when_they_are_made(
+    troubled_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where a log was cut off, the same decisions follow from its ticks."""
+    with Run(troubled_log) as run:
+        recorded, made = run.account, [at for at in run.events if at.record.kind == "failure_decided"]
+        assert run.log.has_decisions
+        assert [at.time < run.last_tick for at in made] == [True] * len(run.failures)
+    monkeypatch.setattr(RunLog, "has_decisions", False)
+    with Run(troubled_log) as run:
+        assert run.account.recovery == recorded.recovery
+        assert run.account.failures == recorded.failures
 
 
 def test_times_within_a_run_add_up_to_what_its_branches_took(troubled_log: Path) -> None:

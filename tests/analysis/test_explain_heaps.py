@@ -28,14 +28,16 @@ TOTE = Bin(ObjectId("tote"), (0.3, 0.4, 0.12), 0.004, Pose((0.5, 0.0, 0.0)), is_
 
 def body(x: float, y: float, height: float) -> BodyRecord:
     pose = Pose((x, y, TOTE.wall + height / 2))
-    return BodyRecord("item_1", "unknown", "box", "red", Box((0.04, 0.06, height)), pose)
+    return BodyRecord("unknown", "box", Box((0.04, 0.06, height)), "red", pose, id="item_1")
 
 
 def heap(x: float, y: float, height: float) -> BodyRecord:
     """Heap of one column of 80 × 80 mm up to a height above the floor."""
     block = BlockRecord((0.08, 0.08, height), (x - 0.5, y, 0.0))
     pose = Pose((0.5, 0.0, TOTE.wall + height / 2))
-    return BodyRecord("tote_heap", "heap", "", "grey", Box((0.3, 0.4, height)), pose, "heap", blocks=(block,))
+    return BodyRecord(
+        "heap", "", Box((0.3, 0.4, height)), "grey", pose, role="heap", id="tote_heap", blocks=(block,)
+    )
 
 
 @pytest.mark.parametrize(

@@ -90,7 +90,9 @@ def test_the_truth_beside_the_belief_says_how_far_off_and_what_was_taken_away(tr
 
 def test_what_is_taken_away_unseen_is_unknown_no_longer() -> None:
     shape = Box((0.04, 0.04, 0.04))
-    stays, taken = (BodyRecord(name, "block", "box", "red", shape, Pose()) for name in ("item_0", "item_1"))
+    stays, taken = (
+        BodyRecord("block", "box", shape, "red", Pose(), id=name) for name in ("item_0", "item_1")
+    )
     samples = {stays.id: (0, 20, 40), taken.id: (0, 20, 30)}
     truths = [
         TrueBodySamples(body, np.array(samples[body.id]), np.zeros((3, 7))) for body in (stays, taken)

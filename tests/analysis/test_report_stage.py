@@ -99,7 +99,7 @@ def test_spans_of_flags() -> None:
 
 
 def body(name: str, colour: str = "red", kind: str = "block") -> BodyRecord:
-    return BodyRecord(name, kind, "box", colour, Box((0.04, 0.04, 0.04)), Pose())
+    return BodyRecord(kind, "box", Box((0.04, 0.04, 0.04)), colour, Pose(), id=name)
 
 
 def believed(name: str, xs: Array, held: Array | None = None, colour: str = "red") -> BelievedBody:
@@ -237,7 +237,9 @@ def heap(*columns: tuple[float, float], place: str = "tote") -> BodyRecord:
     tallest = max(height for _, height in columns)
     blocks = tuple(BlockRecord((0.02, 0.02, h), (x, 0.0, (h - tallest) / 2)) for x, h in columns)
     shape, pose = Box((0.2, 0.2, tallest)), Pose((0.0, 0.0, 0.004 + tallest / 2))
-    return BodyRecord("tote_heap", "heap", "unknown", "grey", shape, pose, "heap", place, blocks=blocks)
+    return BodyRecord(
+        "heap", "unknown", shape, "grey", pose, role="heap", place=place, id="tote_heap", blocks=blocks
+    )
 
 
 WALL = PartRecord("tote/1", "grey", Box((0.004, 0.2, 0.124)), Pose((0.1, 0.0, 0.062)))

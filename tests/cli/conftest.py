@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
-from picktree.logs import FormCount, ItemCount, PickCount, RunResult, WallSeconds
+from picktree.logs import PickCount, RunResult, WallSeconds
 from picktree.logs.episode_counts import CureCount, PlantedCount
+from picktree.world import FormCount, ItemCount
 
 RESULT = RunResult(
     status="success",

@@ -6,7 +6,8 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from picktree.logs import CrushedItem, FeedCount, FormCount, HoleItem, ItemCount, PickCount, RunResult
+from picktree.logs import CrushedItem, FeedCount, HoleItem, PickCount, RunResult
+from picktree.world import FormCount, ItemCount
 
 
 def test_text(result: RunResult) -> None:

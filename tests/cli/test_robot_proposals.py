@@ -307,9 +307,18 @@ def test_poses_of_a_large_arm_are_inside_of_the_workspace(tmp_path: Path) -> Non
 def test_a_gripper_that_opens_too_little_is_told_so(tmp_path: Path) -> None:
     gripper = proposed(tmp_path).robot.gripper
     block = BeliefObject(
-        ObjectId("red_block_1"), "item", "block", "box", Box((0.04, 0.04, 0.04)), "red",
-        Pose((0.5, 0.0, 0.02)), 0.001, 0.01, 1.0, 0.0, place="table",
-    )  # fmt: skip
+        "block",
+        "box",
+        Box((0.04, 0.04, 0.04)),
+        "red",
+        Pose((0.5, 0.0, 0.02)),
+        0.001,
+        0.01,
+        1.0,
+        0.0,
+        id=ObjectId("red_block_1"),
+        place="table",
+    )
     assert opening_advice(replace(gripper, max_width=0.047), block, "arm.yaml") is None
     assert opening_advice(replace(gripper, max_width=0.021), block, "arm.yaml") == (
         "it opens 21 mm; the block is 40 mm wide, and needs 46 mm",

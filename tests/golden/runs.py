@@ -72,7 +72,10 @@ GOLDEN: Mapping[str, Golden] = {
     "push": Golden("push", ("push: red_can_1: 1 strokes",)),
     "table_feed": Golden("table_feed", ("delivery", "item_done", "bin_exchanged")),
     "belt_feed": Golden("belt_feed", ("belt_runs", "belt_stops", "item_done"), backend="kinematic"),
-    "slip": Golden("one_item", ("fault: item_01 slips", "recovery: grasp.slipped", "cured"), faults="slip"),
+    "slip": Golden(
+        "one_item",
+        ("fault: item_01 slips", "recovery: grasp.slipped", "episode: grasp.slipped: cured"), faults="slip",
+    ),
     "jam": Golden(
         "one_item", ("frames_missed", "fault: the fingers jam", "regrasp", *_PICK), faults="jam",
         backend="kinematic",

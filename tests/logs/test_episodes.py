@@ -9,9 +9,17 @@ import pytest
 from pydantic import TypeAdapter
 
 from picktree.logs.episode_counts import cause_lines, counted
-from picktree.logs.item_episodes import DecidedFailure, Episode, EpisodeTracker, EpisodeTrackerState, Planted
+from picktree.logs.item_episodes import Decision, EpisodeTracker, EpisodeTrackerState
 from picktree.world import JournalEvent, Transition, Tree
-from picktree.world.event_types import FaultEvent, ItemDoneEvent, PickEvent, RecoveryEvent
+from picktree.world.event_types import (
+    EpisodeEvent,
+    FailureDecidedEvent,
+    FaultEvent,
+    FaultOutcomeEvent,
+    ItemDoneEvent,
+    PickEvent,
+    RecoveryEvent,
+)
 
 from .scripted_log import begins, ends, tree
 
@@ -27,23 +35,34 @@ def tries(node: str, cause: str, handler: str, failed: str = "") -> JournalEvent
     return RecoveryEvent("", node, cause=cause, handler=handler, failed=failed)
 
 
-def follow(nodes: Tree, script: Script, end: float = 100.0) -> tuple[list[Episode], list[Planted]]:
-    episodes: list[Episode] = []
-    planted: list[Planted] = []
-    following = EpisodeTracker(episodes.append, planted.append)
+def follow(
+    nodes: Tree, script: Script, end: float = 100.0
+) -> tuple[list[EpisodeEvent], list[FaultOutcomeEvent]]:
+    return of_kinds(decisions(nodes, script, end))
+
+
+def decisions(nodes: Tree, script: Script, end: float) -> list[Decision]:
+    following = EpisodeTracker()
     following.follow(nodes.nodes)
-    _take(following, script)
-    following.finish(end)
-    return episodes, planted
+    return [*_take(following, script), *following.finish(end)]
 
 
-def _take(following: EpisodeTracker, script: Script) -> None:
+def of_kinds(decided: Sequence[Decision]) -> tuple[list[EpisodeEvent], list[FaultOutcomeEvent]]:
+    return (
+        [each for each in decided if isinstance(each, EpisodeEvent)],
+        [each for each in decided if isinstance(each, FaultOutcomeEvent)],
+    )
+
+
+def _take(following: EpisodeTracker, script: Script) -> list[Decision]:
+    found: list[Decision] = []
     for time, said in sorted(script.items()):
         changes = [each for each in said if isinstance(each, Transition)]
-        following.take(time, changes, [each for each in said if isinstance(each, JournalEvent)])
+        found += following.take(time, changes, [each for each in said if isinstance(each, JournalEvent)])
+    return found
 
 
-def told(episodes: Sequence[Episode]) -> list[tuple[str, str, str, int, float]]:
+def told(episodes: Sequence[EpisodeEvent]) -> list[tuple[str, str, str, int, float]]:
     return [(e.cause, e.end, " > ".join(e.tried), e.tries, e.seconds) for e in episodes]
 
 
@@ -105,9 +124,10 @@ def test_a_cure_helps_at_the_second_try() -> None:
         8.0: [ends(GRASP), ends("Main/Recover"), ends("Main")],
     }
     (episode,), _ = follow(RECOVER, SLIPPED | again)
-    assert episode == Episode(
+    assert episode == EpisodeEvent(
+        "grasp.slipped: cured by LookAgain, 6.0 s lost",
+        GRASP,
         cause="grasp.slipped",
-        node=GRASP,
         item="ball_1",
         times=(2.0, 5.0),
         end="cured",
@@ -414,8 +434,10 @@ def test_planted_faults_stand_beside_what_failed_first_after_them() -> None:
     episodes, planted = follow(RECOVER, SLIPPED | {1.0: [slip, waits], 7.0: [jam]} | done)
     assert [e.end for e in episodes] == ["cured"]
     assert planted == [
-        Planted(1.0, "slip", "it slips", "item_00", "grasp.slipped", 1.0, "cured"),
-        Planted(7.0, "gripper_jam", "the gripper jams", "", "", None, None),
+        FaultOutcomeEvent(
+            "it slips", fault="slip", time=1.0, item="item_00", cause="grasp.slipped", after=1.0, end="cured"
+        ),
+        FaultOutcomeEvent("the gripper jams", fault="gripper_jam", time=7.0, item="", cause=""),
     ]
 
 
@@ -426,21 +448,18 @@ def test_following_goes_on_from_any_moment() -> None:
     whole = follow(RECOVER, script)
     states = TypeAdapter(EpisodeTrackerState)
     for cut in sorted(script):
-        episodes: list[Episode] = []
-        planted: list[Planted] = []
-        before = EpisodeTracker(episodes.append, planted.append)
+        before = EpisodeTracker()
         before.follow(RECOVER.nodes)
-        _take(before, {time: said for time, said in script.items() if time <= cut})
+        decided = _take(before, {time: said for time, said in script.items() if time <= cut})
         state = states.validate_python(json.loads(states.dump_json(before.state())))
-        after = EpisodeTracker(episodes.append, planted.append, state)
+        after = EpisodeTracker(state)
         after.follow(RECOVER.nodes)
-        _take(after, {time: said for time, said in script.items() if time > cut})
-        after.finish(100.0)
-        assert (episodes, planted) == whole
+        decided += _take(after, {time: said for time, said in script.items() if time > cut})
+        assert of_kinds([*decided, *after.finish(100.0)]) == whole
 
 
 def test_a_state_is_a_copy() -> None:
-    following = EpisodeTracker(lambda _: None)
+    following = EpisodeTracker()
     following.follow(RECOVER.nodes)
     _take(following, {0.0: SLIPPED[0.0]})
     state = following.state()
@@ -469,12 +488,8 @@ def test_the_same_cause_within_the_next_branch_of_a_fallback_is_the_same_trouble
 
 def fates(nodes: Tree, script: Script, end: float = 100.0) -> list[tuple[str, float, str, str]]:
     """Each failure of its own, with its outcome and the node that decided it."""
-    decided: list[DecidedFailure] = []
-    following = EpisodeTracker(lambda _: None, on_failure=decided.append)
-    following.follow(nodes.nodes)
-    _take(following, script)
-    following.finish(end)
-    return [(each.path, each.time, each.fate, each.by) for each in decided if each.path.endswith("Grasp")]
+    found = [each for each in decisions(nodes, script, end) if isinstance(each, FailureDecidedEvent)]
+    return [(each.node, each.time, each.fate, each.by) for each in found if each.node.endswith("Grasp")]
 
 
 CURED = {

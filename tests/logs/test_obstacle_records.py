@@ -26,9 +26,19 @@ from picktree.world.scene import Fixture
 CELLS = cells_in_body(Box((0.08, 0.06, 0.3)), Pose.from_rpy((0.5, 0.2, 0.15), (0.0, 0.0, 0.5)))
 SHAPE, POSE, BLOCKS = obstacle_from_cells(merge_cells(CELLS))
 OBSTACLE = BeliefObject(
-    ObjectId("obstacle_1"), "obstacle", "unknown", "unknown", SHAPE, "grey", POSE, 0.005, 0.1, 0.5, 1.5,
+    "unknown",
+    "unknown",
+    SHAPE,
+    "grey",
+    POSE,
+    0.005,
+    0.1,
+    0.5,
+    1.5,
+    id=ObjectId("obstacle_1"),
+    role="obstacle",
     blocks=BLOCKS,
-)  # fmt: skip
+)
 
 
 def test_a_checkpoint_holds_it_exactly() -> None:

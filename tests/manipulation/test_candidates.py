@@ -49,9 +49,18 @@ def believed(
 ) -> BeliefObject:
     """A red cube."""
     return BeliefObject(
-        ObjectId(name), "item", "block", "box", Box((size, size, size)), "red", Pose(at),
-        0.001, 0.01, 1.0, 0.0, place=place,
-    )  # fmt: skip
+        "block",
+        "box",
+        Box((size, size, size)),
+        "red",
+        Pose(at),
+        0.001,
+        0.01,
+        1.0,
+        0.0,
+        id=ObjectId(name),
+        place=place,
+    )
 
 
 def world_with(*beliefs: BeliefObject) -> World:

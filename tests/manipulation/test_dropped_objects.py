@@ -30,9 +30,19 @@ def item(
     name: str, at: tuple[float, float, float], *, place: str = "table", held: bool = False
 ) -> BeliefObject:
     return BeliefObject(
-        ObjectId(name), "item", "block", "box", Box((0.04, 0.04, 0.06)), "red", Pose(at),
-        0.001, 0.01, 0.9, 1.0, object_in_tcp=Pose() if held else None, place=place,
-    )  # fmt: skip
+        "block",
+        "box",
+        Box((0.04, 0.04, 0.06)),
+        "red",
+        Pose(at),
+        0.001,
+        0.01,
+        0.9,
+        1.0,
+        id=ObjectId(name),
+        object_in_tcp=Pose() if held else None,
+        place=place,
+    )
 
 
 def scene(*objects: BeliefObject) -> PlanningScene:

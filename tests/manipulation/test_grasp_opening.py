@@ -22,9 +22,18 @@ BLOCK, HEIGHT = ObjectId("red_block_1"), 0.04
 
 def block(name: str, y: float, width: float) -> BeliefObject:
     return BeliefObject(
-        ObjectId(name), "item", "block", "box", Box((width, width, HEIGHT)), "red",
-        Pose((0.5, y, HEIGHT / 2)), 0.001, 0.01, 1.0, 0.0, place="table",
-    )  # fmt: skip
+        "block",
+        "box",
+        Box((width, width, HEIGHT)),
+        "red",
+        Pose((0.5, y, HEIGHT / 2)),
+        0.001,
+        0.01,
+        1.0,
+        0.0,
+        id=ObjectId(name),
+        place="table",
+    )
 
 
 def tool_motion(world: World, trajectory: Trajectory) -> tuple[Array, Array]:

@@ -43,7 +43,7 @@ GRIPPER = GripperDescription(
 
 
 def belief(shape: Shape, pose: Pose) -> BeliefObject:
-    return BeliefObject(ObjectId("it"), "item", "thing", "box", shape, "red", pose, 0.001, 0.01, 1.0, 0.0)
+    return BeliefObject("thing", "box", shape, "red", pose, 0.001, 0.01, 1.0, 0.0, id=ObjectId("it"))
 
 
 def standing(shape: Shape, yaw: float = 0.0, x: float = 0.5, y: float = 0.1) -> BeliefObject:

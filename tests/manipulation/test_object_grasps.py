@@ -18,7 +18,7 @@ GRIPPER = load_robot("panda").gripper
 def belief(shape: ConvexMesh, yaw: float = 0.3) -> BeliefObject:
     pose = Pose.from_rpy((0.5, 0.1, 0.0), (0.0, 0.0, yaw))
     pose = pose.shifted((0.0, 0.0, -bottom(shape, pose)))
-    return BeliefObject(ObjectId("it"), "item", "thing", "mesh", shape, "red", pose, 0.001, 0.01, 1.0, 0.0)
+    return BeliefObject("thing", "mesh", shape, "red", pose, 0.001, 0.01, 1.0, 0.0, id=ObjectId("it"))
 
 
 def prism(radius: float, height: float, sides: int) -> tuple[tuple[float, float, float], ...]:

@@ -40,7 +40,7 @@ places = st.builds(PlanarPose, st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.fl
 
 
 def believed(shape: Shape, pose: Pose) -> BeliefObject:
-    return BeliefObject(ObjectId("it"), "item", "it", "box", shape, "red", pose, 0.0005, 0.01, 1.0, 0.0)
+    return BeliefObject("it", "box", shape, "red", pose, 0.0005, 0.01, 1.0, 0.0, id=ObjectId("it"))
 
 
 @given(places, places)

@@ -27,7 +27,7 @@ BLOCK = Box((0.04, 0.04, 0.04))
 
 def block(name: str, x: float, y: float = 0.0) -> BeliefObject:
     pose = Pose((x, y, 0.02))
-    return BeliefObject(ObjectId(name), "item", "block", "box", BLOCK, "red", pose, 0.001, 0.01, 1.0, 0.0)
+    return BeliefObject("block", "box", BLOCK, "red", pose, 0.001, 0.01, 1.0, 0.0, id=ObjectId(name))
 
 
 def seen(name: str, patch: int, x: float, y: float = 0.0, misfit: float = 0.3) -> TrackedSighting:

@@ -23,7 +23,7 @@ IN_HAND = Pose.from_rpy((0.003, 0.0, 0.01), (3.1, 0.05, 0.4))
 def lying_in_bin(x: float, y: float) -> BeliefObject:
     pose = BIN.pose @ Pose((x, y, 0.005 + 0.03))
     return BeliefObject(
-        ObjectId("a"), "item", "block", "box", BLOCK, "red", pose, 0.001, 0.01, 1.0, 0.0, place="bin"
+        "block", "box", BLOCK, "red", pose, 0.001, 0.01, 1.0, 0.0, id=ObjectId("a"), place="bin"
     )
 
 

@@ -24,7 +24,7 @@ def item(name: str, turned: float, *, reach: float = 0.5) -> BeliefObject:
     """An item at an angle about the robot's axis, rad; its name begins with the bin where it belongs."""
     pose = Pose((reach * math.cos(turned), reach * math.sin(turned), 0.02))
     shape = Box((0.04, 0.04, 0.04))
-    return BeliefObject(ObjectId(name), "item", "block", "box", shape, "red", pose, 0.001, 0.0, 1.0, 0.0)
+    return BeliefObject("block", "box", shape, "red", pose, 0.001, 0.0, 1.0, 0.0, id=ObjectId(name))
 
 
 def ordered(items: Sequence[BeliefObject]) -> list[str]:

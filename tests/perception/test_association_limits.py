@@ -37,8 +37,8 @@ def believed(
     name: str = "red_block_1",
     confidence: float = 0.9,
 ) -> BeliefObject:
-    known = ("item", "block", "box", BLOCK, "red", Pose(at), sigma, 0.01, confidence, 0.0)
-    return BeliefObject(ObjectId(name), *known, place=place)
+    known = ("block", "box", BLOCK, "red", Pose(at), sigma, 0.01, confidence, 0.0)
+    return BeliefObject(*known, id=ObjectId(name), place=place)
 
 
 def detected(

@@ -56,12 +56,21 @@ def believed(bodies: tuple[TrueBody, ...], shift: tuple[float, float]) -> list[B
     turn = Pose.from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, math.radians(2)))
     return [
         BeliefObject(
-            b.id, "item", b.kind, b.form, b.shape, b.colour,
-            Pose(b.pose.position, (turn @ Pose((0, 0, 0), b.pose.orientation)).orientation)
-            .shifted((*shift, 0.0)), 0.001, 0.01, 0.9, 0.0,
+            b.kind,
+            b.form,
+            b.shape,
+            b.colour,
+            Pose(b.pose.position, (turn @ Pose((0, 0, 0), b.pose.orientation)).orientation).shifted(
+                (*shift, 0.0)
+            ),
+            0.001,
+            0.01,
+            0.9,
+            0.0,
+            id=b.id,
         )
         for b in bodies
-    ]  # fmt: skip
+    ]
 
 
 def test_the_grammar_of_a_camera_on_the_hand() -> None:

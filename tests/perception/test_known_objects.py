@@ -30,9 +30,18 @@ def believed(things: list[Thing], **changes: object) -> list[BeliefObject]:
 
 def _belief(n: int, d: Detection) -> BeliefObject:
     return BeliefObject(
-        ObjectId(f"{d.kind}_{n}"), "item", d.kind, d.form, d.shape, d.colour, d.pose, d.sigma_position,
-        d.sigma_angle, d.confidence, 0.0, place=d.place,
-    )  # fmt: skip
+        d.kind,
+        d.form,
+        d.shape,
+        d.colour,
+        d.pose,
+        d.sigma_position,
+        d.sigma_angle,
+        d.confidence,
+        0.0,
+        id=ObjectId(f"{d.kind}_{n}"),
+        place=d.place,
+    )
 
 
 @pytest.fixture

@@ -193,17 +193,7 @@ def test_the_held_object_is_masked_with_the_robot() -> None:
     scene = empty_scene()
     in_tcp = Pose((0.06, 0.0, -0.05))
     held = BeliefObject(
-        ObjectId("red_block_1"),
-        "item",
-        "block",
-        "box",
-        BLOCK,
-        "red",
-        hand.pose @ in_tcp,
-        1e-3,
-        1e-2,
-        1.0,
-        0.0,
+        "block", "box", BLOCK, "red", hand.pose @ in_tcp, 1e-3, 1e-2, 1.0, 0.0, id=ObjectId("red_block_1")
     )
     scene.put(held, "test")
     scene.attach(held.id, in_tcp)

@@ -227,17 +227,7 @@ def test_an_item_is_believed_until_it_is_seen_missing() -> None:
     scene = empty_scene()
     scene.put(
         BeliefObject(
-            ObjectId("red_block_9"),
-            "item",
-            "block",
-            "box",
-            BLOCK,
-            "red",
-            Pose((3, 0, 0.02)),
-            1e-3,
-            1e-2,
-            0.9,
-            0.0,
+            "block", "box", BLOCK, "red", Pose((3, 0, 0.02)), 1e-3, 1e-2, 0.9, 0.0, id=ObjectId("red_block_9")
         ),
         "told",
     )

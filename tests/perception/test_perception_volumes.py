@@ -250,11 +250,21 @@ def test_what_turns_out_to_be_an_item_is_no_obstacle_any_more() -> None:
     shape, pose, blocks = obstacle_from_cells(merge_cells(cells))
     scene.put(
         BeliefObject(
-            ObjectId("obstacle_7"), "obstacle", "unknown", "unknown", shape, "red", pose,
-            0.005, 0.1, 0.5, 0.0, blocks=blocks,
+            "unknown",
+            "unknown",
+            shape,
+            "red",
+            pose,
+            0.005,
+            0.1,
+            0.5,
+            0.0,
+            id=ObjectId("obstacle_7"),
+            role="obstacle",
+            blocks=blocks,
         ),
         "test",
-    )  # fmt: skip
+    )
     look(scene, block, now=1)
     assert [str(o.id) for o in scene.objects] == ["red_block_1"]
 
@@ -265,7 +275,18 @@ def test_boxes_cover_their_cells_exactly() -> None:
         cells = cell_keys(rng.integers(-4, 5, (int(rng.integers(1, 200)), 3)))
         shape, pose, blocks = obstacle_from_cells(merge_cells(cells))
         o = BeliefObject(
-            ObjectId("o"), "obstacle", "unknown", "unknown", shape, "grey", pose, 0, 0, 1, 0, blocks=blocks
+            "unknown",
+            "unknown",
+            shape,
+            "grey",
+            pose,
+            0,
+            0,
+            1,
+            0,
+            id=ObjectId("o"),
+            role="obstacle",
+            blocks=blocks,
         )
         assert np.array_equal(cells_of(o), cells)
 
@@ -275,11 +296,20 @@ def test_an_obstacle_of_an_older_log_is_taken_up_too() -> None:
     turned = Pose.from_rpy((0.5, 0.15, 0.15), (0.0, 0.0, math.pi / 4))
     scene.put(
         BeliefObject(
-            ObjectId("obstacle_1"), "obstacle", "unknown", "unknown", Box((0.06, 0.06, 0.3)), "grey", turned,
-            0.005, 0.1, 0.5, 0.0,
+            "unknown",
+            "unknown",
+            Box((0.06, 0.06, 0.3)),
+            "grey",
+            turned,
+            0.005,
+            0.1,
+            0.5,
+            0.0,
+            id=ObjectId("obstacle_1"),
+            role="obstacle",
         ),
         "test",
-    )  # fmt: skip
+    )
     assert len(cells_of(scene.get("obstacle_1"))) * float(np.prod(CELL_SIZE)) > 0.9 * 0.06 * 0.06 * 0.3
     look(scene, Thing(Box((0.06, 0.06, 0.3)), turned, "grey"), now=1)
     (known,) = obstacles(scene)
@@ -329,7 +359,18 @@ def test_few_hulls_stand_for_the_blocks_of_a_bent_body() -> None:
     cells = np.unique(np.concatenate(walls))
     shape, pose, blocks = obstacle_from_cells(merge_cells(cells))
     bent = BeliefObject(
-        ObjectId("o"), "obstacle", "unknown", "unknown", shape, "grey", pose, 0, 0, 1, 0, blocks=blocks
+        "unknown",
+        "unknown",
+        shape,
+        "grey",
+        pose,
+        0,
+        0,
+        1,
+        0,
+        id=ObjectId("o"),
+        role="obstacle",
+        blocks=blocks,
     )
     bodies = movable_bodies([bent])
     assert 2 <= len(bodies) < len(blocks) / 3

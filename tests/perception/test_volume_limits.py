@@ -39,9 +39,19 @@ def obstacle(
     further = () if supposed is None else merge_cells(cell_keys(supposed))
     shape, pose, blocks = obstacle_from_cells(merge_cells(cell_keys(cells)), further)
     return BeliefObject(
-        ObjectId(name), "obstacle", "unknown", "unknown", shape, colour, pose,
-        0.005, 0.1, 0.5, 1.0, blocks=blocks,
-    )  # fmt: skip
+        "unknown",
+        "unknown",
+        shape,
+        colour,
+        pose,
+        0.005,
+        0.1,
+        0.5,
+        1.0,
+        id=ObjectId(name),
+        role="obstacle",
+        blocks=blocks,
+    )
 
 
 def scene_with(*obstacles: BeliefObject) -> PlanningScene:
@@ -362,9 +372,17 @@ def test_an_item_that_is_recognised_has_its_own_cells_and_those_within_3_mm(
     """The middles of the columns are 5, 15, 25, … mm from the item's. One is next to what stays of it."""
     scene = scene_with(obstacle(np.array([(OUT + x, y, 0) for x in range(-10, 10) for y in range(6)])))
     item = BeliefObject(
-        ObjectId("block"), "item", "block", "box", Box((wide, 0.1, 0.04)), "red",
-        Pose((0.01 * OUT, 0.03, 0.01)), 0.001, 0.01, 1.0, 0.0,
-    )  # fmt: skip
+        "block",
+        "box",
+        Box((wide, 0.1, 0.04)),
+        "red",
+        Pose((0.01 * OUT, 0.03, 0.01)),
+        0.001,
+        0.01,
+        1.0,
+        0.0,
+        id=ObjectId("block"),
+    )
     look(scene, items=(item,))
     assert sum(taken(scene).values()) == (20 - columns + 1) * 6
 
@@ -376,9 +394,17 @@ def test_what_was_an_item_for_two_fifths_is_gone(share: float, stays: bool) -> N
     # One that reaches a cell's width beyond its faces.
     wide = 20 * 0.01 * share - 0.01
     item = BeliefObject(
-        ObjectId("block"), "item", "block", "box", Box((wide, 0.1, 0.04)), "red",
-        Pose((0.01 * OUT + wide / 2, 0.02, 0.01)), 0.001, 0.01, 1.0, 0.0,
-    )  # fmt: skip
+        "block",
+        "box",
+        Box((wide, 0.1, 0.04)),
+        "red",
+        Pose((0.01 * OUT + wide / 2, 0.02, 0.01)),
+        0.001,
+        0.01,
+        1.0,
+        0.0,
+        id=ObjectId("block"),
+    )
     changes = look(scene, items=(item,))
     assert (taken(scene) != {}) is stays
     assert changes == [

@@ -37,7 +37,7 @@ def down(x: float, y: float, z: float, yaw: float = 0.0) -> Pose:
 
 
 def item(name: str, shape: Shape, pose: Pose) -> BeliefObject:
-    return BeliefObject(ObjectId(name), "item", "thing", "box", shape, "red", pose, 0.001, 0.01, 1.0, 0.0)
+    return BeliefObject("thing", "box", shape, "red", pose, 0.001, 0.01, 1.0, 0.0, id=ObjectId(name))
 
 
 def table_scene(*objects: BeliefObject) -> PlanningScene:

@@ -65,7 +65,7 @@ class Cell:
     def put(self, x: float, y: float, z: float, size: float = 0.08, name: str = "crate") -> None:
         shape = Box((size, size, size))
         pose = Pose((x, y, z))
-        thing = BeliefObject(ObjectId(name), "item", "box", "box", shape, "red", pose, 0.001, 0.01, 1.0, 0.0)
+        thing = BeliefObject("box", "box", shape, "red", pose, 0.001, 0.01, 1.0, 0.0, id=ObjectId(name))
         self.world.scene.put(thing, "test")
 
     def plan(self) -> MotionPlan:
@@ -275,7 +275,7 @@ def test_between_two_samples_it_is_looked_at_too() -> None:
 
 def _thing() -> BeliefObject:
     return BeliefObject(
-        ObjectId("brick"), "item", "box", "box", Box((0.04, 0.04, 0.04)), "red", Pose(), 0.001, 0.01, 1.0, 0.0
+        "box", "box", Box((0.04, 0.04, 0.04)), "red", Pose(), 0.001, 0.01, 1.0, 0.0, id=ObjectId("brick")
     )
 
 

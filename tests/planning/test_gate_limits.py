@@ -293,7 +293,7 @@ def test_another_object_in_the_hand_than_the_plan_supposed_is_not_taken_for_it()
     def thing(name: str, long: float) -> BeliefObject:
         pose = world.control.tcp @ Pose((0.0, 0.0, 0.02))
         shape = Box((long, 0.03, 0.03))
-        return BeliefObject(ObjectId(name), "item", "box", "box", shape, "red", pose, 0.001, 0.01, 1.0, 0.0)
+        return BeliefObject("box", "box", shape, "red", pose, 0.001, 0.01, 1.0, 0.0, id=ObjectId(name))
 
     world.scene.put(replace(thing("beam", 0.5), pose=Pose((0.4, 0.6, 0.3))), "test")
     world.scene.put(thing("brick", 0.04), "test")

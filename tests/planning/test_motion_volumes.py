@@ -18,9 +18,19 @@ from .motion_cell import HOME, MODEL, Cell, run, table_scene
 def volume(cells: Keys) -> BeliefObject:
     shape, pose, blocks = obstacle_from_cells(merge_cells(cells))
     return BeliefObject(
-        ObjectId("obstacle_1"), "obstacle", "unknown", "unknown", shape, "grey", pose, 0.005, 0.1, 0.5, 0.0,
+        "unknown",
+        "unknown",
+        shape,
+        "grey",
+        pose,
+        0.005,
+        0.1,
+        0.5,
+        0.0,
+        id=ObjectId("obstacle_1"),
+        role="obstacle",
         blocks=blocks,
-    )  # fmt: skip
+    )
 
 
 def bent(x: float, y: float) -> Keys:

@@ -40,8 +40,10 @@ def found(cell: Cell, block: str) -> Vector3:
 
 
 def believe(cell: Cell, size: Vector3, at: Vector3) -> None:
-    known = ("obstacle", "unknown", "unknown", Box(size), "grey", Pose(at))
-    cell.world.scene.put(BeliefObject(ObjectId("thing"), *known, 0.002, 0.0, 1.0, 0.0), "test")
+    known = ("unknown", "unknown", Box(size), "grey", Pose(at))
+    cell.world.scene.put(
+        BeliefObject(*known, 0.002, 0.0, 1.0, 0.0, id=ObjectId("thing"), role="obstacle"), "test"
+    )
 
 
 def free(cell: Cell, block: str, monkeypatch: pytest.MonkeyPatch) -> tuple[int, int]:

@@ -46,8 +46,8 @@ def test_a_family_then_the_rest_and_the_list_is_a_sequence() -> None:
     assert [line for line in run.trace if line.startswith("start")] == [
         "start Do", "start Away", "start Home", "start Do", "start Else", "start Do",
     ]  # fmt: skip
-    cured = run.notes("cured")
-    assert [(e.data["cause"], e.data["tries"]) for e in cured] == [("control.timeout", 2)]
+    told = [(e.data["cause"], e.data["attempt"]) for e in run.notes("recovery")]
+    assert told == [("grasp.slipped", 1), ("control.timeout", 2)]
 
 
 def test_when_all_attempts_are_used_up_the_last_cause_goes_up_with_the_others() -> None:
@@ -90,7 +90,7 @@ give_up: {Scripted: {name: Leave}}
         run = start(body % ("crash|S", named))
         assert letters(run.to_end()) == "RRS"
         assert run.trace.count("start Mend") == 1
-        assert [e.data["cause"] for e in run.notes("cured")] == ["internal.error"]
+        assert [e.data["cause"] for e in run.notes("recovery")] == ["internal.error"]
     run = start(body % ("crash", "internal.error"))
     assert letters(run.to_end())[-1] == "F"
     assert run.trace.count("start Do") == 3
@@ -181,7 +181,6 @@ def test_halting_while_a_handler_runs_leaves_nothing_running_and_a_fresh_start()
     assert {node.state for node in run.tree.nodes} == {NodeStatus.IDLE}
     assert "leave Look" in run.trace
     assert letters(run.to_end()) == "S"
-    assert run.notes("cured") == []
 
 
 def test_saved_between_two_attempts_it_goes_on_with_the_count() -> None:
@@ -219,7 +218,6 @@ def test_what_is_done_instead_ends_the_node_and_nothing_is_tried_again() -> None
     (event,) = run.notes("recovery")
     assert event.message == "grasp.double in Main/Recover/Do: grasp.double is done instead"
     assert (event.data["handler"], event.data["ends"]) == ("grasp.double", True)
-    assert run.notes("cured") == []
 
 
 def test_it_is_done_after_the_last_attempt_too() -> None:

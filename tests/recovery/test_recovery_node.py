@@ -65,11 +65,10 @@ def test_a_recovery_node_does_not_cure_a_fault_of_the_program() -> None:
     assert "start Cure" not in run.trace
 
 
-def test_a_recovery_node_tells_the_journal_what_it_cures() -> None:
+def test_a_recovery_node_tells_the_journal_what_it_tries() -> None:
     run = start(1, "grasp.missed|S", "S")
     assert letters(run.to_end()) == "RRS"
     notes = run.world.journal.take()
     assert [str(getattr(note, "message", "")) for note in notes] == [
         "grasp.missed in Main/RecoveryNode/Do: Cure is tried (attempt 1 of 2)",
-        "cured after 1 failures: grasp.missed",
     ]

@@ -73,8 +73,10 @@ def test_a_tool_far_outside_of_the_workspace_comes_back_in_and_never_goes_furthe
 def test_out_of_a_believed_contact_outside_of_the_workspace(backend: Backend) -> None:
     one = cell(backend, load_robot("panda").named["home"], low_ceiling(0.25))
     x, y, z = one.world.control.tcp.position
-    known = ("obstacle", "unknown", "unknown", Box((0.08, 0.08, 0.08)), "grey", Pose((x + 0.02, y + 0.06, z)))
-    one.world.scene.put(BeliefObject(ObjectId("ghost"), *known, 0.002, 0.0, 1.0, 0.0), "test")
+    known = ("unknown", "unknown", Box((0.08, 0.08, 0.08)), "grey", Pose((x + 0.02, y + 0.06, z)))
+    one.world.scene.put(
+        BeliefObject(*known, 0.002, 0.0, 1.0, 0.0, id=ObjectId("ghost"), role="obstacle"), "test"
+    )
     assert one.world.plan.contacts()
     one.finish()
     assert (one.tree.status.value, one.tree.failure) == ("SUCCESS", None)

@@ -55,8 +55,10 @@ def do(cell: Cell, body: str) -> tuple[str, str]:
 
 def believe(cell: Cell, name: str, size: Vector3, at: Vector3) -> None:
     """An obstacle that is not there."""
-    known = ("obstacle", "unknown", "unknown", Box(size), "grey", Pose(at))
-    cell.world.scene.put(BeliefObject(ObjectId(name), *known, 0.002, 0.0, 1.0, 0.0), "test")
+    known = ("unknown", "unknown", Box(size), "grey", Pose(at))
+    cell.world.scene.put(
+        BeliefObject(*known, 0.002, 0.0, 1.0, 0.0, id=ObjectId(name), role="obstacle"), "test"
+    )
 
 
 def at(cell: Cell, pose: str) -> bool:

@@ -45,7 +45,7 @@ def test_it_stands_in_the_scene_is_seen_and_is_no_item(backend: type[Hardware]) 
     nearer = (without - with_it > 0.1) & (with_it > 0)
     assert nearer.sum() > 200
     assert all(body.role == "item" for body in hardware.truth())
-    assert score(hardware.truth(), scene).total == len(hardware.truth())
+    assert score(hardware.truth(), scene).count.total == len(hardware.truth())
 
 
 def test_items_are_spawned_beside_it() -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from picktree.simulation import TrueBody, score
-from picktree.world import ObjectId, Pose, Vector3
+from picktree.world import FormCount, ItemCount, ObjectId, Pose, Vector3
 from picktree.world.scene import CatalogueEntry, Delivery, Spawn
 
 from .simulated_cell import cell
@@ -67,9 +67,9 @@ def test_the_score_counts_in_all_and_by_form():
         item((0.5, 0.0, 0.02), kind="ball"),
     ]
     result = score(bodies, SCENE)
-    assert (result.total, result.sorted, result.misplaced, result.left) == (4, 2, 1, 1)
-    assert result.by_form["box"].total == 2 and result.by_form["box"].sorted == 1
-    assert result.by_form["sphere"].left == 1
+    count = result.count
+    assert (count.total, count.sorted, count.misplaced, count.left) == (4, 2, 1, 1)
+    assert (count.by_form["box"], count.by_form["sphere"]) == (FormCount(2, 1), FormCount(1, 0))
     assert not result.reached()
     assert result.reached("sorted >= 2 and misplaced <= 1")
     assert score(bodies[:2], SCENE).reached()
@@ -81,7 +81,7 @@ def test_what_a_feed_still_owes_is_outstanding():
     first, second = (replace(item((0.35, 0.55, 0.025)), brought_by=n) for n in (0, 1))
     spawned = item((0.35, 0.55, 0.025))
     some = score([spawned, first, first, second], scene)
-    assert (some.total, some.sorted, some.outstanding) == (4, 4, 1)
+    assert (some.count.total, some.count.sorted, some.outstanding) == (4, 4, 1)
     assert not some.reached() and some.reached("sorted == total and outstanding < 2")
     assert score([spawned, *[first] * 3, second], scene).reached()
     assert not score([item((0.5, 0.0, 0.02)), *[first] * 3], scene).reached()
@@ -90,7 +90,7 @@ def test_what_a_feed_still_owes_is_outstanding():
 def test_items_without_a_destination_count_as_none_of_the_others() -> None:
     free, sorted_ = item((0.5, 0.0, 0.02), colour="green"), item((0.35, 0.55, 0.025))
     judged = score([free, sorted_], SCENE)
-    assert (judged.total, judged.sorted, judged.left, judged.without_destination) == (1, 1, 0, 1)
+    assert judged.count == ItemCount(1, 1, 0, 0, {"box": FormCount(1, 1)}, 1)
     assert judged.reached()
     assert not score([free, item((0.5, 0.0, 0.02))], SCENE).reached()
-    assert score([item((0.35, 0.55, 0.025), colour="green")], SCENE).misplaced == 1
+    assert score([item((0.35, 0.55, 0.025), colour="green")], SCENE).count.misplaced == 1

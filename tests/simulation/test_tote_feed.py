@@ -73,7 +73,9 @@ def test_a_tote_comes_back_full_until_all_has_come() -> None:
         "tote is exchanged for an empty one, with 2 items in it",
     ]
     found = score(hardware.truth(), hardware.scene)
-    assert (found.total, found.left, found.outstanding) == (7, 7, 0), "what leaves with a tote is left"
+    assert (found.count.total, found.count.left, found.outstanding) == (7, 7, 0), (
+        "what leaves with a tote is left"
+    )
 
 
 def test_what_comes_follows_from_scene_and_seed() -> None:

@@ -260,7 +260,7 @@ def test_what_is_too_light_to_be_felt_is_held_and_placed(backend: Backend) -> No
     assert [e.held for e in cell.events if isinstance(e, PickEvent)] == [True]
     while any(math.hypot(*body.velocity) > 0.01 for body in cell.hardware.truth()):
         cell.wait()
-    assert cell.score().sorted == 1
+    assert cell.score().count.sorted == 1
 
 
 @pytest.mark.parametrize(
@@ -343,7 +343,7 @@ def test_the_hand_leans_away_from_a_wall_beside_the_object() -> None:
     assert cell.finish() is NodeStatus.SUCCESS
     (pick,) = (event for event in cell.events if isinstance(event, PickEvent))
     assert "lean" in pick.candidate and pick.held
-    assert cell.score().sorted == 1
+    assert cell.score().count.sorted == 1
 
 
 def test_a_search_among_the_untried_grasps_alone_refuses_nothing() -> None:

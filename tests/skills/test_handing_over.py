@@ -234,8 +234,10 @@ def test_a_transfer_that_is_blocked_low_is_lifted_clear_first(risen: float, lift
     while cell.world.control.tcp.position[2] < low + risen:
         cell.tick()
     bin_ = cell.world.scene.bins[ObjectId(destination(cell, block))]
-    known = ("obstacle", "unknown", "unknown", Box((0.25, 0.2, 0.5)), "grey", bin_.pose.shifted((0, 0, 0.25)))
-    cell.world.scene.put(BeliefObject(ObjectId("pile"), *known, 0.002, 0.0, 1.0, 0.0), "seen")
+    known = ("unknown", "unknown", Box((0.25, 0.2, 0.5)), "grey", bin_.pose.shifted((0, 0, 0.25)))
+    cell.world.scene.put(
+        BeliefObject(*known, 0.002, 0.0, 1.0, 0.0, id=ObjectId("pile"), role="obstacle"), "seen"
+    )
     cell.finish()
     assert cell.tree.failure is None
     cell.rest()

@@ -53,7 +53,7 @@ def test_a_peg_goes_into_the_hole_that_it_fits(kind: str, hole: str, seed: int) 
     assert cell.world.control.period == pytest.approx(1 / 240)
     for _ in range(10):
         cell.wait()
-    assert cell.score().sorted == 1
+    assert cell.score().count.sorted == 1
 
 
 def test_a_hole_that_is_not_there_is_not_found() -> None:
@@ -159,7 +159,7 @@ def test_in_physics_a_square_peg_finds_its_hole_by_feeling() -> None:
         cell.wait()
     assert cell.world.control.period == pytest.approx(1 / 240)
     score = cell.score()
-    assert (score.sorted, score.items[0].reason) == (1, "")
+    assert (score.count.sorted, score.items[0].reason) == (1, "")
     assert max(cell.hardware.penetrations.lasting.values()) < 0.15e-3  # type: ignore[union-attr]
 
 

@@ -94,7 +94,7 @@ def test_what_comes_into_the_way_of_what_is_carried_is_passed_by() -> None:
     assert event.node in ("Main/WatchScene/Sequence/Grasp", "Main/WatchScene/Sequence/Place")
     assert event.cause == "planning.blocked"
     assert any("obstacle_1" in each for each in event.by)
-    assert cell.score().sorted == 1
+    assert cell.score().count.sorted == 1
 
 
 def test_nobody_sees_it_when_nobody_looks() -> None:
@@ -117,7 +117,7 @@ def test_a_target_that_moves_is_grasped_where_it_is_seen_then() -> None:
     tick_until(cell, "Grasp", 4)
     move(cell, 0.05, -0.04)
     cell.finish()
-    assert (cell.tree.status.value, cell.score().sorted) == ("SUCCESS", 1)
+    assert (cell.tree.status.value, cell.score().count.sorted) == ("SUCCESS", 1)
     (event,) = [e for e in cell.events if isinstance(e, ReplannedEvent)]
     assert event.message == (
         f"stopped and planned anew: {block} is seen 64 mm and 1° from where it was when the arm set out"
@@ -138,7 +138,7 @@ def test_a_target_seen_elsewhere_while_the_search_goes_on_is_not_approached() ->
     move(cell, 0.05, -0.04)
     cell.world.scene.put(replace(belief, pose=belief.pose.shifted((0.05, -0.04, 0.0))), "seen there")
     cell.finish()
-    assert (cell.tree.status.value, cell.score().sorted) == ("SUCCESS", 1)
+    assert (cell.tree.status.value, cell.score().count.sorted) == ("SUCCESS", 1)
     (event,) = [e for e in cell.events if isinstance(e, ReplannedEvent)]
     assert (event.cause, event.object) == ("world.disturbed", belief.id)
 
@@ -168,7 +168,7 @@ def test_what_is_put_where_it_would_be_let_go_sends_it_to_another_spot() -> None
     cell.world.vision.bins[into] = BinView(heights)
     cell.world.vision.looks += 1
     cell.finish()
-    assert (cell.tree.status.value, cell.score().sorted) == ("SUCCESS", 1)
+    assert (cell.tree.status.value, cell.score().count.sorted) == ("SUCCESS", 1)
     (event,) = [e for e in cell.events if isinstance(e, ReplannedEvent)]
     assert event.message == (
         f"stopped and planned anew: something was put into {into} meanwhile: its heap is 110 mm high"

@@ -80,8 +80,10 @@ def test_what_no_hand_fits_around_has_no_candidate() -> None:
     cell = Cell(mission(LOOK), items(block=1))
     (block,) = listed(cell)
     pose = cell.world.scene.get(block).pose
-    known = ("obstacle", "unknown", "unknown", Box((0.2, 0.2, 0.3)), "grey", pose.shifted((0.0, 0.0, 0.2)))
-    cell.world.scene.put(BeliefObject(ObjectId("roof"), *known, 0.002, 0.0, 1.0, 0.0), "seen")
+    known = ("unknown", "unknown", Box((0.2, 0.2, 0.3)), "grey", pose.shifted((0.0, 0.0, 0.2)))
+    cell.world.scene.put(
+        BeliefObject(*known, 0.002, 0.0, 1.0, 0.0, id=ObjectId("roof"), role="obstacle"), "seen"
+    )
     assert fails(cell, f"Grasp: {{object: {block}}}") == "grasp.no_candidate"
     failure = cell.tree.failure
     assert failure is not None

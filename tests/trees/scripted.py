@@ -69,9 +69,17 @@ class FakeWorld:
 
     def put(self, identity: str, colour: str, **changes: object) -> None:
         belief = BeliefObject(
-            ObjectId(identity), "item", "cube", "box", Box((0.04, 0.04, 0.04)), colour, Pose(), 0.001, 0.01,
-            0.9, 0.0,
-        )  # fmt: skip
+            "cube",
+            "box",
+            Box((0.04, 0.04, 0.04)),
+            colour,
+            Pose(),
+            0.001,
+            0.01,
+            0.9,
+            0.0,
+            id=ObjectId(identity),
+        )
         self.scene.put(replace(belief, **cast("dict[str, str]", changes)), "test")
 
 

@@ -32,9 +32,17 @@ BIN = Bin(ObjectId("red_bin"), (0.2, 0.2, 0.1), 0.005, Pose((0.5, 0.4, 0.0)))
 
 def block(name: str = "red_block_1") -> BeliefObject:
     return BeliefObject(
-        ObjectId(name), "item", "block", "box", Box((0.04, 0.04, 0.04)), "red",
-        Pose((0.5, 0.0, 0.02)), 0.001, 0.01, 1.0, 0.0,
-    )  # fmt: skip
+        "block",
+        "box",
+        Box((0.04, 0.04, 0.04)),
+        "red",
+        Pose((0.5, 0.0, 0.02)),
+        0.001,
+        0.01,
+        1.0,
+        0.0,
+        id=ObjectId(name),
+    )
 
 
 def scene() -> PlanningScene:
