@@ -1,4 +1,4 @@
-# The verbs: setup, demo, dev, packages, test, check, docs, site, page, vsix, golden, bench, campaign, atlas, mutants.
+# The verbs: setup, demo, dev, packages, test, check, docs, site, page, vsix, golden, bench, mutants.
 # Each does what it depends on.
 
 VENV ?= .venv
@@ -18,7 +18,7 @@ version_of = $(shell "$(1)" -c 'import sys; print(*sys.version_info[:2], sep="."
 PYTHON ?= $(firstword $(foreach p,python3.11 python3 python,$(if $(filter 3.11,$(call version_of,$(p))),$(p))) python3.11)
 WRONG_PYTHON = picktree needs Python 3.11; '$(PYTHON)' is $(or $(patsubst %,Python %,$(call version_of,$(PYTHON))),missing or no Python) (name another: make PYTHON=/path/to/python3.11)
 
-.PHONY: setup demo dev packages test check docs site page vsix pictures golden bench campaign atlas mutants clean
+.PHONY: setup demo dev packages test check docs site page vsix pictures golden bench mutants clean
 .NOTPARALLEL:
 
 setup: $(RUN)
@@ -129,15 +129,6 @@ golden: $(RUN)
 RUNS ?= 5
 bench: $(RUN)
 	@"$(BIN)/python" benchmarks/speed.py --runs $(RUNS)
-
-# The campaigns behind docs/figures.md, which it writes: each goes on where it stopped. HOURS is the time for all of them.
-HOURS ?= 2
-campaign: $(RUN)
-	@"$(BIN)/python" benchmarks/evidence.py --hours $(HOURS)
-
-# The worst ten runs of that campaign with pictures.
-atlas: $(RUN)
-	@"$(BIN)/python" benchmarks/failure_atlas.py
 
 # Whether the tests notice small mistakes in the code that decides: 300 mutants, about half an hour. Exit code 1:
 # less than 90 % were noticed.

@@ -1,10 +1,9 @@
 """Campaign: many simulations of one program, on worker processes or a Ray cluster.
 
 A campaign goes on where it stopped, in one folder. `results.jsonl` has a line for each finished run
-(`_campaign_results.py`): its job, the commit, a digest of the files that the run depended on, its CPU time,
-and its row; `dependencies.json` names these files. A result is not counted when one of its files has changed
-since: it is run again, unless --mixed is given. `logs` has a folder for each run. Each run has a process of
-its own.
+(`_campaign_results.py`): its job, the commit, a digest of the sources, its CPU time, and its row. Results of
+other sources are not counted: their jobs run again, unless --mixed is given. `logs` has a folder for each
+run. Each run has a process of its own.
 """
 
 from __future__ import annotations
@@ -12,12 +11,10 @@ from __future__ import annotations
 import argparse
 import fcntl
 import hashlib
-import inspect
 import json
 import math
 import os
 import pickle
-import re
 import sys
 import time
 from collections import deque
@@ -28,8 +25,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from _campaign_results import REFERENCE_COST as REFERENCE_COST  # programs have it from here
-from _campaign_results import Forecast, Results, Row, key, plain
-from _dependencies import bytes_digest, of_program, opened, used
+from _campaign_results import Forecast, Results, Row, key, plain, source_digest
 from picktree.apps.batch import Executor, LocalExecutor
 from picktree.apps.batch.executor import JobFailed, JobFinished, JobOrder
 from picktree.files import PicktreeError, restart
@@ -62,7 +58,7 @@ def options(
     add("--minutes", type=float, metavar="M", help="wall time after which no run is begun or expected to end")
     add("--ray", metavar="ADDRESS", help="run on that Ray cluster (HOST:PORT, auto); local: start one here")
     add("--out", type=Path, default=folder, metavar="FOLDER", help=f"{folder.relative_to(ROOT)} unless given")
-    add("--mixed", action="store_true", help="count results whose files have changed, too")
+    add("--mixed", action="store_true", help="count results of other sources, too")
     return parser
 
 
@@ -115,7 +111,7 @@ def campaign(
     """
     try:
         with _locked(given.out) as folder:
-            kept = Results(folder, reference(), mixed=given.mixed)
+            kept = Results(folder, reference(), _program(one), mixed=given.mixed)
             missing = sorted(filter(kept.to_do, jobs), key=lambda job: _digest(plain(job)))
             forecast = Forecast(kept, cost)
             print(_plan(given, missing, jobs, kept, forecast), file=sys.stderr, flush=True)
@@ -179,19 +175,17 @@ def executor(given: argparse.Namespace) -> Executor:
 
 def attempt(order: JobOrder) -> bytes:
     """Carry a job out in its worker; return its row with its CPU time. Called by the worker's process."""
-    place, needed, code, folder, content = pickle.loads(order.recipe.read_bytes())
-    if bytes_digest(needed) != code:
+    program, code, folder, content = pickle.loads(order.recipe.read_bytes())
+    if source_digest(ROOT / program) != code:
         raise PicktreeError("the checkout of this machine is another than the one that deals the runs out")
-    sys.path.insert(0, str(ROOT / place))
+    sys.path.insert(0, str((ROOT / program).parent))
     with suppress(OSError):
         os.chdir(folder)
     one, jobs = pickle.loads(content)
     job = jobs[order.seed]
     began = _cpu()
-    with opened() as files:
-        row = {"seed": job.seed, **one(job, order.folder)}
-    files = sorted({*used(files), *_program(one)})
-    return json.dumps({"row": row, "cpu": _cpu() - began, "files": files}).encode()
+    row = {"seed": job.seed, **one(job, order.folder)}
+    return json.dumps({"row": row, "cpu": _cpu() - began}).encode()
 
 
 def _run(
@@ -205,7 +199,7 @@ def _run(
     """Run the jobs; return False when stopped before the end."""
     began = time.monotonic()
     until = began + 60 * given.minutes if given.minutes is not None else math.inf
-    recipe, needed, code = _written_jobs(given.out, jobs, one)
+    recipe = _written_jobs(given.out, jobs, one, results.code)
     waiting, under_way = deque(enumerate(jobs)), dict[str, Any]()
     whole = True
     workers = executor(given)
@@ -214,7 +208,7 @@ def _run(
             while waiting and len(under_way) < workers.slots:
                 number, job = waiting[0]
                 late = time.monotonic() + forecast.of(job) > until
-                edited = bytes_digest(needed) != code
+                edited = source_digest(_program(one)) != results.code
                 if edited:
                     print("the checkout is being edited: no further run begins", file=sys.stderr)
                 if late or edited:
@@ -227,8 +221,8 @@ def _run(
                 workers.submit(order)
             for event in workers.wait(1.0):
                 job = under_way.pop(event.order.job)
-                row, cpu, files = _outcome(event, job)
-                results.add(job, row, cpu, files or _program(one))
+                row, cpu = _outcome(event, job)
+                results.add(job, row, cpu)
                 left = forecast.total(job for _, job in waiting) / max(1, workers.slots) / 60
                 told = row.get("crash") or short(row)
                 print(f"  seed {row['seed']}: {told}; {left:.0f} min left", file=sys.stderr, flush=True)
@@ -247,42 +241,36 @@ def _order(recipe: Path, number: int, folder: Path) -> JobOrder:
     )
 
 
-def _outcome(event: object, job: Any) -> tuple[Row, float, list[str]]:
-    """Return the row of a job that has ended, its CPU time, s, and its files; none when it told of none."""
+def _outcome(event: object, job: Any) -> tuple[Row, float]:
+    """Return the row of a job that has ended, and its CPU time, s."""
     match event:
         case JobFinished(order):
             found = json.loads(order.result.read_bytes())
             order.result.unlink()
             with suppress(OSError):
                 order.folder.rmdir()  # unless there are logs
-            return found["row"], found["cpu"], found["files"]
+            return found["row"], found["cpu"]
         case JobFailed(_, reason):
-            return {"seed": job.seed, "crash": reason}, 0.0, []
+            return {"seed": job.seed, "crash": reason}, 0.0
         case _:
-            return {"seed": job.seed, "crash": "it was stopped"}, 0.0, []
+            return {"seed": job.seed, "crash": "it was stopped"}, 0.0
 
 
-def _written_jobs(
-    folder: Path, jobs: Sequence[Any], one: Callable[[Any, Path], Row]
-) -> tuple[Path, list[str], str]:
+def _written_jobs(folder: Path, jobs: Sequence[Any], one: Callable[[Any, Path], Row], code: str) -> Path:
     """Write the jobs for the workers, which import the program, the main module here, by its name.
 
-    Return their file, and the files that workers must have as they are now, with their digest.
+    code: digest of the sources, which workers must have, too.
     """
-    main = sys.modules["__main__"]
-    file = Path(sys.modules[one.__module__].__file__ or "").resolve()
+    main, file = sys.modules["__main__"], _program(one)
     if one.__module__ == "__main__":
         sys.modules[file.stem] = main
         for value in vars(main).values():
             if getattr(value, "__module__", "") == "__main__" and isinstance(value, type | type(_run)):
                 value.__module__ = file.stem
-    place = file.parent.relative_to(ROOT) if file.is_relative_to(ROOT) else file.parent
+    program = file.relative_to(ROOT) if file.is_relative_to(ROOT) else file
     path = folder / f"jobs-{os.getpid()}.pickle"
-    needed = of_program(file)  # a worker elsewhere must have the same
-    code = bytes_digest(needed)
-    content = pickle.dumps((one, list(jobs)))
-    path.write_bytes(pickle.dumps((str(place), needed, code, os.getcwd(), content)))
-    return path, needed, code
+    path.write_bytes(pickle.dumps((str(program), code, os.getcwd(), pickle.dumps((one, list(jobs))))))
+    return path
 
 
 def _plan(
@@ -297,7 +285,7 @@ def _plan(
     lines[0] += f"; {revision() or 'installed'}, results in {given.out}"
     if kept.others:
         counts = ", ".join(f"{count} of {commit}" for commit, count in kept.others.items())
-        lines.append(f"results whose files have changed are not counted ({counts}); --mixed counts them")
+        lines.append(f"results of other sources are not counted ({counts}); --mixed counts them")
     return "\n".join(lines)
 
 
@@ -313,8 +301,9 @@ def _locked(folder: Path) -> Generator[Path]:
         yield folder
 
 
-def _program(one: Callable[[Any, Path], Row]) -> list[str]:
-    return [os.path.relpath(inspect.getfile(one), ROOT)]
+def _program(one: Callable[[Any, Path], Row]) -> Path:
+    """Return the file of a campaign's program."""
+    return Path(sys.modules[one.__module__].__file__ or "").resolve()
 
 
 def _digest(job: Mapping[str, Any]) -> str:
@@ -351,65 +340,11 @@ def wilson(hits: int, n: int) -> tuple[float, float]:
     return interval.low, interval.high
 
 
-@dataclass(frozen=True)
-class Figure:
-    """So many of n, with its 95 % interval; as text a line that `figures` reads again."""
-
-    name: str
-    hits: int
-    n: int
-
-    @property
-    def share(self) -> float:
-        return self.hits / self.n if self.n else math.nan
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        return wilson(self.hits, self.n)
-
-    @property
-    def width(self) -> float:
-        """Width of the interval."""
-        low, high = self.interval
-        return high - low
-
-    def __str__(self) -> str:
-        low, high = self.interval
-        share = f"{100 * self.share:6.2f} %" if self.n else "     –  "
-        interval = f"95 % interval {100 * low:.1f} … {100 * high:.1f} %"
-        return f"{self.name:<28} {self.hits:>5} of {self.n:<5} {share}   {interval}"
-
-
 def rate(name: str, hits: int, n: int) -> str:
-    """A line with N and the interval."""
-    return str(Figure(name, hits, n))
-
-
-_RATE = re.compile(r"(?P<name>.*\S) +(?P<hits>\d+) of (?P<n>\d+) +(?:[\d.]+ %|–) +95 % interval ")
-
-
-def figures(text: str) -> dict[str, Figure]:
-    """Read the rates of what a campaign has printed, by name.
-
-    The name of an indented one begins with those of the lines above it that are indented less.
-    """
-    found: dict[str, Figure] = {}
-    above: list[tuple[int, str]] = []
-    for line in text.splitlines():
-        words = line.strip()
-        if not words:
-            above.clear()
-            continue
-        depth = len(line) - len(line.lstrip())
-        while above and above[-1][0] >= depth:
-            above.pop()
-        match = _RATE.match(words)
-        own = match["name"] if match else re.split(":|  ", words)[0]
-        name = ", ".join([*(heading for _, heading in above), own])
-        above.append((depth, own))
-        if match:
-            found[name] = Figure(name, int(match["hits"]), int(match["n"]))
-    return found
+    """Return a line with a share, its N and its 95 % interval."""
+    low, high = wilson(hits, n)
+    share = f"{100 * hits / n:6.2f} %" if n else "     –  "
+    return f"{name:<28} {hits:>5} of {n:<5} {share}   95 % interval {100 * low:.1f} … {100 * high:.1f} %"
 
 
 def split(rows: Iterable[Row], total: str) -> str:

@@ -62,8 +62,7 @@ def to_page(lines: Sequence[Line], command: str, seeds: Sequence[int]) -> str:
         "```sh",
         "python benchmarks/fault_campaign.py                        # the plan; goes on where it stopped",
         "python benchmarks/fault_campaign.py --report               # the table of what is there",
-        "picktree batch report benchmarks/results/evidence/faults -o campaign.html  "
-        "# the same runs as a page",
+        "picktree batch report benchmarks/results/fault_campaign -o campaign.html  # the same runs as a page",
         "```",
         "",
         "## Targets",

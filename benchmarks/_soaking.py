@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from array import array
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -84,9 +84,8 @@ class Diary(Interrupter):
         *,
         say: bool = True,
         seconds: float | None = None,
-        each_quarter: Callable[[], object] = lambda: None,
     ) -> None:
-        self._path, self._part, self._say, self._each_quarter = path, part, say, each_quarter
+        self._path, self._part, self._say = path, part, say
         self._until = math.inf if seconds is None else time.monotonic() + seconds
         self._began, self._last = time.perf_counter(), 0.0
         self._minute = self._quarter = 0.0
@@ -128,7 +127,6 @@ class Diary(Interrupter):
             self._quarter += QUARTER
             self._write({"quarter": asdict(quarter(now, self._ticks, self._part))})
             self._ticks = array("d")
-            self._each_quarter()
         self._last = time.process_time()  # what this diary costs is no part of a tick
 
     def stops(self) -> bool:

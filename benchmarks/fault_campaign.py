@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import shutil
 import signal
 import subprocess
@@ -29,7 +28,6 @@ from statistics import median
 from threading import Timer
 
 from _campaign import CUT_OFF, REFERENCE_COST, ROOT, blind, executor, explaining, options, rate, reference
-from _dependencies import Dependencies, of_program
 from _fault_measures import Cell, Measure, Measured, measured
 from _fault_page import targets, to_page
 from _fault_table import Line, line, to_text, total
@@ -154,9 +152,6 @@ def run(given: argparse.Namespace, folder: Path) -> None:
                 raise PicktreeError(f"{folder} holds another campaign ({have[-1]}): give another --out")
     else:
         made = Batch.create(folder, plan)
-    told = [given.plan, *made.plan.missions, *(path for path in made.plan.faults if path)]
-    files = [os.path.relpath(path, ROOT) for path in told]
-    Dependencies(folder).add([*of_program(Path(__file__)), *files])
     with made as batch, closing(executor(given)) as workers:
         costs = _costs(batch.store, mixed=given.mixed)
         to_do = len(batch.store.to_do())

@@ -6,9 +6,7 @@ are, and does each file of the log open by itself?
     python benchmarks/soak.py --minutes 30                 # half an hour of them
     python benchmarks/soak.py --report                     # what it has told so far
 
-It goes on from its last checkpoint, in a process of its own each time, until the hours are full. When a file
-that it depended on has changed, it begins anew. Each process ends with a log of a moment, `handover`, that
-begins with the checkpoint: with it, the diary and the dependencies a soak goes on in another checkout.
+It goes on from its last checkpoint, in a process of its own each time, until the hours are full.
 
 A feed that never ends brings items, full bins are exchanged, and faults come as benchmarks/soak/faults.yaml
 draws them. Each simulated minute is a line in the soak's diary: resident memory, items; each quarter of an
@@ -18,17 +16,13 @@ hour the CPU time of its ticks. A soak that is cut off has told what it knew.
 from __future__ import annotations
 
 import argparse
-import shutil
 import sys
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
 from _campaign import REFERENCE_COST, RESULTS, ROOT, reference
-from _dependencies import Dependencies, opened, used
 from _soak_report import draw, report
 from _soaking import Diary, Soak
-from picktree.session import Interrupter
 
 HERE = ROOT / "benchmarks" / "soak"
 COST_AN_HOUR = 750.0
@@ -39,8 +33,6 @@ OVERTIME = 1800.0
 """Simulated s after which a mission that does not end when it should is ended."""
 PARTS = 6
 """Files of the log of each process that are opened by themselves, drawn at random."""
-HANDOVER = "handover"
-"""Folder with the log that begins with the last checkpoint."""
 
 
 def main() -> int:
@@ -61,13 +53,9 @@ def main() -> int:
     parser.add_argument("--report", action="store_true", help="only say what the soak in --out has told")
     parser.add_argument("--picture", type=Path, metavar="SVG", help="draw memory and ticks over the hours")
     given = parser.parse_args()
-    diary, dependencies = given.out / "diary.jsonl", Dependencies(given.out)
-    if diary.exists() and dependencies.changed and not given.report:
-        diary.rename(diary.with_stem(f"diary-{diary.stat().st_mtime:.0f}"))
-        dependencies.clear()
+    diary = given.out / "diary.jsonl"
     if not given.report and not (diary.exists() and Soak.read(diary).result):
-        with opened() as files:
-            soak(given, diary, lambda: dependencies.add(used(files)))
+        soak(given, diary)
     if not diary.exists():
         print(f"{diary}: there is no soak", file=sys.stderr)
         return 2
@@ -76,7 +64,7 @@ def main() -> int:
     return report(diary, given.runs)
 
 
-def soak(given: argparse.Namespace, diary: Path, each_quarter: Callable[[], object]) -> None:
+def soak(given: argparse.Namespace, diary: Path) -> None:
     from picktree.logs.log_files import FEED_ROTATION
     from picktree.session import ResumeRequest, Resumption, RunRequest, Session
 
@@ -94,15 +82,13 @@ def soak(given: argparse.Namespace, diary: Path, each_quarter: Callable[[], obje
         seconds = None if given.minutes is None else 60 * given.minutes
         if diary.exists():
             folders = Soak.read(diary).folders
-            watcher = Diary(diary, 1 + len(folders), say=False, seconds=seconds, each_quarter=each_quarter)
-            elsewhere = next((given.out / HANDOVER).glob("*"), folders[-1])
-            before = folders[-1] if folders[-1].exists() else elsewhere
-            asked = ResumeRequest(before, given.out, until + OVERTIME, FEED_ROTATION)
+            watcher = Diary(diary, 1 + len(folders), say=False, seconds=seconds)
+            asked = ResumeRequest(folders[-1], given.out, until + OVERTIME, FEED_ROTATION)
             resumption = stack.enter_context(Resumption(asked))
             print(resumption.told, file=sys.stderr, flush=True)
             session = resumption.session([watcher])
         else:
-            watcher = Diary(diary, say=False, seconds=seconds, each_quarter=each_quarter)
+            watcher = Diary(diary, say=False, seconds=seconds)
             request = RunRequest(
                 mission=given.mission,
                 scene=given.scene,
@@ -120,27 +106,7 @@ def soak(given: argparse.Namespace, diary: Path, each_quarter: Callable[[], obje
         except BaseException as error:
             watcher.died(error)
             raise
-        finally:
-            each_quarter()
     watcher.opened(given.parts)
-    if not Soak.read(diary).result:
-        hand_over(given.out, Soak.read(diary).folders[-1], until + OVERTIME)
-
-
-def hand_over(out: Path, folder: Path, limit: float) -> None:
-    """Write a log of one tick that goes on from the last checkpoint of the run in a folder."""
-    from picktree.session import ResumeRequest, Resumption
-
-    class AtOnce(Interrupter):
-        def stops(self) -> bool:
-            return True
-
-    beside = out / f"{HANDOVER}.part"
-    shutil.rmtree(beside, ignore_errors=True)
-    with Resumption(ResumeRequest(folder, beside, limit)) as resumption:
-        resumption.session([AtOnce()]).run()
-    shutil.rmtree(out / HANDOVER, ignore_errors=True)
-    beside.rename(out / HANDOVER)
 
 
 if __name__ == "__main__":

@@ -71,10 +71,6 @@ def machine() -> Mapping[str, str]:
     }
 
 
-RECORDS = (":!docs", ":!benchmarks/evidence.json", ":!benchmarks/results")
-"""Files that campaigns write between their runs, and no run depends on."""
-
-
 @cache
 def revision() -> str:
     """Return the Git revision of the checkout that runs; empty for an installed wheel.
@@ -90,7 +86,7 @@ def revision() -> str:
         )
 
     commit = git("describe", "--always").stdout.strip()
-    changed = commit and git("diff", "--quiet", "HEAD", "--", ".", *RECORDS).returncode == 1
+    changed = commit and git("diff", "--quiet", "HEAD", "--", ".", ":!docs").returncode == 1
     return f"{commit}-dirty" if changed else commit
 
 

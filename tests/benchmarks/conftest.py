@@ -12,10 +12,10 @@ import pytest
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 _ORDER = (
-    "_dependencies", "_campaign_results", "_campaign", "_fault_measures", "_fault_table", "_fault_page",
+    "_campaign_results", "_campaign", "_fault_measures", "_fault_table", "_fault_page",
     "fault_campaign",
     "_atlas_page",
-    "_evidence", "_soaking", "_soak_report", "machines", "speed", "_explanation_cases", "explanations",
+    "_soaking", "_soak_report", "machines", "speed", "_explanation_cases", "explanations",
     "mutant_site.sitecustomize", "_mutant_operators", "_mutant_recorder", "_mutant_coverage",
     "_mutant_runs", "_mutant_table", "mutants",
 )  # fmt: skip

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -201,45 +200,16 @@ def test_a_killed_campaign_goes_on_and_a_cut_line_costs_its_run_alone(squares: S
     assert "to do" not in err or "0 of 3 runs to do" in err  # what was written after the cut line can be read
 
 
-def test_results_whose_files_have_changed_are_run_again_or_counted_when_asked(
-    squares: Squares, program: Callable[[str], ModuleType]
-) -> None:
+def test_results_of_other_sources_are_run_again_or_counted_when_asked(squares: Squares) -> None:
     squares.run("--runs", "1")
     commit = squares.lines()[0]["commit"]
-    assert program("_campaign_results").commits(squares.out) == [commit]
     squares.change()
-    assert program("_campaign_results").commits(squares.out) == []
     _, err = squares.run("--runs", "1", "--mixed")
     assert "0 of 1 runs to do" in err
     assert squares.runs() == 1
     _, err = squares.run("--runs", "1")
-    assert f"results whose files have changed are not counted (1 of {commit}); --mixed counts them" in err
+    assert f"results of other sources are not counted (1 of {commit}); --mixed counts them" in err
     assert squares.runs() == 2
-
-
-@pytest.mark.parametrize(
-    ("before", "alike"), [({}, 1), ({"cpu": 3.0, "folder": "elsewhere"}, 1), ({"square": 1}, 0)]
-)
-def test_runs_that_were_repeated_with_changed_files_are_compared_with_those_before(
-    squares: Squares, program: Callable[[str], ModuleType], before: dict[str, Any], alike: int
-) -> None:
-    squares.run("--runs", "2")
-    commit = squares.lines()[0]["commit"]
-    squares.change()
-    lines = squares.lines()
-    next(line for line in lines if line["job"]["seed"] == 0)["row"].update(before)
-    for line in lines:
-        line["commit"] = "before"
-    (squares.out / "results.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
-    repeated = program("_campaign_results").repeated
-    assert repeated(squares.out, "earlier, before").again == 0
-    squares.run("--runs", "1")
-    found = repeated(squares.out, "earlier, before")
-    assert (found.same, found.again, found.commits, found.hold) == (alike, 1, commit, True)
-    squares.change()
-    assert repeated(squares.out, "earlier, before") == replace(found, hold=False)
-    squares.run("--first", "1", "--runs", "1")  # with the files as they are: that of seed 0 counts no more
-    assert repeated(squares.out, "earlier, before") == replace(found, same=1)
 
 
 def test_a_run_that_raises_is_a_result_and_is_tried_again(squares: Squares) -> None:
