@@ -130,10 +130,13 @@ RUNS ?= 5
 bench: $(RUN)
 	@"$(BIN)/python" benchmarks/speed.py --runs $(RUNS)
 
-# Whether the tests notice small mistakes in the code that decides: 300 mutants, about half an hour. Exit code 1:
-# less than 90 % were noticed.
+# Whether the tests of a module notice small mistakes in it: COUNT mutants, each as long as the TESTS take.
+MODULE ?= recovery/recover.py
+TESTS ?= tests/recovery/test_recover.py
+COUNT ?= 20
 mutants: $(DEV)
-	@"$(BIN)/python" benchmarks/mutants.py
+	@"$(BIN)/python" -c "import cosmic_ray" 2>/dev/null || $(PIP) cosmic-ray
+	@"$(BIN)/python" benchmarks/mutants.py $(MODULE) $(TESTS) --count $(COUNT)
 
 clean:
-	rm -rf "$(VENV)" build dist *.egg-info .pytest_cache .ruff_cache .hypothesis .mutants
+	rm -rf "$(VENV)" build dist *.egg-info .pytest_cache .ruff_cache .hypothesis

@@ -16,8 +16,6 @@ _ORDER = (
     "fault_campaign",
     "_atlas_page",
     "_soaking", "_soak_report", "machines", "speed", "_explanation_cases", "explanations",
-    "mutant_site.sitecustomize", "_mutant_operators", "_mutant_recorder", "_mutant_coverage",
-    "_mutant_runs", "_mutant_table", "mutants",
 )  # fmt: skip
 """Each after what it imports."""
 
