@@ -1,6 +1,5 @@
 from .debugger import Debugger as Debugger, DebuggerStop as DebuggerStop
 from .observer import Observer as Observer, PresetAnswers as PresetAnswers
-from .profiler import Profiler as Profiler
 from .resumption import ResumeRequest as ResumeRequest, Resumption as Resumption
 from .run_recipe import RunRequest as RunRequest
 from .session import Session as Session
@@ -19,7 +18,6 @@ from .environment import sources as sources, versions as versions
 from .execution import Execution as Execution, assemble_world as assemble_world
 from .live_view import LiveServer as LiveServer
 from .observer import Interrupter as Interrupter, WallClockPacer as WallClockPacer
-from .profiler import require_writable as require_writable
 from .recorded_recipe import (
     RecordedRun as RecordedRun,
     simulated_messages as simulated_messages,

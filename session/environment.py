@@ -46,7 +46,6 @@ _FILES_WITHOUT_EFFECT: Final = (
     "logs/run_account.py",
     "session/attach_socket.py",
     "session/live_view.py",
-    "session/profiler.py",
     "session/resumption.py",
 )
 """Modules and folders that do not affect a run: commands, batches, and readers of logs."""

@@ -30,7 +30,6 @@ MEASURING = {
     "apps/commissioning/calibration.py",
     "session/live_view.py",
     "session/observer.py",
-    "session/profiler.py",
     "logs/run_index.py",  # the age of a run
     "apps/api/batches.py",
     "analysis/report/report.py",

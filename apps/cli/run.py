@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO, TypeAlias
@@ -27,8 +28,10 @@ from .options import (
 from .output import end_with, keep_stdout, print_answer, program
 
 if TYPE_CHECKING:
+    from cProfile import Profile
+
     from picktree.logs import log_files
-    from picktree.session import Debugger, Observer, Profiler, RunRequest, Session, WallClockPacer
+    from picktree.session import Debugger, Observer, RunRequest, Session, WallClockPacer
 
     Assembly: TypeAlias = Callable[[Sequence[Observer]], Session]
     """Function that builds the session for its observers."""
@@ -97,7 +100,7 @@ ProfileFile: TypeAlias = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="Say where wall and simulated time go, by part and node; FILE gets the functions, for pstats.",
+        help="Print the functions that take most wall time; FILE gets all of them, for pstats or snakeviz.",
     ),
 ]
 Answers: TypeAlias = Annotated[
@@ -147,8 +150,8 @@ def run(
     parameters = parse_parameters(set_ or ())
     pacer = None if pace is None else _pacer(pace)
     seconds = None if limit is None else parse_limit(limit)
-    profiler = None if profile is None else _profiler(profile)
-    watchers = _Watchers(debug, live_port if live else None, pacer, profiler, wait, to_stderr=json)
+    measured = nullcontext() if profile is None else new_profile(profile)
+    watchers = _Watchers(debug, live_port if live else None, pacer, wait, to_stderr=json)
     rotation = _rotation(rotate_mb, rotate_minutes)
     if resume is not None:
         assembly = _resumed_run(resume, out, seconds, rotation, answers or (), as_it_stands)
@@ -172,11 +175,13 @@ def run(
         )
         assembly = _new_run(request, answers or ())
     with assembly as session_for, watchers.observers() as observers:
-        result = session_for(observers).run()
+        session = session_for(observers)
+        with measured as functions:
+            result = session.run()
     watchers.print_lateness()
     print_answer(answer, lambda: result.to_text(program()), result.to_json_text)
-    if profile is not None:
-        watchers.write_profile(profile)
+    if profile is not None and functions is not None:
+        write_profile(functions, profile, sys.stderr if json else sys.stdout)
     end_with(result.reached, result.status)
 
 
@@ -218,8 +223,6 @@ class _Watchers:
     """Port of the live view; None: there is none."""
     pacer: WallClockPacer | None
     """Upper bound of simulated seconds per wall second; None: as fast as possible."""
-    profiler: Profiler | None
-    """Profiler of the run; None: there is none."""
     wait: bool
     """Whether questions wait for an attached process."""
     to_stderr: bool
@@ -237,7 +240,6 @@ class _Watchers:
             AttachServer(waits=self.wait) as attached,
         ):
             yield (
-                *([self.profiler] if self.profiler is not None else ()),
                 view,
                 *live,
                 *([self.pacer] if self.pacer is not None else ()),
@@ -265,12 +267,6 @@ class _Watchers:
         if self.pacer is not None and self.pacer.lateness:
             print(self.pacer.lateness, file=sys.stderr)
 
-    def write_profile(self, file: Path) -> None:
-        """Write the profile into a file, and print where the time goes."""
-        assert self.profiler is not None
-        self.profiler.write(file)
-        print(f"\n{self.profiler.to_text()}", file=self._stream)
-
     def _debugger(self) -> Debugger:
         from picktree.session import Debugger
 
@@ -283,6 +279,8 @@ class _Watchers:
         return sys.stderr if self.to_stderr else sys.stdout
 
 
+_PROFILED_FUNCTIONS = 20
+"""Number of functions in each table of a profile."""
 _RECORDED_OPTIONS = ("mission", "scene", "robot", "seed", "set_", "faults", "backend", "verify", "watch")
 """Parameters that are invalid with --resume, because the log has them."""
 
@@ -314,12 +312,34 @@ def _rotation(megabytes: float, minutes: float) -> log_files.Rotation:
     return log_files.Rotation(round(megabytes * 1e6), minutes * 60.0)
 
 
-def _profiler(file: Path) -> Profiler:
-    """Return a profiler. Raises PicktreeError when its file cannot be written."""
-    from picktree.session import Profiler, require_writable
+def new_profile(file: Path) -> Profile:
+    """Return a profile that measures nothing yet. Raises PicktreeError when its file cannot be written."""
+    import cProfile
 
-    require_writable(file)
-    return Profiler()
+    folder = file.absolute().parent
+    if file.is_dir():
+        raise PicktreeError(f"{file}: the profile cannot be written: it is a folder")
+    if not folder.is_dir():
+        raise PicktreeError(f"{file}: the profile cannot be written: there is no folder {folder}")
+    if not os.access(file if file.exists() else folder, os.W_OK):
+        raise PicktreeError(f"{file}: the profile cannot be written: permission denied")
+    return cProfile.Profile()
+
+
+def write_profile(functions: Profile, file: Path, stream: TextIO) -> None:
+    """Write the functions of a run into a file for `pstats`; print the dearest by own and by cumulative time.
+
+    Raises PicktreeError when the disk refuses.
+    """
+    import pstats
+
+    try:
+        functions.dump_stats(file)
+    except OSError as error:
+        raise PicktreeError(f"{file}: the profile cannot be written: {error.strerror}") from None
+    table = pstats.Stats(functions, stream=stream).strip_dirs()
+    for order in ("tottime", "cumulative"):
+        table.sort_stats(order).print_stats(_PROFILED_FUNCTIONS)
 
 
 def parse_parameters(settings: list[str] | tuple[str, ...]) -> dict[str, str]:
