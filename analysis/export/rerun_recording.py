@@ -13,15 +13,29 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from picktree.analysis import Run
-from picktree.logs import Stamped, binary_gltf, log_records, topics, triangle_meshes
+from picktree.logs import Stamped, binary_gltf, log_records, node_visits, topics, triangle_meshes
 from picktree.logs.recording import UNKNOWN_COLOUR, foxglove_messages
-from picktree.world import COLOURS, TRUTH_COLOUR, Box, ConvexMesh, Cylinder, Pose, Rgb, Shape, Sphere
+from picktree.world import (
+    COLOURS,
+    TRUTH_COLOUR,
+    Box,
+    ConvexMesh,
+    Cylinder,
+    Pose,
+    Rgb,
+    Shape,
+    Sphere,
+    TreeNode,
+)
 
 from .run_tables import run_rows
-from .viewer_layout import lanes
 
 TIMELINE = "sim_time"
 """Name of the timeline in simulated seconds."""
+MAX_LEAF_LANES = 12
+"""Maximum number of lanes of leaves in the blueprint."""
+MAX_INNER_LANES = 5
+"""Maximum number of lanes of nodes with children, besides the root."""
 _MAX_WAITING_CALLS = 200
 """Number of calls after which their data are written to the file."""
 
@@ -418,7 +432,7 @@ def blueprint(run: Run) -> rrb.Blueprint:
     skills = {step.node for step in run.steps}
     contents = [
         f"+ {entity}"
-        for path in lanes(run)
+        for path in shown_nodes(run)
         for entity in (lane_entity(path), *((steps_entity(path),) if path in skills else ()))
     ]
     images = [
@@ -469,3 +483,38 @@ def blueprint(run: Run) -> rrb.Blueprint:
         auto_views=False,
         auto_layout=False,
     )
+
+
+def shown_nodes(run: Run) -> Sequence[str]:
+    """Return paths of the root, the busiest leaves (failed ones first) and the busiest sub-trees, in order.
+
+    Of nodes that wrap each other and are always busy together, one has a lane: the outermost, or the leaf.
+    """
+    nodes: dict[str, TreeNode] = {}
+    for tree in run.trees:
+        for node in tree.record.nodes:
+            nodes.setdefault(node.path, node)
+    if not nodes:
+        return ()
+    visits: dict[str, list[node_visits.Visit]] = {}
+    for visit in run.account.visits:
+        visits.setdefault(visit.path, []).append(visit)
+    ticks = {path: [(visit.first, visit.last) for visit in each] for path, each in visits.items()}
+    spent = {path: sum(last - first + 1 for first, last in each) for path, each in ticks.items()}
+    failed = {visit.path for visit in run.account.visits if visit.outcome == "FAILURE" and visit.cause}
+    root = next(iter(nodes))
+    busy = [node for path, node in nodes.items() if path in spent and path != root]
+    leaves = [node.path for node in busy if not node.children]
+
+    def repeated(node: TreeNode) -> bool:
+        """Whether the node's parent, or a leaf below it, was busy at exactly the same times."""
+        others = (node.parent, *(child for child in node.children if child in leaves))
+        return any(ticks[node.path] == ticks.get(other) for other in others)
+
+    inner = [node.path for node in busy if node.children and not repeated(node)]
+    chosen = {
+        root,
+        *sorted(leaves, key=lambda path: (path not in failed, -spent[path]))[:MAX_LEAF_LANES],
+        *sorted(inner, key=lambda path: -spent[path])[:MAX_INNER_LANES],
+    }
+    return [path for path in nodes if path in chosen]

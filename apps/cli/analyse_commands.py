@@ -162,26 +162,24 @@ def _prune(index: run_index.RunIndex, found: Sequence[run_index.RunRow], *, yes:
 
 
 def layout(
-    log: Log,
+    log: Annotated[
+        str | None, typer.Argument(metavar="[LOG]", help="Not needed: one layout fits every log.")
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file; without: text, here.")
     ] = None,
 ) -> None:
-    """Write a layout for Foxglove and Lichtblick, made for this log's tree, joints and cameras."""
-    from picktree.analysis import Run
-    from picktree.analysis.export import layout as make
+    """Write the layout for Foxglove and Lichtblick: scene, tree, plots, images, events."""
+    from picktree.analysis.export import LAYOUT_FILE
     from picktree.files import file_system
 
-    with Run(log) as run:
-        if run.recovered:
-            print(run.recovered, file=sys.stderr)
-        made = make(run)
+    text = LAYOUT_FILE.read_text(encoding="utf-8")
     if output is None:
-        print(made.to_json_text(), end="")
+        print(text, end="")
         return
     with file_system.whole([output], output) as (beside,):
-        beside.write_text(made.to_json_text(), encoding="utf-8")
-    print(f"{output}: {len(made.panels)} panels, {made.lanes} lanes")
+        beside.write_text(text, encoding="utf-8")
+    print(f"{output}: open it in Lichtblick or Foxglove beside the log")
 
 
 def export(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.export import viewer_layout
+from picktree.analysis.export import LAYOUT_FILE
 from picktree.analysis.render import body_mesh, heap_remark
 from picktree.analysis.render.scene_view import TRUTH_LINE, UNSEEN
 from picktree.analysis.report import row
@@ -213,7 +213,7 @@ def test_a_bin_has_a_tint_of_the_items_that_alone_belong_into_it(troubled_log: P
 def test_the_truth_has_one_colour_on_pages_and_in_pictures() -> None:
     picture = "#" + bytes(TRUTH_LINE).hex()
     assert f"--truth:{picture}" in style().replace(" ", "")
-    layout = Path(viewer_layout.__file__).with_suffix(".json").read_text(encoding="utf-8")
+    layout = LAYOUT_FILE.read_text(encoding="utf-8")
     assert layout.count(f'"color": "{picture}') == 2
 
 
