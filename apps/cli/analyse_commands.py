@@ -233,20 +233,18 @@ def replay(
     log: Log,
     at: Annotated[float, typer.Option(metavar="TIME", min=0.0, help="Where to begin, simulated s.")] = 0.0,
 ) -> None:
-    """Step through a run by commands: tree, belief, what changed. `help` lists the commands."""
-    from picktree.analysis import Cursor, Run
+    """Step through a run by commands: ticks, failures, tree, events, belief. `help` lists the commands."""
+    from picktree.analysis import Run
 
-    from .command_prompt import complete_with, line_reader
-    from .replay_prompt import ReplayPrompt
+    from .command_prompt import line_reader
+    from .replay_stepper import ReplayStepper
 
     with Run(log) as run:
         if run.recovered:
             print(run.recovered, file=sys.stderr)
-        prompt = ReplayPrompt(Cursor(run, at), line_reader(sys.stdout), sys.stdout)
-        if sys.stdin.isatty():
-            complete_with(prompt)
-        prompt.show_here()
-        prompt.converse()
+        stepper = ReplayStepper(run, at, line_reader(sys.stdout), sys.stdout)
+        stepper.show_here()
+        stepper.converse()
 
 
 def snapshot(

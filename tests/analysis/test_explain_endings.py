@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis import Cursor, Run
+from picktree.analysis import Run
 from picktree.analysis.explain import case, to_text
 from picktree.analysis.explain.explanation_text import notes_on
-from picktree.apps.cli.replay_prompt import evidence_lines
+from picktree.apps.cli.replay_stepper import evidence_lines
 from picktree.logs import RunLog
 from picktree.logs.log_files import Rotation
 from picktree.session import ResumeRequest, Resumption, RunRequest, Session
@@ -101,7 +101,9 @@ def test_a_fault_in_the_code_of_a_node(tmp_path: Path) -> None:
     with Run(run(tmp_path, "plugins: [broken.py]\ntrees:\n  Main:\n    Broken\n")) as log:
         (cause,) = log.explanation.root_causes
         (failure,) = log.failures
-        shown = list(evidence_lines(Cursor(log, log.ticks.times[-1])))
+        shown = [
+            line for visit in log.account.visits if visit.failed_itself for line in evidence_lines(visit)
+        ]
     assert (cause.cause, cause.ended_run, failure.fate) == ("internal.error", True, "ended")
     assert "one over nothing" in cause.title
     line = 1 + next(k for k, text in enumerate(PLUGIN.splitlines()) if "one over nothing" in text)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from picktree.files import node_matches
+from picktree.files import PicktreeError, find_node, find_nodes, node_matches
+
+from ..logs.scripted_log import tree
 
 
 @pytest.mark.parametrize(
@@ -32,3 +34,13 @@ from picktree.files import node_matches
 )
 def test_which_nodes_a_pattern_means(pattern: str, path: str, fits: bool) -> None:
     assert node_matches(pattern, path) is fits
+
+
+def test_nodes_are_called_by_path_end_type_or_pattern() -> None:
+    nodes = tree("Main:ForEach", "Main/Part:Sequence", "Main/Part/Grasp", "Main/Part/Place").nodes
+    assert [node.path for node in find_nodes("Main/Part", nodes)] == ["Main/Part"]
+    assert [node.path for node in find_nodes("Part/Grasp", nodes)] == ["Main/Part/Grasp"]
+    assert [node.path for node in find_nodes("Sequence", nodes)] == ["Main/Part"]
+    assert [node.path for node in find_nodes("Part/*", nodes)] == ["Main/Part/Grasp", "Main/Part/Place"]
+    with pytest.raises(PicktreeError, match=r"^2 nodes fit 'Part/\*': Main/Part/Grasp, Main/Part/Place$"):
+        find_node("Part/*", nodes)
