@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any
 from _campaign_results import REFERENCE_COST as REFERENCE_COST  # programs have it from here
 from _campaign_results import Forecast, Results, Row, key, plain, source_digest
 from picktree.apps.batch import Executor, LocalExecutor
+from picktree.apps.batch import rate as batch_rate
 from picktree.apps.batch.executor import JobFailed, JobFinished, JobOrder
 from picktree.files import PicktreeError, restart
 from picktree.session.environment import hashes, revision
@@ -332,19 +333,13 @@ def blind(folder: Path) -> Run:
     return run
 
 
-def wilson(hits: int, n: int) -> tuple[float, float]:
-    """Return the 95 % interval of a rate (Wilson 1927)."""
-    from picktree.apps.batch import rates  # loads scipy, which workers do not need
-
-    interval = rates.rate(hits, n).interval
-    return interval.low, interval.high
-
-
 def rate(name: str, hits: int, n: int) -> str:
     """Return a line with a share, its N and its 95 % interval."""
-    low, high = wilson(hits, n)
+    of = batch_rate(hits, n).interval
     share = f"{100 * hits / n:6.2f} %" if n else "     –  "
-    return f"{name:<28} {hits:>5} of {n:<5} {share}   95 % interval {100 * low:.1f} … {100 * high:.1f} %"
+    return (
+        f"{name:<28} {hits:>5} of {n:<5} {share}   95 % interval {100 * of.low:.1f} … {100 * of.high:.1f} %"
+    )
 
 
 def split(rows: Iterable[Row], total: str) -> str:

@@ -21,8 +21,8 @@ from _bench_maker import ARCHIVE, SCENES, Problem, admitted, beyond_limits, prob
 from picktree.robot.planning import DEFAULT_CHECK_BUDGET, JointGoal, Request, RequestSolver
 from picktree.robot.planning.collision_model import CollisionMargins
 from picktree.robot.planning.trajectory_verifier import TrajectoryVerifier
-from picktree.world import Failure, planner_names
-from picktree.world.planner_names import AUTO
+from picktree.world import Failure
+from picktree.world.planner_names import AUTO, planner_names
 from picktree.world.robot_model import RobotModel, load_robot
 
 import numpy as np
