@@ -131,8 +131,8 @@ bench: $(RUN)
 	@"$(BIN)/python" benchmarks/speed.py --runs $(RUNS)
 
 # Whether the tests of a module notice small mistakes in it: COUNT mutants, each as long as the TESTS take.
-MODULE ?= recovery/recover.py
-TESTS ?= tests/recovery/test_recover.py
+MODULE ?= robot/control/soft_limits.py
+TESTS ?= tests/control/test_control_boundaries.py
 COUNT ?= 20
 mutants: $(DEV)
 	@"$(BIN)/python" -c "import cosmic_ray" 2>/dev/null || $(PIP) cosmic-ray

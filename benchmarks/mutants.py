@@ -1,6 +1,6 @@
 """Mutation run: do the tests of a module notice small mistakes in it? The mutants are cosmic-ray's.
 
-    python benchmarks/mutants.py recovery/recover.py tests/recovery/test_recover.py
+    python benchmarks/mutants.py robot/control/soft_limits.py tests/control/test_control_boundaries.py
     make mutants MODULE=simulation/scorer.py TESTS=tests/simulation/test_simulation_scorer.py COUNT=40
 
 A sample of the module's mutants is drawn by seed. Each is tried in a copy of the checkout as git has it

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TextIO, TypeVar
 
 from picktree.files import PicktreeError, suggest_name
-from picktree.session import Breakpoint, When
 
 Out = TypeVar("Out", bound=TextIO)
 
@@ -127,35 +126,11 @@ class CommandPrompt:
         print(text, file=self._out, flush=True)
 
 
-NO_BREAKPOINTS = "no breakpoints; `break PATH` sets one"
-
-
 def tick_count(text: str) -> int:
     """Return the N of `step [N]`. Raises PicktreeError."""
     if text and not (text.isdecimal() and int(text) > 0):
         raise PicktreeError(f"{text!r} is no number of ticks")
     return int(text or 1)
-
-
-def breakpoint_place(text: str) -> tuple[str, When]:
-    """Return the node and the side of `break PATH [before|after]`."""
-    path, _, last = text.rpartition(" ")
-    when: When = "after" if path and last == "after" else "before"
-    return path if path and last in ("before", "after") else text, when
-
-
-def breakpoint_lines(breakpoints: Mapping[int, Breakpoint]) -> Iterator[str]:
-    if not breakpoints:
-        yield NO_BREAKPOINTS
-    for number, breakpoint_ in breakpoints.items():
-        yield f"{number}: {breakpoint_.when} {breakpoint_.path}"
-
-
-def breakpoint_numbers(text: str, known: Collection[int]) -> list[int]:
-    """Return the breakpoints of `delete [NUMBER]`. Raises PicktreeError for an unknown one."""
-    if text and not (text.isdecimal() and int(text) in known):
-        raise PicktreeError(f"there is no breakpoint {text}; `break` lists them")
-    return [int(text)] if text else list(known)
 
 
 def line_reader(out: TextIO) -> Callable[[str], str]:

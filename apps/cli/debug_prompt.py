@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TextIO
 
 from picktree.files import Expression, PicktreeError, expression_syntax, find_node, find_nodes
-from picktree.session import Breakpoint, Debugger, DebuggerStop
+from picktree.session import Breakpoint, Debugger, DebuggerStop, When
 from picktree.trees import BehaviourTree, Node, NodeStatus, evaluate, references, runner, show
 from picktree.world import Failure
 
 from .command_prompt import (
     Command,
     CommandPrompt,
-    breakpoint_lines,
-    breakpoint_numbers,
-    breakpoint_place,
     complete_with,
     line_reader,
     tick_count,
@@ -31,6 +28,27 @@ from .state_text import (
     value_text,
     where_lines,
 )
+
+
+def breakpoint_place(text: str) -> tuple[str, When]:
+    """Return the node and the side of `break PATH [before|after]`."""
+    path, _, last = text.rpartition(" ")
+    when: When = "after" if path and last == "after" else "before"
+    return path if path and last in ("before", "after") else text, when
+
+
+def breakpoint_lines(breakpoints: Mapping[int, Breakpoint]) -> Iterator[str]:
+    if not breakpoints:
+        yield "no breakpoints; `break PATH` sets one"
+    for number, breakpoint_ in breakpoints.items():
+        yield f"{number}: {breakpoint_.when} {breakpoint_.path}"
+
+
+def breakpoint_numbers(text: str, known: Collection[int]) -> list[int]:
+    """Return the breakpoints of `delete [NUMBER]`. Raises PicktreeError for an unknown one."""
+    if text and not (text.isdecimal() and int(text) in known):
+        raise PicktreeError(f"there is no breakpoint {text}; `break` lists them")
+    return [int(text)] if text else list(known)
 
 
 def place(tree: BehaviourTree, stop: DebuggerStop) -> str:
