@@ -81,7 +81,7 @@ def match_items(a: Run, b: Run, *, since: float = 0.0) -> ItemMatch:
         for one, other in zip(ones, left_b.get(sort, ()), strict=False):
             pairs.append(ItemPair(one, other, "order"))
     paired_a, paired_b = {pair.a for pair in pairs}, {pair.b for pair in pairs}
-    order = {sighting.id: n for n, sighting in enumerate(in_a)}
+    order: dict[str, int] = {sighting.id: n for n, sighting in enumerate(in_a)}
     return ItemMatch(
         tuple(sorted(pairs, key=lambda pair: order[pair.a])),
         tuple(s.id for s in in_a if s.id not in paired_a),

@@ -143,7 +143,7 @@ def _bodies(
     there: Mapping[str, tuple[Shape, str, tuple[log_records.BlockRecord, ...]]] = {}
     for at in scenes:
         time, bodies = at.time, at.record.bodies
-        present = {body.id: (body.shape, body.colour, body.blocks) for body in bodies}
+        present = {str(body.id): (body.shape, body.colour, body.blocks) for body in bodies}
         for gone in there.keys() - present.keys():
             sheet.at(time, _entity(source, gone), rr.Clear(recursive=True))
         for body in bodies:

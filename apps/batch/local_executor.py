@@ -17,8 +17,6 @@ from multiprocessing.process import BaseProcess
 from types import FrameType, ModuleType
 from typing import NoReturn
 
-from picktree.world import Tree
-
 from .executor import Event, JobFailed, JobOrder, JobStopped
 from .job_process import JobProcess, adopt_orphans, die_with_parent, exit_code_words, silence
 
@@ -93,6 +91,7 @@ def load() -> None:
         NODES as SKILLS,  # a node is imported when it is asked for: here, all of them are
     )
     from picktree.trees.loading import installed_entries
+    from picktree.world import Tree
     from picktree.world.robot_model import RobotModel, load_robot
     from picktree.world.scene import load_scene
 

@@ -36,7 +36,7 @@ from picktree.robot.planning import (
 )
 from picktree.session import assemble_world
 from picktree.simulation import TrueBody, build_hardware
-from picktree.world import Array, BeliefObject, Evidence, Failure, Pose, Sphere
+from picktree.world import Array, BeliefObject, Evidence, Failure, ObjectId, Pose, Sphere
 from picktree.world.robot_model import is_hinge, load_robot
 from picktree.world.scene import load_scene
 
@@ -322,7 +322,9 @@ def _point(failure: Failure) -> tuple[log_records.BodyRecord, ...]:
         if isinstance(told, list) and len(told) == 3:
             x, y, z = (float(c) for c in told)
             return (
-                log_records.BodyRecord("point", "sphere", Sphere(0.012), "red", Pose((x, y, z)), id="point"),
+                log_records.BodyRecord(
+                    "point", "sphere", Sphere(0.012), "red", Pose((x, y, z)), id=ObjectId("point")
+                ),
             )
     return ()
 
@@ -349,7 +351,7 @@ def _marked(world: World, names: frozenset[str]) -> Iterable[log_records.BodyRec
             yield belief_record(o)
     for part in _fixed(world):
         if part.id.split("/")[0] in names:
-            yield log_records.BodyRecord("fixture", "box", part.shape, "red", part.pose, id=part.id)
+            yield log_records.BodyRecord("fixture", "box", part.shape, "red", part.pose, id=ObjectId(part.id))
 
 
 def _fixed(world: World) -> Iterable[log_records.PartRecord]:
