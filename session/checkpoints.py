@@ -14,7 +14,7 @@ from picktree.files import PicktreeError
 from picktree.logs import Digest, log_records
 from picktree.logs.recording import RecordingState
 from picktree.robot import World
-from picktree.robot.control import ControlLoopState, FollowedPath, GripperCommand
+from picktree.robot.control import ControlLoopState, FollowedPath, GripperProgress
 from picktree.robot.perception import BinView
 from picktree.simulation import FaultInjector, FaultState, Simulation, checkpoints
 from picktree.trees import BehaviourTree
@@ -60,7 +60,7 @@ class RunState:
     """Heights in the cells of each bin, m; None where nothing was seen."""
     way: FollowedPath | None = None
     """Path that the arm followed last, for the retreat; None: unknown."""
-    grip: GripperCommand | None = None
+    grip: GripperProgress | None = None
     """Last command to the gripper; None: unknown, and the fingers do not move."""
     tally: RunCounters | None = None
     disagreements: int = 0

@@ -11,7 +11,7 @@ import orjson
 from pydantic import TypeAdapter, ValidationError
 
 from picktree.files import PicktreeError
-from picktree.world import ObjectId, Pose, Quaternion, Vector3
+from picktree.world import GripperCommand, ObjectId, Pose, Quaternion, Vector3
 from picktree.world.scene import Fixture
 
 from .belt_feed import BeltState
@@ -66,16 +66,6 @@ class ArmCommand:
     position: tuple[float, ...]
     velocity: tuple[float, ...]
     torque: tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class GripperCommand:
-    """Command to the gripper: opening, m, force of each finger, N, and speed of each finger, m/s; None: full
-    speed."""
-
-    width: float
-    force: float
-    speed: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,10 +8,19 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from picktree.world import Clock, Gripper, ObjectId, Pose, Quaternion, Vector3, Wrench, rotated
+from picktree.world import (
+    Clock,
+    Gripper,
+    GripperCommand,
+    ObjectId,
+    Pose,
+    Quaternion,
+    Vector3,
+    Wrench,
+    rotated,
+)
 from picktree.world.scene import Fixture
 
-from .checkpoints import GripperCommand
 from .fault_entries import (
     CameraDrop,
     CameraFault,

@@ -10,6 +10,7 @@ import pybullet as pb
 import pytest
 
 from picktree.simulation.physics import PhysicsHardware
+from picktree.world import GripperCommand
 
 from .skills.cell import Cell, items, mission, sorting
 
@@ -115,9 +116,9 @@ def test_a_dropped_item_falls_and_the_skill_finds_out_by_feeling(accident: str) 
     (body,) = hardware.truth()
     assert body.pose.position[2] > 0.08
     if accident == "opened":
-        hardware.gripper.command(0.08, 20.0)
+        hardware.gripper.command(GripperCommand(0.08, 20.0))
     elif accident == "loosened":
-        hardware.gripper.command(0.0, 0.1)
+        hardware.gripper.command(GripperCommand(0.0, 0.1))
     else:
         hardware.change_dynamics(body.id, friction=0.005)
     held = cell.world.scene.held

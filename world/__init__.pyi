@@ -99,6 +99,7 @@ from .planning_scene import (
     SceneSnapshot as SceneSnapshot,
 )
 from .protocols import (
+    GripperCommand as GripperCommand,
     Camera as Camera,
     Clock as Clock,
     Feed as Feed,

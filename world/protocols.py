@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from picktree.files import PicktreeError
 
 from .values import Array, GripperState, JointState, ObjectId, Pose, Wrench
 
@@ -37,14 +40,39 @@ class Arm(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class GripperCommand:
+    """Command to the gripper. Raises PicktreeError for values that are not finite or no speed."""
+
+    width: float
+    """Opening, m."""
+    force: float
+    """Greatest force of each finger, N."""
+    speed: float | None = None
+    """Greatest speed of each finger, m/s; None: as fast as it can."""
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.width) and math.isfinite(self.force)):
+            raise PicktreeError(f"gripper: width {self.width}, force {self.force}; both must be finite")
+        if self.speed is not None and not (math.isfinite(self.speed) and self.speed > 0.0):
+            raise PicktreeError(f"gripper: speed {self.speed}; it must be finite and above 0")
+
+    def within(self, max_width: float, max_force: float, max_speed: float) -> GripperCommand:
+        """Return the command within the limits of a gripper."""
+        return GripperCommand(
+            min(max(self.width, 0.0), max_width),
+            min(max(self.force, 0.0), max_force),
+            None if self.speed is None or self.speed >= max_speed else self.speed,
+        )
+
+
 class Gripper(Protocol):
     """Two parallel fingers. A command stays in force until the next."""
 
     def read(self) -> GripperState: ...
 
-    def command(self, width: float, force: float, speed: float | None = None) -> None:
-        """Drive towards an opening of `width` m with at most `force` N a finger. Each finger moves at most
-        at `speed` m/s; None: as fast as it can."""
+    def command(self, command: GripperCommand) -> None:
+        """Drive towards an opening. The command is within the gripper's limits."""
         ...
 
 

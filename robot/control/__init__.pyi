@@ -24,7 +24,7 @@ from .control_loop import (
 )
 from .external_torque import static_external_torque as static_external_torque
 from .gripper_motion import (
-    GripperCommand as GripperCommand,
+    GripperProgress as GripperProgress,
     GripperControl as GripperControl,
     OPENING_FORCE as OPENING_FORCE,
 )

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from picktree.world import Clock, Failure, Gripper, GripperState, control
+from picktree.world import Clock, Failure, Gripper, GripperCommand, GripperState, control
 from picktree.world.robot_model import GripperDescription
 
 from .commands import Doing
@@ -41,17 +41,14 @@ MOVE_SPARE_TIME = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class GripperCommand:
-    """Last command to the gripper: it stays in force when its skill ends."""
+class GripperProgress:
+    """Last command to the gripper, which stays in force when its skill ends, and where it began."""
 
-    target: float
-    """Opening, m."""
+    command: GripperCommand
     begun: float
     """Opening when it was given, m."""
     time: float
     """Time of the command, simulated s."""
-    force: float
-    """Force of each finger, N."""
     bound: float
     """Greatest force of `GripperControl.press`, N."""
 
@@ -66,21 +63,21 @@ class GripperControl:
         self._gripper = gripper
         self._clock = clock
         self._description = description
-        self._force = 0.0
-        self._target = self._from = description.max_width
+        self._command = GripperCommand(description.max_width, 0.0)
+        self._from = description.max_width
         self._command_time = 0.0
         self._opening = min(opening, description.max_force)
         self.bound = description.max_force
         """Greatest force of `press`, N: the limit of the held object. It is reset when the fingers open."""
 
-    def save(self) -> GripperCommand:
+    def save(self) -> GripperProgress:
         """Return what is in force: fingers that still open do so after a restart, too."""
-        return GripperCommand(self._target, self._from, self._command_time, self._force, self.bound)
+        return GripperProgress(self._command, self._from, self._command_time, self.bound)
 
-    def restore(self, command: GripperCommand) -> None:
+    def restore(self, progress: GripperProgress) -> None:
         """Take over a command that the gripper has already got."""
-        self._target, self._from, self._command_time = command.target, command.begun, command.time
-        self._force, self.bound = command.force, command.bound
+        self._command, self._from = progress.command, progress.begun
+        self._command_time, self.bound = progress.time, progress.bound
 
     @property
     def width(self) -> float:
@@ -92,10 +89,10 @@ class GripperControl:
 
         The command counts while the fingers may still open; later something holds them.
         """
-        way, width = self._target - self._from, self.width
+        way, width = self._command.width - self._from, self.width
         since = self._clock.now - self._command_time
         opens = way > 0.0 and since < way / (2 * self._description.speed) + FINGER_START_TIME
-        return max(opening, width, self._target if opens else 0.0)
+        return max(opening, width, self._command.width if opens else 0.0)
 
     def span(self, opening: float) -> tuple[float, float]:
         """Return the widest and the narrowest opening on the way from now to `opening`, m.
@@ -112,7 +109,7 @@ class GripperControl:
     @property
     def force(self) -> float:
         """Last commanded force of each finger, N."""
-        return self._force
+        return self._command.force
 
     def start(
         self, width: float | None = None, force: float | None = None, speed: float | None = None
@@ -121,12 +118,12 @@ class GripperControl:
 
         Each finger moves with at most `speed` m/s.
         """
-        most = self._description
-        target = most.max_width if width is None else min(max(width, 0.0), most.max_width)
-        self._force = self._opening if force is None else min(force, most.max_force)
-        self._target, self._from = target, self.width
-        self._command_time = self._clock.now
-        self._gripper.command(target, self._force, speed)
+        limits = self._description
+        self._command = GripperCommand(
+            limits.max_width if width is None else width, self._opening if force is None else force, speed
+        ).within(limits.max_width, limits.max_force, limits.speed)
+        self._from, self._command_time = self.width, self._clock.now
+        self._gripper.command(self._command)
 
     def late(self) -> Failure | None:
         """Return Failure(control.gripper) when fingers that open during a motion are overdue to move or to be
@@ -134,14 +131,14 @@ class GripperControl:
 
         None: they are in time, or they close. The final opening of closing fingers is unknown.
         """
-        way, width = self._target - self._from, self.width
-        if way <= MAX_OPENING_SHORTFALL or width > self._target - MAX_OPENING_SHORTFALL:
+        way, width = self._command.width - self._from, self.width
+        if way <= MAX_OPENING_SHORTFALL or width > self._command.width - MAX_OPENING_SHORTFALL:
             return None
         since = self._clock.now - self._command_time
         moves = since < FINGER_START_TIME or width > self._from + MIN_FINGER_TRAVEL
         if moves and since < way / (2 * self._description.speed) + OPENING_SPARE_TIME:
             return None
-        return self._not_open(width, self._target)
+        return self._not_open(width, self._command.width)
 
     def sound(self, begun: float) -> Doing[None]:
         """Check the fingers that have closed from an opening of `begun` m and now stand.
@@ -157,7 +154,7 @@ class GripperControl:
             raise unsound
 
     def _unsound(self, begun: float) -> Failure | None:
-        state, commanded = self._gripper.read(), self._force
+        state, commanded = self._gripper.read(), self.force
         moved, presses = begun - state.width, abs(state.force)
         met = state.width <= self._description.min_width + MAX_MET_OPENING
         if presses >= MIN_FORCE_SHARE * commanded or met:

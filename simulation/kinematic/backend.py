@@ -39,6 +39,7 @@ from picktree.world import (
     GRAVITY,
     Camera,
     Feed,
+    GripperCommand,
     JournalEvent,
     NoFeed,
     ObjectId,
@@ -302,7 +303,7 @@ class KinematicHardware:
         """Return the present state of the device that a fault affects, as `DeviceFaults` keeps it."""
         match fault:
             case fault_entries.GripperJam():
-                command = checkpoints.GripperCommand(self.gripper.target, self.gripper.force)
+                command = GripperCommand(self.gripper.target, self.gripper.force)
                 return jam_command(command, self.gripper.width, self.robot.gripper.max_force)
             case fault_entries.WrenchDead():
                 said = self.wrench.read()

@@ -6,11 +6,12 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from picktree.simulation import DeviceFaults, checkpoints
+from picktree.simulation import DeviceFaults
 from picktree.world import (
     GRAVITY,
     Array,
     CompoundMesh,
+    GripperCommand,
     GripperState,
     JointState,
     ObjectId,
@@ -64,17 +65,16 @@ class KinematicGripper:
         return self.width != self._drive.width
 
     @property
-    def _drive(self) -> checkpoints.GripperCommand:
+    def _drive(self) -> GripperCommand:
         """Command that the drives carry out: the received one, unless a fault changes it."""
         faults = self._faults
         if faults.jam is not None:
-            return checkpoints.GripperCommand(self.width, faults.jam.force)
-        return checkpoints.GripperCommand(self.target, self.force * faults.grip_share)
+            return GripperCommand(self.width, faults.jam.force)
+        return GripperCommand(self.target, self.force * faults.grip_share)
 
-    def command(self, width: float, force: float, speed: float | None = None) -> None:
-        self.most_speed = min(speed or self._description.speed, self._description.speed)
-        self.target = min(max(width, 0.0), self._description.max_width)
-        self.force = min(max(force, 0.0), self._description.max_force)
+    def command(self, command: GripperCommand) -> None:
+        self.target, self.force = command.width, command.force
+        self.most_speed = command.speed or self._description.speed
 
     def step(self, tcp: Pose, period: float) -> None:
         """Advance by one control period with the TCP at `tcp` in the world."""

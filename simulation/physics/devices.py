@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from picktree.files import PicktreeError
 from picktree.simulation import DeviceFaults, RobotSensorNoise, checkpoints
-from picktree.world import Array, GripperState, JointState, Wrench
+from picktree.world import Array, GripperCommand, GripperState, JointState, Wrench
 
 from .engine import EVERYDAY_STEP_RATE, RESOLUTION
 from .robot_body import RobotBody, finite
@@ -108,19 +105,7 @@ class PhysicsGripper:
         force = fingers.force(position, reading.effort[n:])
         return GripperState(width, fingers.rate(position, reading.velocity[n:]), force)
 
-    def command(self, width: float, force: float, speed: float | None = None) -> None:
-        """Command opening, m, force, N, and speed, m/s; values beyond the limits are clipped. Raises
-        PicktreeError for values that are not finite or a speed that is not positive."""
-        if not (math.isfinite(width) and math.isfinite(force)):
-            raise PicktreeError(f"gripper: width {width}, force {force}; both must be finite")
-        if speed is not None and not (math.isfinite(speed) and speed > 0.0):
-            raise PicktreeError(f"gripper: speed {speed}; it must be finite and above 0")
-        gripper = self._body.description.gripper
-        command = checkpoints.GripperCommand(
-            min(max(width, 0.0), gripper.max_width),
-            min(max(force, 0.0), gripper.max_force),
-            None if speed is None or speed >= gripper.speed else speed,
-        )
+    def command(self, command: GripperCommand) -> None:
         if command != self._body.grip:
             self._body.drive_fingers(command)
 

@@ -9,9 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from picktree.files import PicktreeError
-from picktree.simulation import checkpoints
 from picktree.world import (
     Array,
+    GripperCommand,
     Pose,
     Quaternion,
     Vector3,
@@ -169,9 +169,9 @@ class LinkageMotors:
             of = other if _is_beyond(body, joints[name], joints[other], client) else one
             share = by / ratios[of][0]
             self._held.append(_Held(joints[name], joints[of], share, offset - share * ratios[of][1]))
-        self._grip = checkpoints.GripperCommand(0.0, 0.0)
+        self._grip = GripperCommand(0.0, 0.0)
 
-    def drive(self, grip: checkpoints.GripperCommand) -> None:
+    def drive(self, grip: GripperCommand) -> None:
         """Command an opening; takes effect with the next step."""
         self._grip = grip
 

@@ -14,6 +14,7 @@ from picktree.files import PicktreeError
 from picktree.simulation import checkpoints
 from picktree.world import (
     Array,
+    GripperCommand,
     Pose,
 )
 from picktree.world.robot_model import (
@@ -57,11 +58,11 @@ class RobotBody:
         self.body = -1
         self.links: dict[int, str] = {}
         self._command = checkpoints.ArmCommand("follow", (), (), ())
-        self._grip = checkpoints.GripperCommand(0.0, 0.0)
+        self._grip = GripperCommand(0.0, 0.0)
         self._torque_mode = False
         self._shares: list[float] | None = None
         """Remaining share of each arm joint's torque; None: all of it."""
-        self._jam: checkpoints.GripperCommand | None = None
+        self._jam: GripperCommand | None = None
         self._grip_share = 1.0
 
     @property
@@ -69,7 +70,7 @@ class RobotBody:
         return self._command
 
     @property
-    def grip(self) -> checkpoints.GripperCommand:
+    def grip(self) -> GripperCommand:
         return self._grip
 
     def load(self) -> None:
@@ -118,7 +119,7 @@ class RobotBody:
         opened = self.fingers.positions(robot.gripper.max_width)
         self.place((*home, *opened), (0.0,) * (len(home) + len(opened)))
         self.follow(home, (0.0,) * len(home))
-        self.drive_fingers(checkpoints.GripperCommand(robot.gripper.max_width, robot.gripper.max_force))
+        self.drive_fingers(GripperCommand(robot.gripper.max_width, robot.gripper.max_force))
 
     def _check_shapes(self) -> None:
         """Raise PicktreeError when the engine has taken fewer shapes of a link than it was given."""
@@ -187,9 +188,7 @@ class RobotBody:
         """Apply joint torques for the next steps; nothing else drives the arm then."""
         self._command = checkpoints.ArmCommand("torque", (), (), torque)
 
-    def weaken(
-        self, shares: Mapping[str, float], jam: checkpoints.GripperCommand | None, grip_share: float
-    ) -> None:
+    def weaken(self, shares: Mapping[str, float], jam: GripperCommand | None, grip_share: float) -> None:
         """Set faults of the drives.
 
         `shares`: remaining share of the torque of joints, by name. `jam`: command that the fingers carry out
@@ -203,7 +202,7 @@ class RobotBody:
         """Return the greatest torques of the weak joints, Nm."""
         return [most * share for most, share in zip(self._limits, self._shares or self._ones, strict=True)]
 
-    def drive_fingers(self, command: checkpoints.GripperCommand) -> None:
+    def drive_fingers(self, command: GripperCommand) -> None:
         self._grip = command
         grip = command if self._jam is None else self._jam
         if self._grip_share != 1.0:
@@ -273,7 +272,7 @@ class RobotBody:
         self,
         reading: checkpoints.RobotReading,
         command: checkpoints.ArmCommand,
-        grip: checkpoints.GripperCommand,
+        grip: GripperCommand,
     ) -> None:
         self.place(reading.position, reading.velocity)
         if command.mode == "torque":

@@ -18,7 +18,7 @@ from picktree.simulation import TrueBody, noisy_depth
 from picktree.simulation.kinematic import KinematicHardware
 from picktree.simulation.physics import PhysicsHardware
 from picktree.simulation.sensor_noise import MIN_DEPTH_DEVIATION
-from picktree.world import Array, BeliefObject, Box, Pose, RgbdImage
+from picktree.world import Array, BeliefObject, Box, GripperCommand, Pose, RgbdImage
 from picktree.world.scene import CatalogueEntry, SceneDescription, load_scene, parse_scene
 
 from ..planning.motion_cell import HOME, MODEL, down
@@ -41,7 +41,7 @@ def posed(error: Pose = OFF, q: Array = OVER) -> KinematicHardware:
     """The kinematic cell with the arm at q and the fingers half open."""
     hardware = KinematicHardware(scene(error), MODEL.description, 4)
     hardware.arm.set(q, np.zeros(7))
-    hardware.gripper.command(0.06, 10.0)
+    hardware.gripper.command(GripperCommand(0.06, 10.0))
     for _ in range(120):
         hardware.step()
     return hardware

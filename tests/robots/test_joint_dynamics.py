@@ -11,10 +11,9 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from picktree.simulation.checkpoints import GripperCommand
 from picktree.simulation.physics import Client, RobotBody
 from picktree.simulation.physics.engine import reset
-from picktree.world import Array
+from picktree.world import Array, GripperCommand
 from picktree.world.robot_model import RobotDescription, RobotModel, load_robot
 
 PERIOD = 1 / 240

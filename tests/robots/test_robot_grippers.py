@@ -16,10 +16,9 @@ import trimesh
 
 from picktree.apps.commissioning import ProposalRequest, propose
 from picktree.files import FileError
-from picktree.simulation.checkpoints import GripperCommand
 from picktree.simulation.physics import Client, RobotBody
 from picktree.simulation.physics.engine import reset
-from picktree.world import Array, corners
+from picktree.world import Array, GripperCommand, corners
 from picktree.world.robot_model import (
     LinkageFingers,
     RobotDescription,

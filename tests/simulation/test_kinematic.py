@@ -10,7 +10,7 @@ import pytest
 from picktree.files import PicktreeError
 from picktree.simulation.checkpoints import KinematicState
 from picktree.simulation.kinematic import KinematicHardware
-from picktree.world import Pose
+from picktree.world import GripperCommand, Pose
 from picktree.world.robot_model import RobotDescription
 from picktree.world.scene import SceneDescription
 
@@ -145,7 +145,7 @@ def test_checkpoint_resumes_alike(seed: int) -> None:
     scene: SceneDescription = sorting_cell()
     robot: RobotDescription = ROBOT
     live = KinematicHardware(scene, robot, seed)
-    live.gripper.command(0.03, 20.0)
+    live.gripper.command(GripperCommand(0.03, 20.0))
     for k in range(30):
         live.arm.follow(live.model.named("home") + 0.001 * k, np.zeros(7))
         live.step()
@@ -155,7 +155,7 @@ def test_checkpoint_resumes_alike(seed: int) -> None:
     twin = KinematicHardware.resume(scene, robot, seed, again)
     for hardware in (live, twin):
         hardware.remove("item_03")
-        hardware.gripper.command(0.0, 20.0)
+        hardware.gripper.command(GripperCommand(0.0, 20.0))
         for _ in range(30):
             hardware.step()
     assert twin.checkpoint() == live.checkpoint()

@@ -13,7 +13,7 @@ from picktree.simulation import Backend, FaultInjector, build_hardware, parse_fa
 from picktree.simulation.checkpoints import KinematicState
 from picktree.simulation.kinematic import KinematicHardware
 from picktree.simulation.physics import PhysicsHardware
-from picktree.world import NoImage, Pose, RgbdImage
+from picktree.world import GripperCommand, NoImage, Pose, RgbdImage
 
 from .simulated_cell import cell, panda
 
@@ -78,9 +78,9 @@ def test_fingers_jam_and_lose_force(backend: Backend) -> None:
         "fault: gripper_weak, when: {at: 700 ms}, share: 10 %",
     )
     gripper = running[0].gripper
-    gripper.command(0.0, 40.0)
+    gripper.command(GripperCommand(0.0, 40.0))
     assert told(running, 4) == ["the fingers jam 40 mm open, for 0.5 s"]
-    gripper.command(0.08, 40.0)
+    gripper.command(GripperCommand(0.08, 40.0))
     assert told(running, 9) == []
     assert gripper.read().width == pytest.approx(0.04, abs=0.0015)
     assert told(running) == ["the fingers move again", "the gripper has 10% of its force"]
@@ -206,7 +206,7 @@ def test_a_resumed_run_goes_on_with_what_was_wrong(backend: Backend) -> None:
     for _ in range(8):
         for one in (hardware, again):
             one.arm.follow(home, np.zeros(7))
-            one.gripper.command(0.0, 40.0)
+            one.gripper.command(GripperCommand(0.0, 40.0))
         assert told((again, resumed)) == told(running)
         assert again.wrench.read() == hardware.wrench.read()
     assert again.checkpoint() == hardware.checkpoint()
@@ -238,9 +238,9 @@ def test_fingers_that_open_all_the_way_let_go_of_what_is_as_wide_as_that() -> No
     gripper.gripped = gripper.width = 0.0798
     gripper.item_in_tcp = Pose()
     hardware.bodies.take(item, hardware.true_tcp())
-    gripper.command(0.0, 40.0)
+    gripper.command(GripperCommand(0.0, 40.0))
     hardware.step()
     assert hardware.in_hand() == item
-    gripper.command(0.08, 20.0)
+    gripper.command(GripperCommand(0.08, 20.0))
     hardware.step()
     assert hardware.in_hand() is None

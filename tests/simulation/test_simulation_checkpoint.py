@@ -10,6 +10,7 @@ import pytest
 from picktree.files import PicktreeError
 from picktree.simulation.checkpoints import Checkpoint
 from picktree.simulation.physics import PhysicsHardware
+from picktree.world import GripperCommand
 
 from ..other_process import OtherProcess
 from .simulated_cell import cell, panda
@@ -20,7 +21,7 @@ def disturbed() -> PhysicsHardware:
     """A run in which much has happened: motion, images, every fault, something still moving."""
     hardware = PhysicsHardware(cell(), panda(), 4)
     go(hardware, HOME + 0.3, 0.5)
-    hardware.gripper.command(0.03, 12.0)
+    hardware.gripper.command(GripperCommand(0.03, 12.0))
     hardware.cameras["overhead"].capture()
     hardware.change_dynamics("item_02", friction=0.05, mass=0.5)
     hardware.remove("item_05")

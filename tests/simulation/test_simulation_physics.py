@@ -14,7 +14,7 @@ import pytest
 from picktree.files import PicktreeError
 from picktree.simulation import SpawnedItem
 from picktree.simulation.physics import Client, ItemShapes, PhysicsHardware, add_item, pb
-from picktree.world import Box, ObjectId, Pose
+from picktree.world import Box, GripperCommand, ObjectId, Pose
 from picktree.world.robot_model import RobotModel
 from picktree.world.scene import CatalogueEntry, SceneDescription, SensorNoise, Spawn
 
@@ -56,7 +56,7 @@ def lifted(hardware: PhysicsHardware, force: float) -> float:
     high = down_at(model, (block.position[0], block.position[1], block.position[2] + 0.1), yaw)
     go(hardware, high, 1.0)
     go(hardware, low, 0.5)
-    hardware.gripper.command(0.0, force)
+    hardware.gripper.command(GripperCommand(0.0, force))
     go(hardware, low, 0.5)
     go(hardware, high, 1.0)
     return hardware.truth()[0].pose.position[2]
@@ -213,7 +213,7 @@ def test_without_torque_the_arm_falls():
 
 def test_the_gripper_opens_and_closes_at_its_speed():
     hardware = PhysicsHardware(cell(spawn=(), noise=SILENT), panda(), 0)
-    hardware.gripper.command(0.0, 30.0)
+    hardware.gripper.command(GripperCommand(0.0, 30.0))
     for _ in range(48):
         hardware.step()
     assert hardware.gripper.read().width == pytest.approx(0.08 - 2 * 0.1 * 0.2, abs=0.005)
@@ -256,7 +256,7 @@ def test_commands_that_pybullet_would_swallow_are_refused():
     with pytest.raises(PicktreeError, match=r"arm torque: shape \(3,\), but \(7,\) is needed"):
         hardware.arm.apply_torque(np.zeros(3))
     with pytest.raises(PicktreeError, match=r"gripper: width nan, force 1\.0; both must be finite"):
-        hardware.gripper.command(float("nan"), 1.0)
+        hardware.gripper.command(GripperCommand(float("nan"), 1.0))
 
 
 def test_bodies_that_pybullet_would_swallow_are_refused():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from picktree.simulation.physics import PhysicsHardware
-from picktree.world import Box, Cylinder, Pose, Quaternion, Shape, Sphere, Vector3, vector3
+from picktree.world import Box, Cylinder, GripperCommand, Pose, Quaternion, Shape, Sphere, Vector3, vector3
 from picktree.world.robot_model import RobotModel
 from picktree.world.scene import CatalogueEntry, Form, SceneDescription, Spawn
 
@@ -101,7 +101,7 @@ def test_what_stands_on_something_that_the_gripper_pushes_away_falls():
     scene = scene_of(CUBE, Box((0.04, 0.04, 0.01)))
     hardware = standing(scene, Pose((0.5, 0.0, 0.02)), Pose((0.515, 0.0, 0.045)))
     model = RobotModel(hardware.robot)
-    hardware.gripper.command(0.0, 20.0)
+    hardware.gripper.command(GripperCommand(0.0, 20.0))
     go(hardware, down_at(model, (0.42, 0.0, 0.3), 0.0), 1.0)
     assert asleep(hardware) == [True, True]
     go(hardware, down_at(model, (0.42, 0.0, 0.015), 0.0), 1.0)
@@ -117,7 +117,7 @@ def test_what_stands_on_something_that_the_gripper_pushes_away_falls():
 def test_a_sleeping_item_is_pushed_as_slowly_as_the_gripper_moves():
     hardware = standing(scene_of(CUBE), Pose((0.5, 0.0, 0.02)))
     model = RobotModel(hardware.robot)
-    hardware.gripper.command(0.0, 20.0)
+    hardware.gripper.command(GripperCommand(0.0, 20.0))
     go(hardware, down_at(model, (0.44, 0.0, 0.2), 0.0), 1.0)
     go(hardware, down_at(model, (0.44, 0.0, 0.015), 0.0), 1.0)
     wait(hardware, 0.5)
@@ -213,7 +213,7 @@ def test_what_is_held_for_long_does_not_sleep_and_weighs_what_it_weighs():
     assert asleep(hardware) == [False]
     assert np.mean(loads[240:]) == pytest.approx(0.2 * 9.81, abs=0.01)
     assert np.abs(np.array(loads[240:]) - 0.2 * 9.81).max() < 0.1
-    hardware.gripper.command(0.08, 30.0)
+    hardware.gripper.command(GripperCommand(0.08, 30.0))
     wait(hardware, 0.5)
     assert hardware.truth()[0].pose.position[2] == pytest.approx(0.02, abs=1e-3)
 
