@@ -103,15 +103,15 @@ class ResumedFrom:
 
 @dataclass(frozen=True)
 class RunInfo:
-    """Settings with which a run was started, all of them in the log's metadata."""
+    """Settings with which a run was started, in the log's metadata and in the recipe of a batch."""
 
     mission: str
     scene: str
     robot: str
     seed: int | None
-    """Seed of everything random; None in a log without its metadata."""
+    """Seed of everything random; None in a log without its metadata, and in the recipe of several runs."""
     backend: str
-    tick: float
+    tick: float = 0.05
     """Length of a tick, simulated s."""
     parameters: Mapping[str, str] = field(default_factory=dict[str, str])
     """Parameters of the mission, as given by `--set`."""
@@ -122,7 +122,7 @@ class RunInfo:
     """Git revision of picktree; empty outside a checkout."""
     verify: bool = False
     limit: float | None = None
-    """Simulated seconds after which the run is ended; None in older logs."""
+    """Simulated seconds after which the run is ended; None: not stated."""
     own_scene: bool = True
     """Whether the scene is the one that the mission names."""
     machine: Mapping[str, str] = field(default_factory=dict[str, str])

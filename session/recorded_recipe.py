@@ -19,7 +19,6 @@ from picktree.logs import Digest, RunLog, RunRecord, log_records, topics
 from picktree.logs.mcap import RawMessage
 from picktree.logs.recording import RecordingState
 from picktree.robot import operator_desk
-from picktree.simulation import Backend
 from picktree.trees import Mission, runner
 from picktree.world import JournalEvent, Tick, event_types
 
@@ -27,7 +26,7 @@ from .checkpoints import RunState
 from .debugger import EntryChange, set_entry
 from .execution import Execution
 from .observer import Interrupter, ReloadMessage
-from .run_recipe import DEFAULT_TIME_LIMIT, Recipe, StartCheckpoint, Unpacking
+from .run_recipe import Recipe, StartCheckpoint, Unpacking
 from .run_tally import RunCounters
 from .session_recording import START_ATTACHMENT
 
@@ -68,26 +67,10 @@ class RecordedRun:
                 f"{log.path}: the log lacks its metadata, and with them the seed, so it cannot be run again; "
                 "keep the metadata when a log is filtered"
             )
-        if info.backend not in ("physics", "kinematic"):
-            raise PicktreeError(f"{log.path}: the log is of the unknown backend {info.backend!r}")
-        backend: Backend = info.backend
         start = None
         if info.continues is not None:
             start = StartCheckpoint(RunState.from_json(log.attachment(START_ATTACHMENT)), info.continues)
-        return Recipe(
-            self._unpacking.mission(),
-            self._unpacking.scene(),
-            self._unpacking.robot(),
-            info.seed,
-            self._unpacking.faults(),
-            dict(info.parameters),
-            backend,
-            info.verify,
-            self._limit(),
-            info.own_scene,
-            start,
-            {name: words.partition(" ")[2] for name, words in info.files.items()},
-        )
+        return self._unpacking.recipe(info.seed, start)
 
     def edits(self, since: float = -1.0) -> RecordedEdits:
         """Return the edits that were taken over during the run later than `since`, simulated s."""
@@ -134,16 +117,6 @@ class RecordedRun:
         log = str(self.run.path.absolute())
         continues = log_records.ResumedFrom(log, name, state.time, state.items_done, state.recording.digest)
         return replace(recipe, start=StartCheckpoint(state, continues))
-
-    def _limit(self) -> float:
-        """Return the limit of the run, simulated s.
-
-        For an older log without one: the end of a run that reached its limit, else the default.
-        """
-        if self.run.info.limit is not None:
-            return self.run.info.limit
-        result = self.run.result
-        return result.sim_seconds if result is not None and result.status == "timeout" else DEFAULT_TIME_LIMIT
 
 
 def _edits(run: RunRecord) -> Iterator[tuple[float, str]]:

@@ -375,6 +375,26 @@ class Unpacking:
         self._names = log.attachments
         self._info = log.run
 
+    def recipe(self, seed: int, start: StartCheckpoint | None = None) -> Recipe:
+        """Return the recipe with that seed, and the checkpoint from which it starts."""
+        info, backend = self._info, self._info.backend
+        if backend not in ("physics", "kinematic"):
+            raise PicktreeError(f"{self._log.path}: the log is of the unknown backend {backend!r}")
+        return Recipe(
+            self.mission(),
+            self.scene(),
+            self.robot(),
+            seed,
+            self.faults(),
+            dict(info.parameters),
+            backend,
+            info.verify,
+            DEFAULT_TIME_LIMIT if info.limit is None else info.limit,
+            info.own_scene,
+            start,
+            {name: words.partition(" ")[2] for name, words in info.files.items()},
+        )
+
     def mission(self, edit: str = "") -> Mission:
         """Return the mission with its includes and plug-ins. `edit`: folder in the log of an edited
         version."""
@@ -554,38 +574,23 @@ _FILE_TIME = (1980, 1, 1, 0, 0, 0)
 """Time stamp of all files in an archive, so that equal recipes give equal archives."""
 
 
-@dataclass(frozen=True, slots=True)
-class RecipeHeader:
-    """Settings of a recipe besides its files and the seed."""
-
-    mission: str
-    scene: str
-    robot: str
-    parameters: Mapping[str, str] = field(default_factory=dict[str, str])
-    backend: Backend = "physics"
-    verify: bool = False
-    limit: float = DEFAULT_TIME_LIMIT
-    own_scene: bool = True
-    files: Mapping[str, str] = field(default_factory=dict[str, str])
-    """SHA-256 in hex and path of the original file, by name in the archive."""
-
-
-_HEADER_ADAPTER = TypeAdapter(RecipeHeader)
+_HEADER_ADAPTER = TypeAdapter(log_records.RunInfo)
 
 
 def write_recipe(recipe: Recipe, path: Path) -> None:
     """Write a recipe without its seed. Raises PicktreeError when the file cannot be written."""
     files = list(recipe_files(recipe))
-    card = RecipeHeader(
-        recipe.mission.name,
-        recipe.scene.name,
-        recipe.robot.name,
-        dict(recipe.parameters),
-        recipe.backend,
-        recipe.verify,
-        recipe.limit,
-        recipe.own_scene,
-        fingerprints(recipe, files),
+    card = log_records.RunInfo(
+        mission=recipe.mission.name,
+        scene=recipe.scene.name,
+        robot=recipe.robot.name,
+        seed=None,
+        backend=recipe.backend,
+        parameters=dict(recipe.parameters),
+        verify=recipe.verify,
+        limit=recipe.limit,
+        own_scene=recipe.own_scene,
+        files=fingerprints(recipe, files),
     )
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -640,17 +645,4 @@ class RecipeFile:
 
     def recipe(self, seed: int) -> Recipe:
         """Return the recipe with that seed."""
-        unpacking, card = Unpacking(self, Path(self._folder.name)), self.run
-        made = Recipe(
-            unpacking.mission(),
-            unpacking.scene(),
-            unpacking.robot(),
-            seed,
-            unpacking.faults(),
-            dict(card.parameters),
-            card.backend,
-            card.verify,
-            card.limit,
-            card.own_scene,
-        )
-        return replace(made, paths={name: words.partition(" ")[2] for name, words in card.files.items()})
+        return Unpacking(self, Path(self._folder.name)).recipe(seed)
