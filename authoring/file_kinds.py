@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias, cast
 
-from picktree.authoring.schema import Schema, belonging, by_value, schema, schemas
+from picktree.authoring.schema import Schema, belonging, ref, schema, schemas
 from picktree.files import Diagnostic, FileError, Location, PicktreeError, disk_cache, file_system
 from picktree.files.yaml import Document, read_document
 from picktree.world import OUR_PREFIXES, all_causes
@@ -111,7 +111,7 @@ def _hidden_shares(scene: SceneDescription, robot: RobotDescription) -> dict[str
         return {name: np.array(share) for name, share in shares.items()}
 
     meshes = map(Path, urdf_parser.mesh_paths(robot.urdf, "collision"))
-    areas = repr([load.area for load in scene.loads])
+    areas = repr([load.rectangle for load in scene.loads])
     inputs = (robot.text, Path(robot.urdf), repr(scene.cameras), areas, *meshes)
     kept = disk_cache.cached_arrays("hidden-items", inputs, (*_VIEW_SOURCES, "numpy", "pinocchio"), compute)
     return {name: float(share) for name, share in kept.items()}
@@ -172,21 +172,39 @@ def file_schema(kind: SchemaKind) -> Schema:
 
 
 def _faults() -> Schema:
+    """Return the schema of faults; `fault` decides which other keys an entry has."""
     from picktree.authoring.schema import model_schema
     from picktree.simulation import fault_entries
 
     found = model_schema("faults", fault_entries.FaultsFile)
     definitions = schema(found["definitions"])
-    rules = {
-        "FaultEntry": by_value("fault", fault_entries.REQUIRED_KEYS, fault_entries.ALLOWED_KEYS),
-        "When": [
-            *belonging(("start", "delay", "each"), "node", "at"),
-            *belonging(("every",), "at", "node"),
-        ],
+    entries = schema(schema(found["properties"])["faults"])
+    doc = "Kind of the fault; docs/faults.md says what each kind does."
+    names = list(fault_entries.KINDS)
+    choice: Schema = {"enum": names, "description": doc, "markdownDescription": f"{doc}\n\n*required*"}
+    cases: list[Schema] = []
+    for name, kind in fault_entries.KINDS.items():
+        own = schema(definitions[kind.__name__])
+        required = ["fault", *(str(key) for key in cast("list[object]", own.get("required", [])))]
+        own |= {"properties": {"fault": choice | {"enum": [name]}} | schema(own["properties"])}
+        definitions[kind.__name__] = own | {"required": required}
+        chosen: Schema = {"properties": {"fault": {"const": name}}, "required": ["fault"]}
+        cases.append({"if": chosen, "then": ref(kind.__name__)})
+    definitions["FaultEntry"] = {
+        "type": "object",
+        "title": "FaultEntry",
+        "description": " ".join((fault_entries.Fault.__doc__ or "").split()),
+        "properties": {"fault": choice},
+        "required": ["fault"],
+        "allOf": cases,
     }
-    for name, more in rules.items():
-        definition = schema(definitions[name])
-        definitions[name] = definition | {"allOf": [*schemas(definition.get("allOf")), *more]}
+    found["properties"] = schema(found["properties"]) | {"faults": entries | {"items": ref("FaultEntry")}}
+    when = schema(definitions["When"])
+    more = [
+        *belonging(("start", "delay", "each"), "node", "at"),
+        *belonging(("every",), "at", "node"),
+    ]
+    definitions["When"] = when | {"allOf": [*schemas(when.get("allOf")), *more]}
     _propose(found, "scene", scene_loading.scene_names())
     return found | {"definitions": definitions}
 

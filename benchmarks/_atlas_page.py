@@ -50,7 +50,7 @@ def worst(measures: Sequence[Measure], expects: Mapping[str, FaultExpectation], 
     calm = {one.seed: one.seconds for one in measures if one.recovery and one.fault == "none" and one.seconds}
     usual = sum(calm.values()) / len(calm) if calm else 0.0
     entries = [
-        Entry(one, _badness(one, expects.get(one.fault, FaultExpectation()), calm.get(one.seed, usual)))
+        Entry(one, _badness(one, expects.get(one.fault, FaultExpectation(())), calm.get(one.seed, usual)))
         for one in measures
         if one.recovery and one.fault != "none" and one.took_effect
     ]

@@ -83,7 +83,7 @@ def atlas(folder: Path, page: Path, pictures: Path, most: int) -> int:
 def expectations(rows: list[Row]) -> dict[str, FaultExpectation]:
     """Return the expectation of each fault."""
     files = {row.fault: row.faults for row in rows if row.faults}
-    return {fault: load_faults(path).expect or FaultExpectation() for fault, path in files.items()}
+    return {fault: load_faults(path).expect or FaultExpectation(()) for fault, path in files.items()}
 
 
 def _told(

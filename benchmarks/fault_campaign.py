@@ -355,7 +355,7 @@ def table(rows: Sequence[Row], measures: Sequence[Measure]) -> list[Line]:
     files = {row.fault: row.faults for row in rows}
     lines: list[Line] = []
     for fault, path in files.items():
-        expect = (load_faults(path).expect if path else None) or FaultExpectation()
+        expect = (load_faults(path).expect if path else None) or FaultExpectation(())
         for recovery in (True, False):
             own = [one for one in measures if one.fault == fault and one.recovery == recovery]
             if own:

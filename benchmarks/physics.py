@@ -45,7 +45,7 @@ def scene(name: str, count: int, mass: float, friction: float, half: float) -> S
     """Return a scene with `count` items of a shape within `half` m of the middle of a table."""
     form, shape = SHAPES[name]
     entry = CatalogueEntry(name, form, shape, mass, friction)
-    spawn = Spawn(((name, count),), ("red",), ((0.5 - half, -half), (0.5 + half, half)))
+    spawn = Spawn({name: count}, ("red",), ((0.5 - half, -half), (0.5 + half, half)))
     return SceneDescription(
         name="bench",
         robot="panda",

@@ -107,7 +107,7 @@ def _scene(kind: str, noise: float) -> SceneDescription:
     from picktree.world.scene import load_scene
 
     scene = load_scene("three_bins")
-    spawn = replace(scene.spawn[0], counts=((kind, 1),), area=AREA, lying=0.0)
+    spawn = replace(scene.spawn[0], counts={kind: 1}, area=AREA, lying=0.0)
     cameras = tuple(replace(camera, depth_noise=noise) for camera in scene.cameras)
     return replace(scene, spawn=(spawn,), cameras=cameras)
 

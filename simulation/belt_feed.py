@@ -188,9 +188,9 @@ class BeltFeed(ItemSource[BeltFeedState]):
         self._drive = drive
         load = self._delivery.load
         # Each round of the mixture has the same number of each colour.
-        self._round = replace(load, counts=tuple((kind, n * len(load.colours)) for kind, n in load.counts))
-        self._size = sum(n for _, n in self._round.counts)
-        widest = max(reach(scene.entry(kind).shape, load.lying) for kind, _ in load.counts)
+        self._round = replace(load, counts={kind: n * len(load.colours) for kind, n in load.counts.items()})
+        self._size = self._round.number
+        widest = max(reach(scene.entry(kind).shape, load.lying) for kind in load.counts)
         track = drive.track
         self._start = -track.length / 2 + widest + EDGE_DISTANCE
         self._aside = max(0.0, track.width / 2 - widest - EDGE_DISTANCE)

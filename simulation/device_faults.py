@@ -23,7 +23,7 @@ from picktree.world.scene import Fixture
 
 from .fault_entries import (
     CameraDrop,
-    CameraFault,
+    CameraFaults,
     CameraMislabel,
     CameraNoise,
     CameraShift,
@@ -149,7 +149,7 @@ class DeviceFaults:
         self._planless = [n for n, f in faults.items() if isinstance(f, NoPlan)]
         self.cameras: dict[str, CameraFaultState] = {}
         for name in self._names:
-            of = {n: f for n, f in faults.items() if isinstance(f, CameraFault) and f.camera in (None, name)}
+            of = {n: f for n, f in faults.items() if isinstance(f, CameraFaults) and f.camera in (None, name)}
             if of:
                 self.cameras[name] = _camera_state(of)
 
@@ -174,7 +174,7 @@ def _total(vectors: Iterable[Vector3]) -> Vector3:
     return x, y, z
 
 
-def _camera_state(faults: Mapping[int, CameraFault]) -> CameraFaultState:
+def _camera_state(faults: Mapping[int, CameraFaults]) -> CameraFaultState:
     moved, noise = Pose(), 1.0
     shown: dict[str, str] = {}
     for fault in faults.values():

@@ -23,6 +23,7 @@ from .fault_entries import (
     CameraMislabel,
     CameraNoise,
     CameraShift,
+    Fault,
     FaultFile,
     FaultSpec,
     FaultTarget,
@@ -31,7 +32,7 @@ from .fault_entries import (
     GripperWeak,
     Hang,
     Heavier,
-    ItemFault,
+    ItemFaults,
     JointWeak,
     Kill,
     Larger,
@@ -42,7 +43,6 @@ from .fault_entries import (
     Remove,
     Slip,
     Stall,
-    When,
     WrenchBias,
     WrenchDead,
 )
@@ -80,7 +80,7 @@ NO_ITEM: Final[Mapping[str, Plain]] = {"item": None}
 """Recorded value of a fault that found no item to act on."""
 
 
-def item_fault_details(fault: ItemFault, body: TrueBody) -> dict[str, Plain]:
+def item_fault_details(fault: ItemFaults, body: TrueBody) -> dict[str, Plain]:
     """Return the recorded parameters of the fault, with the look of its item."""
     data: dict[str, Plain] = {"kind": body.kind, "colour": body.colour}
     match fault:
@@ -97,7 +97,7 @@ def item_fault_details(fault: ItemFault, body: TrueBody) -> dict[str, Plain]:
     return data
 
 
-def apply_item_fault(fault: ItemFault, body: TrueBody, hardware: InjectableRobot) -> str | None:
+def apply_item_fault(fault: ItemFaults, body: TrueBody, hardware: InjectableRobot) -> str | None:
     """Carry out a fault of an item. Returns a sentence about it; None: there is no room for it now."""
     match fault:
         case Remove():
@@ -170,17 +170,18 @@ class FaultSchedule:
     def __init__(self, seed: int) -> None:
         self._streams = RandomStreams(seed)
 
-    def begun(self, number: int, when: When, since: float | None = None) -> FaultState:
+    def begun(self, number: int, fault: Fault, since: float | None = None) -> FaultState:
         """Return the state of a new fault. Occasions until the time `since`, s, are skipped."""
-        if not isinstance(when, AtTime):
+        if not isinstance(fault.when, AtTime):
             return FaultState()
-        state = self._at_time(number, when, FaultState(), when.time)
+        state = self._at_time(number, fault, FaultState(), fault.when.time)
         while since is not None and not state.done and state.due is not None and state.due <= since:
-            state = self.taken(number, when, state, state.due)
+            state = self.taken(number, fault, state, state.due)
         return state
 
-    def node_started(self, number: int, when: When, state: FaultState, path: str, now: float) -> FaultState:
+    def node_started(self, number: int, fault: Fault, state: FaultState, path: str, now: float) -> FaultState:
         """Return the state of a fault after the node at `path` has started."""
+        when = fault.when
         if isinstance(when, AtTime) or state.done or not node_matches(when.pattern, path):
             return state
         if state.due is not None and not when.each:
@@ -188,7 +189,7 @@ class FaultSchedule:
         state = replace(state, starts=state.starts + 1)
         if state.starts < when.start or (state.starts > when.start and not when.each):
             return state
-        happens = self._happens(number, when, state)
+        happens = self._happens(number, fault, state)
         state = replace(state, chances=state.chances + 1)
         if not happens:
             return state if when.each else replace(state, done=True)
@@ -196,39 +197,39 @@ class FaultSchedule:
         before = () if state.waits else state.dues
         return _with(state, (*before, DueFault(now + when.delay, path)))
 
-    def taken(self, number: int, when: When, state: FaultState, now: float) -> FaultState:
+    def taken(self, number: int, fault: Fault, state: FaultState, now: float) -> FaultState:
         """Return the state of a fault after a due occasion, whether or not there was anything to affect."""
         state = replace(state, waits=False)
-        match when:
+        match fault.when:
             case AtNode(each=True):
                 return _with(state, state.dues[1:])
             case AtTime(every=float()) if state.due is not None:
-                return self._at_time(number, when, state, state.due, now)
+                return self._at_time(number, fault, state, state.due, now)
             case _:
                 return replace(state, done=True)
 
     def _at_time(
-        self, number: int, when: AtTime, state: FaultState, begin: float, after: float | None = None
+        self, number: int, fault: Fault, state: FaultState, begin: float, after: float | None = None
     ) -> FaultState:
         """Return the state with the next occasion that is taken: `begin`, or the first of its repetitions
         later than `after`."""
-        time = begin
+        time, every = begin, fault.when.every if isinstance(fault.when, AtTime) else None
         for _ in range(10_000):  # with a small probability it may never be
             if after is None or time > after + 1e-9:
-                happens = self._happens(number, when, state)
+                happens = self._happens(number, fault, state)
                 state = replace(state, chances=state.chances + 1)
                 if happens:
                     return replace(state, due=time, node="", then=())
-            if when.every is None:
+            if every is None:
                 break
-            time += when.every
+            time += every
         return replace(state, due=time, done=True)
 
-    def _happens(self, number: int, when: When, state: FaultState) -> bool:
-        if when.probability >= 1.0:
+    def _happens(self, number: int, fault: Fault, state: FaultState) -> bool:
+        if fault.probability >= 1.0:
             return True
         rng = self._streams.at(f"fault/{number}", state.chances)
-        return float(rng.random()) < when.probability
+        return float(rng.random()) < fault.probability
 
 
 def _with(state: FaultState, dues: tuple[DueFault, ...]) -> FaultState:
@@ -394,7 +395,7 @@ class FaultInjector:
         now = self._hardware.clock.now
         for n, fault in enumerate(self._faults):
             before = self._states[n]
-            state = self._occasions.node_started(n, fault.when, before, path, now)
+            state = self._occasions.node_started(n, fault, before, path, now)
             if state is before:
                 continue
             self._states[n] = state
@@ -451,7 +452,7 @@ class FaultInjector:
         """End a fault that lasted."""
         state = self._states[n]
         name, self._states[n] = state.standing, replace(state, standing="")
-        event = event_types.FaultEvent("", state.node, fault=fault.name, gone=True)
+        event = event_types.FaultEvent("", state.node, fault=fault.fault, gone=True)
         match fault:
             case Obstacle():
                 self._hardware.take_obstacle(ObjectId(name))
@@ -480,7 +481,7 @@ class FaultInjector:
             return [] if state.waits or not event.message else [event]
         lasts = fault.stays if isinstance(fault, Obstacle) else getattr(fault, "lasts", None)
         until = now if isinstance(fault, Kill) else None if lasts is None else now + lasts
-        after = self._occasions.taken(n, fault.when, self._states[n], now)
+        after = self._occasions.taken(n, fault, self._states[n], now)
         if outcome.standing:
             after = replace(after, standing=outcome.standing, until=until)
         self._states[n] = after
@@ -506,11 +507,11 @@ class FaultInjector:
                 width = self._hardware.gripper.read().width
                 self._hardware.afflict(n, fault)
                 sentence = f"{_begins(fault, width)}{_lasting(fault)}"
-                event = event_types.FaultEvent(sentence, fault=fault.name, extra=record_details(fault))
-                return InjectionResult(event, standing=fault.name)
+                event = event_types.FaultEvent(sentence, fault=fault.fault, extra=record_details(fault))
+                return InjectionResult(event, standing=fault.fault)
 
-    def _befall(self, fault: ItemFault, state: FaultState) -> InjectionResult:
-        name = fault.name
+    def _befall(self, fault: ItemFaults, state: FaultState) -> InjectionResult:
+        name = fault.fault
         body = choose_target(self._hardware, fault.target, state.node, self._object_place)
         if body is None:
             return InjectionResult(event_types.FaultEvent(f"{name}: no item fits", fault=name, extra=NO_ITEM))
@@ -524,7 +525,7 @@ class FaultInjector:
 
     def _obstruct(self, fault: Obstacle, state: FaultState) -> InjectionResult:
         """Add the obstacle, or wait until its place is free."""
-        body = fault.body
+        body = fault.fixture
         event = event_types.FaultEvent(
             "", fault="obstacle", obstacle=body.id, extra={"at": body.pose.position}
         )
@@ -567,7 +568,7 @@ class FaultInjector:
 
     def _meddle(self, fault: Hang | Raise, state: FaultState) -> InjectionResult:
         """Replace the generator of the running skill."""
-        name = fault.name
+        name = fault.fault
         tree = None if self._program is None else self._program()
         path = None if tree is None else tree.acting(state.node)
         if tree is None or path is None:
@@ -586,7 +587,7 @@ class FaultInjector:
         if self._program().stand_in(path, _fault_generator(fault)):
             outcome = _program_fault_result(fault, path)
             self._told.append(replace(outcome.event, node=path))
-            self._states[n] = self._occasions.taken(n, fault.when, state, now)
+            self._states[n] = self._occasions.taken(n, fault, state, now)
 
 
 def new_states(
@@ -602,7 +603,7 @@ def new_states(
     """
     occasions, known = FaultSchedule(seed), dict(enumerate(before[0].faults if before[0] else ()))
     return tuple(
-        before[1][n] if known.get(n) == fault else occasions.begun(n, fault.when, since)
+        before[1][n] if known.get(n) == fault else occasions.begun(n, fault, since)
         for n, fault in enumerate(faults.faults if faults else ())
     )
 
@@ -610,7 +611,9 @@ def new_states(
 def _program_fault_result(fault: Hang | Raise, path: str) -> InjectionResult:
     name = path.rsplit("/", 1)[-1]
     does = "hangs" if isinstance(fault, Hang) else "raises an exception"
-    return InjectionResult(event_types.FaultEvent(f"the code of {name} {does}", fault=fault.name, skill=path))
+    return InjectionResult(
+        event_types.FaultEvent(f"the code of {name} {does}", fault=fault.fault, skill=path)
+    )
 
 
 def _fault_generator(fault: Hang | Raise) -> Callable[[], Generator[None, None, None]]:

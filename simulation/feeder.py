@@ -79,13 +79,13 @@ class TableFeed(ItemSource[TableFeedState]):
         super().__init__(scene, number, cell, seed, begin)
         self._where = f"{scene.source or scene.name}: feed[{number}]"
         self._load = self._delivery.load
-        self._size = sum(count for _, count in self._load.counts)
+        self._size = self._load.number
         self._total = self._delivery.total
         if self._total is None and isinstance(when, AtTimes):
             self._total = self._size * len(when.times)
         self._standing = occupied_outlines(scene)
-        widest = max(reach(scene.entry(kind).shape, 1.0) for kind, _ in self._load.counts)
-        (x0, y0), (x1, y1) = self._load.area
+        widest = max(reach(scene.entry(kind).shape, 1.0) for kind in self._load.counts)
+        (x0, y0), (x1, y1) = self._load.rectangle
         middle, half = ((x0 + x1) / 2, (y0 + y1) / 2), ((x1 - x0) / 2, (y1 - y0) / 2)
         self._zone = Zone(middle, 0.0, half).grown(widest + MIN_ARM_DISTANCE)
         levels = (support_height(scene.fixtures, x, y) for x in (x0, x1) for y in (y0, y1))
@@ -371,7 +371,7 @@ class BinExchange:
             return
         self._worked += CELL_CHECK_INTERVAL * self._cell.period
         assert self._exchange is not None
-        if self._worked >= self._exchange.seconds - 1e-9:
+        if self._worked >= self._exchange.takes - 1e-9:
             self._carry_out(each)
 
     def take_events(self) -> tuple[JournalEvent, ...]:

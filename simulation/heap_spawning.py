@@ -225,7 +225,7 @@ def draw_entries(
 ) -> list[tuple[CatalogueEntry, Stickers | None]]:
     """Draw the kinds of a heap's items, in the order of the entry."""
     found: list[tuple[CatalogueEntry, Stickers | None]] = []
-    for kind, number in spawn.counts:
+    for kind, number in spawn.counts.items():
         if kind == ASSORTMENT:
             assert scene.assortment is not None
             things = draw_things(scene.assortment, number, rng)
@@ -278,7 +278,7 @@ def _place(scene: SceneDescription, spawn: Spawn, where: str) -> tuple[Pose, tup
         tote = next(each for each in scene.bins if each.id == spawn.into)
         low, high = tote.inside()
         return tote.pose.shifted((0.0, 0.0, tote.wall)), (high[0] - low[0], high[1] - low[1])
-    (x0, y0), (x1, y1) = spawn.area
+    (x0, y0), (x1, y1) = spawn.rectangle
     x, y = (x0 + x1) / 2, (y0 + y1) / 2
     z = support_height(scene.fixtures, x, y)
     if z is None:

@@ -73,7 +73,7 @@ def _group(
     taken: Sequence[Footprint],
     rng: np.random.Generator,
 ) -> TouchingLayout | None:
-    low, high = np.array(spawn.area[0]), np.array(spawn.area[1])
+    low, high = np.array(spawn.rectangle[0]), np.array(spawn.rectangle[1])
     order = [int(k) for k in rng.permutation(len(shapes))]
     turned = list(turns)
     places: dict[int, Array] = {}
@@ -286,7 +286,7 @@ def item_number(name: ObjectId) -> int:
 
 def draw_load(scene: SceneDescription, spawn: Spawn, rng: np.random.Generator) -> list[LooseItem]:
     """Draw the items of an entry, in the order of its kinds."""
-    entries = [scene.entry(kind) for kind, number in spawn.counts for _ in range(number)]
+    entries = [scene.entry(kind) for kind, number in spawn.counts.items() for _ in range(number)]
     colours = _colours(spawn, len(entries), rng)
     turns = _turns(spawn, entries, rng)
     return [LooseItem(e.kind, c, q) for e, c, q in zip(entries, colours, turns, strict=True)]
@@ -418,7 +418,7 @@ def _random_places(
 
 
 def _corners(spawn: Spawn) -> tuple[Array, Array]:
-    low, high = spawn.area
+    low, high = spawn.rectangle
     return np.array(low), np.array(high)
 
 

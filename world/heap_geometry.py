@@ -63,7 +63,7 @@ def heap_regions(scene: SceneDescription) -> dict[str, HeapRegion]:
     on: dict[str, list[tuple[float, float]]] = {}
     for spawn in scene.spawn:
         if spawn.drop is not None and spawn.into is None and (name := region_of(scene, spawn)):
-            on.setdefault(name, []).extend(spawn.area)
+            on.setdefault(name, []).extend(spawn.rectangle)
     for name, corners in on.items():
         low, high = np.min(corners, axis=0) - PILE_RIM, np.max(corners, axis=0) + PILE_RIM
         fixture = scene.fixture(name)
@@ -77,7 +77,7 @@ def region_of(scene: SceneDescription, spawn: Spawn) -> str:
     middle of its area. Empty when there is none."""
     if spawn.into is not None:
         return str(spawn.into)
-    x, y = np.mean(spawn.area, axis=0)
+    x, y = np.mean(spawn.rectangle, axis=0)
     tops: list[tuple[float, str]] = []
     for fixture in scene.fixtures:
         rotation = fixture.pose.rotation()

@@ -77,7 +77,7 @@ def places() -> tuple[TargetPlace, ...]:
         )
         found += [TargetPlace(str(bin_.id), place) for place in (over, over + inwards)]
     for spawn in scene().spawn:
-        (left, front), (right, back) = spawn.area
+        (left, front), (right, back) = spawn.rectangle
         for at in product(np.linspace(left, right, 3), np.linspace(front, back, 3), HEIGHTS_OVER_TABLE):
             found.append(TargetPlace("items", np.array(at)))
     return tuple(found)
@@ -141,7 +141,7 @@ def _foot(model: RobotModel, tree: urdf_parser.UrdfTree, solids: Mapping[str, Li
 def _stands_free(foot: Array) -> bool:
     """Return whether the foot's outline keeps away from items and bins."""
     low, high = foot.min(axis=0), foot.max(axis=0)
-    taken = [(np.array(spawn.area[0]), np.array(spawn.area[1])) for spawn in scene().spawn]
+    taken = [(np.array(spawn.rectangle[0]), np.array(spawn.rectangle[1])) for spawn in scene().spawn]
     for bin_ in scene().bins:
         half, at = np.array(bin_.size[:2]) / 2, np.array(bin_.pose.position[:2])
         taken.append((at - half, at + half))

@@ -95,7 +95,7 @@ def _target_fixture(scene: SceneDescription, place: TargetPlacement) -> dict[str
 def _middle(scene: SceneDescription) -> TargetPlacement:
     """Return the middle of the first area for items: cameras look there and the arm reaches it."""
     for load in scene.loads:
-        (x0, y0), (x1, y1) = load.area
+        (x0, y0), (x1, y1) = load.rectangle
         return TargetPlacement((x0 + x1) / 2, (y0 + y1) / 2)
     return TargetPlacement(DEFAULT_TARGET_DISTANCE, 0.0)
 
@@ -176,7 +176,7 @@ def _uncalibrated_hand_cameras(
     if scene.calibration is None or shift == Pose():
         return []
     now = {camera.name for camera in found.cameras}
-    before = dict(scene.calibration.cameras)
+    before = scene.calibration.cameras
     return [
         (c.name, shift.inverse() @ c.pose)
         for c in scene.cameras

@@ -16,8 +16,8 @@ from .reference_page import file_reference as file_reference
 from .schema_parts import (
     Schema as Schema,
     belonging as belonging,
-    by_value as by_value,
     header as header,
+    ref as ref,
     schema as schema,
     schemas as schemas,
     to_text as to_text,

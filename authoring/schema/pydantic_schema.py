@@ -10,9 +10,10 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import cast, get_args
 
-from pydantic import BaseModel
+from pydantic import TypeAdapter
 
 from picktree.files import quantities
+from picktree.files.yaml import file_models
 
 from .schema_parts import DRAFT, Schema, exactly_one, header, model_name, schema, schemas, tidy, unless_null
 
@@ -44,9 +45,9 @@ def _own(cls: type) -> dict[str, str]:
 _BOUNDS = (("exclusiveMinimum", "more than"), ("minimum", "at least"), ("maximum", "at most"))
 
 
-def model_schema(kind: str, root: type[BaseModel]) -> Schema:
+def model_schema(kind: str, root: type[file_models.AnyModel]) -> Schema:
     """Return the schema of a kind of file whose content, without the header, is that model."""
-    raw = schema(root.model_json_schema())
+    raw = schema(TypeAdapter(root).json_schema())
     models = {model.__name__: model for model in _models(root)}
     found = _documented(raw, root)
     found["title"] = f"picktree {kind}"
@@ -59,24 +60,24 @@ def model_schema(kind: str, root: type[BaseModel]) -> Schema:
     return {"$schema": DRAFT} | found
 
 
-def _models(root: type[BaseModel]) -> Iterator[type[BaseModel]]:
+def _models(root: type[file_models.AnyModel]) -> Iterator[type[file_models.AnyModel]]:
     """Yield the root and all models that its fields use."""
-    waiting, seen = [root], set[type[BaseModel]]()
+    waiting, seen = [root], set[type[file_models.AnyModel]]()
     while waiting:
         model = waiting.pop()
         if model not in seen:
             seen.add(model)
             yield model
-            for field in model.model_fields.values():
-                for part in (field.annotation, *field.metadata):
-                    waiting += _inside(part)
+            for field in file_models.model_fields(model).values():
+                waiting += _inside(file_models.declared_type(field))
 
 
-def _inside(part: object) -> Iterator[type[BaseModel]]:
+def _inside(part: object) -> Iterator[type[file_models.AnyModel]]:
     """Yield the models in an annotation, or in the input type of a validator."""
+    part = part.form if isinstance(part, file_models.ReadAs) else part
     part = getattr(part, "json_schema_input_type", part)
     if isinstance(part, type):
-        if issubclass(part, BaseModel):
+        if file_models.is_model(part):
             yield part
         return
     metadata: tuple[object, ...] = getattr(part, "__metadata__", ())
@@ -84,17 +85,18 @@ def _inside(part: object) -> Iterator[type[BaseModel]]:
         yield from _inside(below)
 
 
-def _documented(raw: Schema, model: type[BaseModel]) -> Schema:
+def _documented(raw: Schema, model: type[file_models.AnyModel]) -> Schema:
     """Return the schema of one model, with the documentation of its keys."""
     docs = attribute_docs(model)
-    names = {field.alias or name: name for name, field in model.model_fields.items()}
+    fields = file_models.model_fields(model)
+    names = {field.alias or name: name for name, field in fields.items()}
     required = cast("list[str]", raw.get("required", []))
     found = tidy({key: value for key, value in raw.items() if key not in ("properties", "$defs")})
     found["title"] = model_name(model.__name__)
     found["properties"] = {
         key: _key(
             schema(part),
-            model.model_fields[names[key]].description or docs.get(names[key], ""),
+            fields[names[key]].description or docs.get(names[key], ""),
             required=key in required,
         )
         for key, part in schema(raw.get("properties")).items()

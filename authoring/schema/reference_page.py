@@ -97,11 +97,13 @@ class FileReference:
         keys = {key: schema(below) for key, below in properties.items() if below is not False}
         keys = {key: below for key, below in keys.items() if name or key not in _HEADER}
         self.sections[name] = KeySection(name, str(part.get("description", "")), keys)
-        for key, below in keys.items():
+        inner = [(f"{name}.{key}" if name else key, below) for key, below in keys.items()]
+        inner += [(name, schema(rule.get("then"))) for rule in schemas(part.get("allOf"))]
+        for under, below in inner:
             for target in self._targets(below):
                 if target not in self.sections:
                     self._section(target, schema(self._definitions[target]))
-                self.sections[target].under.append(f"{name}.{key}" if name else key)
+                self.sections[target].under.append(under)
 
     def _targets(self, part: Schema) -> Iterator[str]:
         """Yield the names of the definitions of mappings in a value."""
@@ -119,7 +121,7 @@ class FileReference:
     # Examples.
 
     def _visit(self, node: YamlNode, part: Schema, section: str) -> None:
-        for found, name in self._alternatives(part, section):
+        for found, name in self._alternatives(node, part, section):
             properties = schema(found.get("properties"))
             for key, child in node.entries.items():
                 below = schema(properties.get(key))
@@ -133,18 +135,20 @@ class FileReference:
             for child in node.items if items else ():
                 self._visit(child, items, name)
 
-    def _alternatives(self, part: Schema, section: str) -> Iterator[tuple[Schema, str]]:
+    def _alternatives(self, node: YamlNode, part: Schema, section: str) -> Iterator[tuple[Schema, str]]:
         yield part, section
+        if "then" in part and _holds(schema(part["if"]), node):
+            yield from self._alternatives(node, schema(part["then"]), section)
         target = part.get("$ref")
         if isinstance(target, str):
             name = target.rpartition("/")[2]
             found = schema(self._definitions.get(name))
             yield from self._alternatives(
-                found, name.removesuffix(_PATCH) if "properties" in found else section
+                node, found, name.removesuffix(_PATCH) if "properties" in found else section
             )
         for key in ("anyOf", "allOf", "oneOf"):
             for below in schemas(part.get(key)):
-                yield from self._alternatives(below, section)
+                yield from self._alternatives(node, below, section)
 
 
 _TITLES: Mapping[str, tuple[str, str]] = {
@@ -199,8 +203,20 @@ def _inner(part: Schema) -> Iterator[Schema]:
     for key in ("anyOf", "allOf", "oneOf"):
         yield from schemas(part.get(key))
     items = part.get("items")
-    yield from filter(None, (schema(items), *schemas(items)))
+    yield from filter(None, (schema(items), *schemas(items), schema(part.get("then"))))
     yield from _others(part)
+
+
+def _holds(condition: Schema, node: YamlNode) -> bool:
+    """Return whether a mapping has the constants that a condition names, of which there is at least one."""
+    wanted = {
+        key: schema(part)["const"]
+        for key, part in schema(condition.get("properties")).items()
+        if "const" in schema(part)
+    }
+    return bool(wanted) and all(
+        key in node.entries and node.entries[key].value == value for key, value in wanted.items()
+    )
 
 
 def _others(part: Schema) -> Iterator[Schema]:

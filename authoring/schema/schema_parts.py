@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Final, TypeAlias, cast
 
 from picktree.files import quantities
@@ -221,21 +221,3 @@ def belonging(keys: Sequence[str], owner: str, other: str) -> list[Schema]:
     given: Schema = {"required": [other], "properties": {other: _GIVEN}}
     wrong: Schema = {key: {"type": "null", "errorMessage": f"'{key}' belongs to '{owner}'"} for key in keys}
     return [{"if": given, "then": {"properties": wrong}}]
-
-
-def by_value(key: str, needs: Mapping[str, Sequence[str]], may: Mapping[str, Sequence[str]]) -> list[Schema]:
-    """Return the rules that each value of `key` needs some keys, and excludes those of other values."""
-    special = dict.fromkeys(name for names in may.values() for name in names)
-    found: list[Schema] = []
-    for value, names in may.items():
-        then: Schema = {
-            "properties": {
-                name: {"type": "null", "errorMessage": f"'{value}' takes no '{name}'"}
-                for name in special
-                if name not in names
-            }
-        }
-        if needs[value]:
-            then |= {"required": list(needs[value])}
-        found.append({"if": {"properties": {key: {"const": value}}, "required": [key]}, "then": then})
-    return found

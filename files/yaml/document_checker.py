@@ -8,7 +8,6 @@ from contextlib import AbstractContextManager, suppress
 from typing import Any, Literal, TypeVar, cast, get_args, get_origin
 
 import pydantic
-from pydantic import BaseModel
 
 from picktree.files import (
     MAX_FAULTS,
@@ -26,7 +25,20 @@ from picktree.files import (
 )
 
 from .document import Document
-from .file_models import InvalidValue, UnreadPart, bare, check_name, partial_model
+from .file_models import (
+    AnyModel,
+    InvalidValue,
+    Model,
+    UnreadPart,
+    bare,
+    check_name,
+    declared_type,
+    is_model,
+    keys_of,
+    model_fields,
+    partial_model,
+    read_model,
+)
 from .syntax_faults import structure_hint
 
 HEADER = ("picktree", "kind")
@@ -34,7 +46,6 @@ MAX_ENTRIES = 1000
 """Maximum number of entries of a section."""
 
 T = TypeVar("T")
-Model = TypeVar("Model", bound=BaseModel)
 
 
 class DocumentChecker:
@@ -87,17 +98,29 @@ class DocumentChecker:
                     (name,), f"unknown key {describe(name)}", suggest_name(name, known), code="P104", key=True
                 )
 
-    def read(self, model: type[Model], loc: Location = (), *, ignore: Collection[str] = HEADER) -> Model:
-        """The model of the mapping at `loc`, as far as it can be read; `ignore`: keys at the top."""
+    def read(
+        self,
+        model: type[Model],
+        loc: Location = (),
+        *,
+        ignore: Collection[str] | None = None,
+        needed: Collection[str] = (),
+    ) -> Model:
+        """Return the model of the mapping at `loc`, as far as it can be read.
+
+        `ignore`: keys that are left out, at the top the header unless given. `needed`: keys whose absence the
+        caller reports.
+        """
         value = self.document.get(loc)
-        if not loc and isinstance(value, dict):
-            left_out = frozenset(ignore)
+        left_out = frozenset(() if loc else HEADER) if ignore is None else frozenset(ignore)
+        if isinstance(value, dict):
             value = {k: v for k, v in value.items() if k not in left_out}
         try:
-            return model.model_validate(value)
+            return read_model(model, value)
         except pydantic.ValidationError as error:
             details = [detail for detail in error.errors(include_url=False) if not _follows(detail)]
-            for detail in details[: MAX_FAULTS + 1]:
+            said = [d for d in details if d["type"] != "missing" or d["loc"] not in {(k,) for k in needed}]
+            for detail in said[: MAX_FAULTS + 1]:
                 self._add(_to_diagnostic(self.document, model, loc, detail))
             places = [tuple(part for part in d["loc"] if part != "[key]") for d in details]
             return partial_model(model, value, places)
@@ -122,6 +145,10 @@ class DocumentChecker:
 
     def sequence(self, model: type[Model], section: str, *, most: int = MAX_ENTRIES) -> list[Model]:
         """The models of a list's entries, each as far as it can be read."""
+        return [self.read(model, loc) for loc in self.places(section, most=most) if not self.full]
+
+    def places(self, section: str, *, most: int = MAX_ENTRIES) -> list[Location]:
+        """Return the places of a list's entries."""
         value = self.document.get((section,))
         if value is None:
             return []
@@ -130,7 +157,7 @@ class DocumentChecker:
             return []
         if self._too_many(section, len(value), most):
             return []
-        return [self.read(model, (section, n)) for n in range(len(value)) if not self.full]
+        return [(section, n) for n in range(len(value))]
 
     def _too_many(self, section: str, number: int, most: int) -> bool:
         if number > most:
@@ -175,7 +202,7 @@ def _follows(detail: Any) -> bool:
     )
 
 
-def _to_diagnostic(document: Document, model: type[BaseModel], base: Location, detail: Any) -> Diagnostic:
+def _to_diagnostic(document: Document, model: type[AnyModel], base: Location, detail: Any) -> Diagnostic:
     """The fault of one of pydantic's errors; `base` is where the model's value stands."""
     path: Location = tuple(detail["loc"])
     wrong_key = bool(path) and path[-1] == "[key]"
@@ -187,7 +214,7 @@ def _to_diagnostic(document: Document, model: type[BaseModel], base: Location, d
     if isinstance(cause, InvalidValue):
         return document.fault(loc, cause.message, cause.hint, code=cause.code, key=wrong_key)
     match kind:
-        case "extra_forbidden":
+        case "extra_forbidden" | "unexpected_keyword_argument":
             known = _keys(_annotation(model, path[:-1]))
             message = f"unknown key {describe(str(path[-1]))}"
             return document.fault(loc, message, suggest_name(str(path[-1]), known), code="P104", key=True)
@@ -265,7 +292,7 @@ def _listed_hint(given: object) -> str:
     return f"write [{describe(given)}]" if isinstance(given, int | float) else ""
 
 
-def _length(model: type[BaseModel], path: Location, value: object, context: Mapping[str, object]) -> str:
+def _length(model: type[AnyModel], path: Location, value: object, context: Mapping[str, object]) -> str:
     parts = get_args(_annotation(model, path))
     given = len(cast("list[object]", value)) if isinstance(value, list) else 0
     if parts and Ellipsis not in parts and get_origin(_annotation(model, path)) is tuple:
@@ -280,10 +307,10 @@ def _annotation(model: object, path: Location) -> object:
     here = bare(model)
     for part in path:
         origin, parts = get_origin(here), get_args(here)
-        if isinstance(here, type) and issubclass(here, BaseModel):
-            fields = {f.alias or name: f for name, f in here.model_fields.items()}
+        if is_model(here):
+            fields = {f.alias or name: f for name, f in model_fields(here).items()}
             field = fields.get(str(part))
-            here = bare(field.annotation) if field else None
+            here = bare(declared_type(field)) if field else None
         elif origin is dict:
             here = bare(parts[1])
         elif origin in (list, tuple) and parts:
@@ -295,6 +322,6 @@ def _annotation(model: object, path: Location) -> object:
 
 
 def _keys(annotation: object) -> list[str]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [field.alias or name for name, field in annotation.model_fields.items()]
+    if is_model(annotation):
+        return keys_of(annotation)
     return [str(p) for p in get_args(annotation)] if get_origin(annotation) is Literal else []

@@ -7,23 +7,26 @@ from __future__ import annotations
 import copy
 import re
 import types
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import (
     TYPE_CHECKING,
     Annotated,
     Any,
+    ClassVar,
     Final,
     Literal,
     SupportsIndex,
     TypeAlias,
+    TypeGuard,
     TypeVar,
     Union,
     cast,
     get_args,
     get_origin,
+    get_type_hints,
 )
 
 from pydantic import (
@@ -31,11 +34,14 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
     Strict,
     TypeAdapter,
     WithJsonSchema,
 )
 from pydantic.fields import FieldInfo
+from pydantic_core import CoreSchema, core_schema
 
 from picktree.files import Location, describe, quantities, suggest_number, suggested
 
@@ -54,8 +60,25 @@ class UnreadPart(Exception):
     """A part of a file that could not be read was touched; the fault is reported already."""
 
 
+class FileValue:
+    """Base of frozen dataclasses that are both the grammar of a mapping in a file and its value.
+
+    Subclasses have slots: an attribute whose part of the file could not be read raises UnreadPart.
+    """
+
+    __slots__ = ()
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> object:
+            if name in getattr(type(self), "__dataclass_fields__", ()):
+                raise UnreadPart(name)
+            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+
+
 class FileModel(BaseModel):
-    """Base of all models of files: frozen, and refuses keys that it does not know."""
+    """Base of the grammar of mappings whose values have another form: frozen, without unknown keys."""
 
     model_config = ConfigDict(
         extra="forbid",
@@ -143,6 +166,17 @@ def _smaller_unit(
     number = quantities.parse_quantity(meant, unit)
     fits = number <= most and (above is None or number > above) and (least is None or number >= least)
     return f"write {meant}" if fits else ""
+
+
+@dataclass(frozen=True, slots=True)
+class ReadAs:
+    """Mark of a value that a file gives in another form: `value` converts what was read as `form`."""
+
+    form: Any
+    value: Callable[[Any], object]
+
+    def __get_pydantic_core_schema__(self, _: object, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(self.value, handler.generate_schema(self.form))
 
 
 @dataclass(frozen=True)
@@ -236,13 +270,45 @@ def _all_whole(values: Collection[object]) -> None:
         _whole(value)
 
 
-Model = TypeVar("Model", bound=BaseModel)
+AnyModel: TypeAlias = BaseModel | FileValue
+Model = TypeVar("Model", bound=AnyModel)
+
+
+def is_model(kind: object) -> TypeGuard[type[AnyModel]]:
+    return isinstance(kind, type) and issubclass(kind, (BaseModel, FileValue))
+
+
+@cache
+def model_fields(model: type[AnyModel]) -> Mapping[str, FieldInfo]:
+    """Return the fields of a model by attribute; `alias` is the key in files where it differs."""
+    if issubclass(model, BaseModel):
+        return model.model_fields
+    hints = get_type_hints(model, include_extras=True)
+    return {
+        each.name: FieldInfo.from_annotation(hints[each.name])
+        if each.default is each.default_factory  # both are MISSING
+        else FieldInfo.from_annotated_attribute(
+            hints[each.name],
+            Field(default_factory=each.default_factory) if each.default is MISSING else each.default,
+        )
+        for each in cast("Iterable[Any]", fields(cast("Any", model)))
+    }
+
+
+def keys_of(model: type[AnyModel]) -> list[str]:
+    """Return the keys of a model in files."""
+    return [field.alias or name for name, field in model_fields(model).items()]
+
+
+def read_model(model: type[Model], value: object) -> Model:
+    """Return the model of a file's data. Raises pydantic's ValidationError."""
+    return _adapter(model).validate_python(value)
 
 
 def partial_model(model: type[Model], value: object, faulty: Collection[Location]) -> Model:
     """The model of `value`, of which the parts in `faulty` (pydantic's places) could not be read."""
     found: dict[str, object] = {}
-    for name, field in model.model_fields.items():
+    for name, field in model_fields(model).items():
         key = field.alias or name
         below = _below(faulty, key)
         if not isinstance(value, dict):
@@ -254,6 +320,11 @@ def partial_model(model: type[Model], value: object, faulty: Collection[Location
             part = _part(declared_type(field), cast("dict[str, object]", value)[key], below)
             if part is not _HOLE:
                 found[name] = part
+    if issubclass(model, FileValue):
+        empty = object.__new__(model)
+        for name, part in found.items():
+            object.__setattr__(empty, name, part)
+        return cast("Model", empty)
     made = model.model_construct(None, **found)
     for name in model.model_fields.keys() - found.keys():
         if name in vars(made):  # model_construct fills in the default of what is faulty
@@ -269,11 +340,11 @@ def _part(annotation: object, value: object, faulty: Sequence[Location]) -> obje
     """Validate a value against an annotation; return _HOLE when no part of it could be read."""
     if not faulty:
         return _adapter(annotation).validate_python(value)
-    if () in faulty:
+    if () in faulty or _converted(annotation):
         return _HOLE
     kind = bare(annotation)
     origin, parts = get_origin(kind), get_args(kind)
-    if isinstance(kind, type) and issubclass(kind, BaseModel):
+    if is_model(kind):
         return partial_model(kind, cast("object", value), faulty) if isinstance(value, dict) else _HOLE
     if origin is dict and isinstance(value, dict):
         given = cast("dict[str, object]", value)
@@ -300,12 +371,16 @@ def _adapter(annotation: Any) -> TypeAdapter[Any]:
     return TypeAdapter[Any](annotation)
 
 
+def _converted(annotation: object) -> bool:
+    return any(isinstance(mark, ReadAs) for _, marks in _alternatives(annotation) for mark in marks)
+
+
 def bare(annotation: object) -> object:
-    """An annotation without `Annotated` and `| None`."""
+    """An annotation without `Annotated` and `| None`, in the form in which files give it."""
     while True:
         origin, parts = get_origin(annotation), get_args(annotation)
         if origin is Annotated:
-            annotation = parts[0]
+            annotation = next((mark.form for mark in parts if isinstance(mark, ReadAs)), parts[0])
         elif origin in (Union, types.UnionType):
             annotation = next(p for p in parts if p is not type(None))
         else:
@@ -331,7 +406,7 @@ class FileName:
     text: str
 
 
-def file_names(model: type[BaseModel], data: object) -> Iterator[FileName]:
+def file_names(model: type[AnyModel], data: object) -> Iterator[FileName]:
     """Yield the names of other files in a document's data, in whatever form they are written."""
     for pattern, role in _forms(model):
         for loc, value in _matching(pattern, data, ()):
@@ -339,7 +414,7 @@ def file_names(model: type[BaseModel], data: object) -> Iterator[FileName]:
                 yield FileName(loc, role, value)
 
 
-def located(document: Document, model: type[BaseModel], known: Collection[str] = ()) -> tuple[FileName, ...]:
+def located(document: Document, model: type[AnyModel], known: Collection[str] = ()) -> tuple[FileName, ...]:
     """Return the names of other files in a document, each as its path. `known`: names that are no files."""
     return tuple(
         replace(name, text=str(path_of(document, name.loc, name.text)))
@@ -384,7 +459,7 @@ def _matching(pattern: Location, value: object, loc: Location) -> Iterator[tuple
 
 
 @cache
-def _forms(model: type[BaseModel]) -> tuple[tuple[Location, FileRole], ...]:
+def _forms(model: type[AnyModel]) -> tuple[tuple[Location, FileRole], ...]:
     """Return pattern and role of each place at which a grammar lets a document name a file."""
     return tuple(dict.fromkeys(_marked(model, (), ())))
 
@@ -406,6 +481,7 @@ def _alternatives(kind: Any, marks: tuple[object, ...] = ()) -> Iterator[tuple[A
     """Yield the members of an annotation, each with what `Annotated` says of it."""
     while get_origin(kind) is Annotated:
         kind, *more = get_args(kind)
+        kind = next((mark.form for mark in more if isinstance(mark, ReadAs)), kind)
         marks = (*marks, *more)
     if get_origin(kind) in (Union, types.UnionType):
         for part in get_args(kind):
@@ -416,8 +492,8 @@ def _alternatives(kind: Any, marks: tuple[object, ...] = ()) -> Iterator[tuple[A
 
 def _fields(kind: Any) -> Iterator[tuple[str, Any]]:
     """Yield keys and annotations of a model; nothing of another type."""
-    if isinstance(kind, type) and issubclass(kind, BaseModel):
-        for name, field in kind.model_fields.items():
+    if is_model(kind):
+        for name, field in model_fields(kind).items():
             yield field.alias or name, declared_type(field)
 
 

@@ -203,7 +203,7 @@ def hidden_shares(robot: RobotModel, scene: SceneDescription, configuration: Arr
 
     Cameras on the hand are left out: they move with what hides. Empty for a scene without such areas.
     """
-    points = [_grid(*load.area) for load in scene.loads]
+    points = [_grid(*load.rectangle) for load in scene.loads]
     if not points:
         return {}
     mask, width = RobotMask(robot), robot.description.gripper.max_width

@@ -19,10 +19,11 @@ from picktree.apps.cli.file_schemas import CHECKS, FileKind, file_schema
 from picktree.authoring.schema import Schema, any_mission, mission_schema, one_mission, to_text
 from picktree.files import FileError
 from picktree.files.fault_codes import pages
-from picktree.files.yaml import Document, read_document
+from picktree.files.yaml import Document, file_models, read_document
 from picktree.trees.loading import NodeRegistry
 from picktree.world.scene import SceneFile
-from picktree.world.scene.scene_schema import SECTIONS, RestFile
+from picktree.world.scene.description import SceneSettings
+from picktree.world.scene.scene_schema import SECTIONS
 
 from .mistakes import CHANGES, Change, Value, changed, paths
 
@@ -142,7 +143,8 @@ def test_a_mission_s_own_schema_closes_its_names() -> None:
 
 
 def test_sections_of_a_scene_are_those_that_are_read() -> None:
-    assert set(SceneFile.model_fields) == {*RestFile.model_fields, *SECTIONS}
+    settings = file_models.keys_of(SceneSettings)
+    assert set(file_models.keys_of(SceneFile)) == {*settings, *SECTIONS}
 
 
 # What is right fits.

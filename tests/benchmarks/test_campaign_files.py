@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import get_args
 
 import pytest
 
 from picktree.apps.batch import load_plan
 from picktree.simulation import load_faults
-from picktree.simulation.fault_entries import FaultName
+from picktree.simulation.fault_entries import KINDS
 from picktree.world.scene import load_scene
 
 CAMPAIGN = Path(__file__).parents[2] / "benchmarks" / "campaign"
@@ -25,8 +24,8 @@ def test_the_plan_runs_every_fault_file_and_none_with_recovery_and_without() -> 
 
 
 def test_each_kind_of_fault_is_in_the_plan() -> None:
-    planted = {fault.name for path in FILES for fault in load_faults(path).faults}
-    assert planted == set(get_args(FaultName))
+    planted = {fault.fault for path in FILES for fault in load_faults(path).faults}
+    assert planted == set(KINDS)
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)

@@ -36,7 +36,7 @@ def table_scene(items: int = 0, force: float = 60.0) -> SceneDescription:
         bins=(Bin(ObjectId("red_bin"), (0.25, 0.2, 0.1), 0.005, Pose((0.35, 0.55, 0.0))),),
         cameras=(),
         catalogue=(BLOCK,),
-        spawn=(Spawn((("block", items),), ("red",), ((0.4, -0.2), (0.6, 0.2))),) if items else (),
+        spawn=(Spawn({"block": items}, ("red",), ((0.4, -0.2), (0.6, 0.2))),) if items else (),
         destinations=(),
         limits=SafetyLimits(force=force, workspace=Bounds((-0.5, -1.0, -0.02), (1.0, 1.0, 1.5))),
     )

@@ -18,6 +18,7 @@ import yaml
 
 from picktree.apps.cli.file_schemas import CHECKS
 from picktree.files.file_checks import UnsavedText, check_files
+from picktree.files.yaml import file_models
 from picktree.trees import library_names
 from picktree.world.robot_model.robot_schema import RobotFile
 from picktree.world.scene import SceneFile
@@ -57,10 +58,10 @@ def wholes(block: Block) -> Iterator[str]:
         yield text
     elif "trees" in keys:
         yield f"picktree: 1\nkind: mission\nscene: three_bins\n{text}"
-    elif keys and keys <= SceneFile.model_fields.keys():
+    elif keys and keys <= set(file_models.keys_of(SceneFile)):
         for scene in SCENES:
             yield f"picktree: 1\nkind: scene\nbase: {scene}\n{text}"
-    elif keys and keys <= RobotFile.model_fields.keys():
+    elif keys and keys <= set(file_models.keys_of(RobotFile)):
         for robot in ROBOTS:
             whole = yaml.safe_load((ROOT / f"world/robots/{robot}.yaml").read_text())
             yield yaml.safe_dump(merged(whole, value), sort_keys=False)

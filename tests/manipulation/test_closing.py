@@ -33,7 +33,7 @@ class Bench(Cell):
         scene = replace(
             table_scene(),
             catalogue=(entry,),
-            spawn=(Spawn(((entry.kind, 1),), ("red",), ((0.5, 0.0), (0.5, 0.0))),),
+            spawn=(Spawn({entry.kind: 1}, ("red",), ((0.5, 0.0), (0.5, 0.0))),),
         )
         self.scene = scene
         self.physics = PhysicsHardware(scene, ROBOT, 7)

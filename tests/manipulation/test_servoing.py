@@ -83,7 +83,7 @@ def off(overhead: Pose = OVERHEAD_OFF, wrist: Pose = HAND_OFF) -> SceneDescripti
     """Four items, both cameras 8 mm and 2° off."""
     scene = load_scene("three_bins_wrist")
     spawn = replace(
-        scene.spawn[0], counts=(("block", 1), ("can", 1), ("plate", 1), ("brick", 1)), gap=0.03, lying=0.0
+        scene.spawn[0], counts={"block": 1, "can": 1, "plate": 1, "brick": 1}, gap=0.03, lying=0.0
     )
     one, other = scene.cameras
     cameras = (replace(one, error=overhead), replace(other, error=wrist))

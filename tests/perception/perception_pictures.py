@@ -44,8 +44,17 @@ CATALOGUE = (
 TABLE = Fixture(ObjectId("table"), Box((1.2, 1.6, 0.04)), Pose((0.5, 0.0, -0.02)))
 RED_BIN = Bin(ObjectId("red_bin"), (0.25, 0.2, 0.1), 0.005, Pose((0.4, 0.4, 0.0)), "red")
 DOWN = Pose((0.5, 0.0, HEIGHT), (math.sqrt(0.5), -math.sqrt(0.5), 0.0, 0.0))
-CAMERA = CameraDescription("overhead", DOWN, (320, 240), math.radians(60))
-SCENE = SceneDescription("test", "none", (TABLE,), (RED_BIN,), (CAMERA,), CATALOGUE, (), ())
+CAMERA = CameraDescription("overhead", DOWN, size=(320, 240), fov=math.radians(60))
+SCENE = SceneDescription(
+    name="test",
+    robot="none",
+    fixtures=(TABLE,),
+    bins=(RED_BIN,),
+    cameras=(CAMERA,),
+    catalogue=CATALOGUE,
+    spawn=(),
+    destinations=(),
+)
 SMALL, ELSEWHERE = Box((0.1, 0.1, 0.1)), Pose((-5.0, 0.0, 1.0))
 LYING = Pose((0, 0, 0), (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)))
 

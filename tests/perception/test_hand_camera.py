@@ -210,7 +210,7 @@ def test_a_near_picture_is_taken_as_coarse_as_recognising_needs() -> None:
 
 def test_items_that_fill_the_picture_do_not_tilt_it() -> None:
     carton = CatalogueEntry("carton", "box", Box((0.09, 0.09, 0.04)), 0.15, 0.6)
-    spawn = replace(scene().spawn[0], counts=(("carton", 4),), area=((0.42, -0.11), (0.62, 0.11)), gap=0.004)
+    spawn = replace(scene().spawn[0], counts={"carton": 4}, area=((0.42, -0.11), (0.62, 0.11)), gap=0.004)
     crowded = replace(scene(OFF), catalogue=(carton,), spawn=(spawn,))
     hardware = KinematicHardware(crowded, MODEL.description, 1)
     low = InverseKinematics(MODEL).descend(down(0.5, 0.0, 0.12), OVER)

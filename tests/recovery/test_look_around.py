@@ -22,7 +22,7 @@ def cell(body: str) -> tuple[Cell, KinematicHardware, list[tuple[str, str]]]:
     """A cell with a camera over the table and one on the hand, and a list of the looks: the camera, and the
     pose in which the arm stood, if it was one of those that robots look from."""
     scene = load_scene("three_bins_wrist")
-    scene = replace(scene, spawn=(replace(scene.spawn[0], counts=(("block", 1), ("can", 1)), lying=0.0),))
+    scene = replace(scene, spawn=(replace(scene.spawn[0], counts={"block": 1, "can": 1}, lying=0.0),))
     made = Cell(mission(body), scene)
     hardware, looks = made.hardware, list[tuple[str, str]]()
     assert isinstance(hardware, KinematicHardware)
@@ -84,7 +84,7 @@ def test_what_is_nowhere_is_looked_for_by_all_from_everywhere() -> None:
 
 def test_a_camera_that_gives_no_picture_is_passed_over_while_another_sees() -> None:
     made, hardware, looks = cell(LOOK)
-    hardware.afflict(0, CameraDrop(AtTime(0.0), "overhead"))
+    hardware.afflict(0, CameraDrop(AtTime(0.0), camera="overhead"))
     assert outcome(made) == ""
     # It is asked again from the next poses, for one picture; the other has looked by then.
     assert looks == [("overhead", "home"), ("overhead", "observe"), ("wrist", "observe"),

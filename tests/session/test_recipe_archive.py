@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Annotated, Any, TypeAlias, Union, get_args, get_origin
 
 import pytest
-from pydantic import BaseModel, BeforeValidator
+from pydantic import BeforeValidator
 
 from picktree.files.file_system import ROOT
-from picktree.files.yaml.file_models import NamedFile, ShortForm
+from picktree.files.yaml import file_models
+from picktree.files.yaml.file_models import NamedFile, ReadAs, ShortForm
 from picktree.session import RunRequest
 from picktree.session.run_recipe import Recipe, RecipeFile, read_recipe, recipe_files, write_recipe
 from picktree.simulation.fault_entries import FaultsFile
@@ -27,7 +28,11 @@ from picktree.world.scene import SceneDescription, SceneFile
 
 from ..robots.test_robot_file import ROBOT, URDF
 
-MODELS: Mapping[str, type[BaseModel]] = {"scene": SceneFile, "robot": RobotFile, "faults": FaultsFile}
+MODELS: Mapping[str, type[file_models.AnyModel]] = {
+    "scene": SceneFile,
+    "robot": RobotFile,
+    "faults": FaultsFile,
+}
 Form: TypeAlias = tuple[str, str]
 """Kind of a file, and place of a text in it as `catalogue.*.mesh`."""
 
@@ -182,9 +187,11 @@ def texts(
     kind: Any, loc: str = "", marks: tuple[object, ...] = (), above: tuple[object, ...] = ()
 ) -> Iterator[tuple[str, bool]]:
     """Yield the place of each free text of a grammar, and whether it is marked as the name of a file."""
+    kind = getattr(kind, "__supertype__", kind)
     origin = get_origin(kind)
     if origin is Annotated:
         kind, *more = get_args(kind)
+        kind = next((mark.form for mark in more if isinstance(mark, ReadAs)), kind)
         yield from texts(kind, loc, (*marks, *more), above)
     elif origin in (Union, types.UnionType):
         for part in get_args(kind):
@@ -193,10 +200,10 @@ def texts(
         for part in get_args(kind)[1:] if origin is dict else get_args(kind):
             if part is not Ellipsis:
                 yield from texts(part, f"{loc}.*".lstrip("."), (), above)
-    elif isinstance(kind, type) and issubclass(kind, BaseModel) and kind not in above:
+    elif file_models.is_model(kind) and kind not in above:
         short = [mark.key for mark in marks if isinstance(mark, ShortForm)]
-        for name, field in kind.model_fields.items():
-            inner = Annotated[(field.annotation, *field.metadata)] if field.metadata else field.annotation
+        for name, field in file_models.model_fields(kind).items():
+            inner = file_models.declared_type(field)
             yield from texts(inner, f"{loc}.{field.alias or name}".lstrip("."), (), (*above, kind))
             if name in short:
                 yield from texts(inner, loc, (), (*above, kind))

@@ -39,7 +39,7 @@ def belt_scene(*kinds: str, speed: float = 0.1, eye: float = 0.4, length: float 
     entries = tuple(
         replace(next(e for e in KINDS if e.kind == kind), kind=f"{kind}{n}") for n, kind in enumerate(kinds)
     )
-    spawn = (Spawn(tuple((e.kind, 1) for e in entries), ("red",), ground),) if entries else ()
+    spawn = (Spawn({e.kind: 1 for e in entries}, ("red",), ground),) if entries else ()
     return cell(
         fixtures=(fixture,),
         bins=(),

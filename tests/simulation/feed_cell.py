@@ -29,7 +29,7 @@ EXCHANGE = Exchange(2.0)
 
 def load(*counts: tuple[str, int], area: tuple[tuple[float, float], tuple[float, float]] = ASIDE) -> Spawn:
     """Red and blue items, a third of the cans lying."""
-    return Spawn(counts or (("block", 2), ("can", 1)), ("red", "blue"), area, lying=0.3)
+    return Spawn(dict(counts or (("block", 2), ("can", 1))), ("red", "blue"), area, lying=0.3)
 
 
 def fed(
@@ -41,7 +41,12 @@ def fed(
     exchange: Exchange | None = EXCHANGE,
 ) -> SceneDescription:
     """Two bins at y = ±0.55 m and one entry of a feed, when the table is clear unless said otherwise."""
-    deliveries = (Delivery(of or load(), when or WhenClear(), total),)
+    entry = of or load()
+    deliveries = (
+        Delivery(
+            entry.counts, entry.colours, entry.area, lying=entry.lying, when=when or WhenClear(), total=total
+        ),
+    )
     return cell(spawn=spawn, deliveries=deliveries, exchange=exchange)
 
 

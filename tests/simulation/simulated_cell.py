@@ -36,11 +36,15 @@ def cell(**changes: object) -> SceneDescription:
             Bin(ObjectId("red_bin"), (0.25, 0.2, 0.1), 0.005, Pose((0.35, 0.55, 0.0))),
             Bin(ObjectId("blue_bin"), (0.25, 0.2, 0.1), 0.005, Pose((0.35, -0.55, 0.0))),
         ),
-        cameras=(CameraDescription("overhead", looking_down(0.5, 0.0, 0.75), (320, 240), math.radians(60)),),
+        cameras=(
+            CameraDescription(
+                "overhead", looking_down(0.5, 0.0, 0.75), size=(320, 240), fov=math.radians(60)
+            ),
+        ),
         catalogue=CATALOGUE,
         spawn=(
             Spawn(
-                counts=(("block", 3), ("can", 3), ("ball", 1), ("plate", 2), ("wedge", 1)),
+                counts={"block": 3, "can": 3, "ball": 1, "plate": 2, "wedge": 1},
                 colours=("red", "blue"),
                 area=((0.35, -0.25), (0.65, 0.25)),
                 lying=0.4,

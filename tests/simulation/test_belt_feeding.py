@@ -15,7 +15,7 @@ from picktree.simulation.checkpoints import Checkpoint, KinematicState
 from picktree.simulation.kinematic import KinematicHardware
 from picktree.simulation.physics import PhysicsHardware
 from picktree.world.robot_model import RobotModel
-from picktree.world.scene import Delivery, SceneDescription, Spawn
+from picktree.world.scene import Delivery, SceneDescription
 
 from ..other_process import OtherProcess
 from .belt_cell import AT, BELT, KINDS, TOP, Hardware, belt_of, belt_scene
@@ -31,8 +31,7 @@ def scene(
     """A belt of 1 m on which blocks come, or what `counts` says."""
     counts = counts or {"block": 1}
     area = ((0.45, -LENGTH / 2), (0.65, LENGTH / 2))
-    load = Spawn(tuple(counts.items()), ("red", "green"), area, lying=0.5)
-    delivery = Delivery(load, total=total, belt=BELT, spacing=spacing)
+    delivery = Delivery(counts, ("red", "green"), area, lying=0.5, total=total, belt=BELT, spacing=spacing)
     return replace(belt_scene(eye=EYE, length=LENGTH, speed=speed), catalogue=KINDS, deliveries=(delivery,))
 
 

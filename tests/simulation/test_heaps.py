@@ -42,13 +42,13 @@ def tote(number: int = 6, meshes: str = "random_urdfs") -> SceneDescription:
     (spawn,) = scene.spawn
     assert scene.assortment is not None
     assortment = replace(scene.assortment, meshes=meshes)
-    return replace(scene, spawn=(replace(spawn, counts=(("assortment", number),)),), assortment=assortment)
+    return replace(scene, spawn=(replace(spawn, counts={"assortment": number}),), assortment=assortment)
 
 
 def thing(tmp_path: Path, text: str, density: float = 1000.0):
     file = tmp_path / "thing.obj"
     file.write_text(text)
-    return read_thing(file, Assortment(str(tmp_path), 1e-3, density, 0.5))
+    return read_thing(file, Assortment(str(tmp_path), 1e-3, density, 0.5, 0.0))
 
 
 def test_a_thing_has_the_mass_centre_and_inertia_of_its_parts(tmp_path: Path):
@@ -93,7 +93,7 @@ def test_a_broken_mesh_is_refused_with_a_sentence(tmp_path: Path, text: str, wor
 def test_the_shipped_set_has_a_thing_without_finite_vertices_which_is_never_drawn():
     broken = next(file for file in mesh_files("random_urdfs") if file.stem == "168")
     with pytest.raises(PicktreeError, match="not finite numbers"):
-        read_thing(broken, Assortment("random_urdfs", 0.01, 1000.0, 0.5))
+        read_thing(broken, Assortment("random_urdfs", 0.01, 1000.0, 0.5, 0.0))
     drawn = spawn_items(tote(200), 1)
     sources = [item.entry.shape.source for item in drawn if isinstance(item.entry.shape, ConvexMesh)]
     assert len(drawn) == 200 == len(set(sources))
@@ -138,7 +138,7 @@ def test_a_heap_without_physics_is_refused():
 def on_table(drop: str, number: int = 6) -> SceneDescription:
     scene = load_scene("pile" if drop == "pile" else "packed")
     (spawn,) = scene.spawn
-    return replace(scene, spawn=(replace(spawn, counts=(("assortment", number),)),))
+    return replace(scene, spawn=(replace(spawn, counts={"assortment": number}),))
 
 
 def test_a_pile_lies_together_and_nothing_holds_it_when_the_run_begins():
@@ -187,7 +187,7 @@ def test_a_pile_that_rolls_apart_is_refused():
     scene = load_scene("pile")
     ball = CatalogueEntry("ball", "sphere", Sphere(0.02), 0.1, 0.5)
     (spawn,) = scene.spawn
-    many = replace(spawn, counts=(("ball", 90),))
+    many = replace(spawn, counts={"ball": 90})
     scene = replace(scene, catalogue=(ball,), spawn=(many,))
     words = r"spawn\[0\]: \d+ of 90 items roll or slide out of the area with its rim of 60 mm"
     with pytest.raises(PicktreeError, match=words):
@@ -209,7 +209,7 @@ def test_a_thing_has_tags_on_the_faces_that_carry_one(tmp_path: Path):
 
 def tagged(number: int, turn: float, height: float = 0.0) -> tuple[RenderedImage, CameraDescription]:
     """Return a picture from above of a red plate with a tag, 0.85 m away."""
-    camera = CameraDescription("top", look_down(0.85), (640, 480), math.radians(36.0))
+    camera = CameraDescription("top", look_down(0.85), size=(640, 480), fov=math.radians(36.0))
     colour = np.zeros((480, 640, 3), np.uint8)
     colour[:] = (180, 30, 30)
     picture = RenderedImage(colour, np.full((480, 640), np.float32(0.85)))

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from picktree.simulation import FaultInjector, FaultState, new_states, parse_faults
-from picktree.simulation.fault_entries import AtNode, AtTime, FaultFile
+from picktree.simulation.fault_entries import AtNode, AtTime, FaultFile, Stall
 from picktree.simulation.fault_injector import DueFault, FaultSchedule
 from picktree.simulation.kinematic import KinematicHardware
 
@@ -21,44 +21,45 @@ def faults(*entries: str) -> FaultFile:
 
 
 def test_each_start_counts_from_the_one_that_is_named() -> None:
-    occasions, when = FaultSchedule(1), AtNode("Grasp", start=2, delay=0.5, each=True)
+    occasions, stall = FaultSchedule(1), Stall(AtNode("Grasp", start=2, delay=0.5, each=True))
     state = FaultState()
     for now in (1.0, 2.0, 3.0):
-        state = occasions.node_started(0, when, state, "Main/Grasp", now)
+        state = occasions.node_started(0, stall, state, "Main/Grasp", now)
     assert state.dues == (DueFault(2.5, "Main/Grasp"), DueFault(3.5, "Main/Grasp"))
-    state = occasions.taken(0, when, state, 2.5)
+    state = occasions.taken(0, stall, state, 2.5)
     assert (state.dues, state.starts, state.done) == ((DueFault(3.5, "Main/Grasp"),), 3, False)
-    once = occasions.node_started(0, AtNode("Grasp"), FaultState(), "Main/Grasp", 1.0)
-    assert occasions.taken(0, AtNode("Grasp"), once, 1.0).done
+    once = occasions.node_started(0, Stall(AtNode("Grasp")), FaultState(), "Main/Grasp", 1.0)
+    assert occasions.taken(0, Stall(AtNode("Grasp")), once, 1.0).done
 
 
 def test_again_and_again_leaves_out_what_it_waited_through() -> None:
-    occasions, when = FaultSchedule(1), AtTime(10.0, every=30.0)
-    state = occasions.begun(0, when)
+    occasions, stall = FaultSchedule(1), Stall(AtTime(10.0, every=30.0))
+    state = occasions.begun(0, stall)
     assert state.due == 10.0
-    assert occasions.taken(0, when, state, 10.0).due == 40.0
-    assert occasions.taken(0, when, state, 95.0).due == 100.0
-    assert occasions.begun(0, when, since=50.0).due == 70.0
-    assert occasions.begun(0, AtTime(3.0), since=3.0).done
+    assert occasions.taken(0, stall, state, 10.0).due == 40.0
+    assert occasions.taken(0, stall, state, 95.0).due == 100.0
+    assert occasions.begun(0, stall, since=50.0).due == 70.0
+    assert occasions.begun(0, Stall(AtTime(3.0)), since=3.0).done
 
 
 def test_a_chance_is_drawn_by_seed_and_number_and_by_nothing_else() -> None:
-    when = AtNode("Grasp", each=True, probability=0.3)
+    stall = Stall(AtNode("Grasp", each=True), probability=0.3)
 
     def taken(seed: int, number: int, starts: int = 400) -> list[int]:
         occasions, state, found = FaultSchedule(seed), FaultState(), list[int]()
         for n in range(starts):
-            state = occasions.node_started(number, when, state, "Grasp", float(n))
+            state = occasions.node_started(number, stall, state, "Grasp", float(n))
             if state.dues:
                 found.append(n)
-                state = occasions.taken(number, when, state, float(n))
+                state = occasions.taken(number, stall, state, float(n))
         return found
 
     assert taken(1, 0) == taken(1, 0)
     assert taken(1, 0, 100) == [n for n in taken(1, 0) if n < 100]
     assert len({tuple(taken(1, 0)), tuple(taken(1, 1)), tuple(taken(2, 0))}) == 3
     assert 90 < len(taken(1, 0)) < 150
-    never = FaultSchedule(1).node_started(0, AtNode("Grasp", probability=1e-9), FaultState(), "Grasp", 1.0)
+    rare = Stall(AtNode("Grasp"), probability=1e-9)
+    never = FaultSchedule(1).node_started(0, rare, FaultState(), "Grasp", 1.0)
     assert (never.done, never.dues) == (True, ())
 
 

@@ -46,7 +46,9 @@ def capture(scene: SceneDescription, seed: int = 0) -> RgbdImage:
 )
 def test_the_pixels_of_a_known_block_lie_on_its_top(view: Pose):
     block = Fixture(ObjectId("block"), Box((0.12, 0.08, 0.05)), Pose((0.62, 0.05, 0.025)), "white")
-    camera = CameraDescription("overhead", view, (320, 240), 1.0472, 0.0, 0.0)
+    camera = CameraDescription(
+        "overhead", view, size=(320, 240), fov=1.0472, depth_noise=0.0, edge_dropout=0.0
+    )
     points = world_points(capture(one_block(block, camera)))
     near = np.abs(points[:, :, :2] - (0.62, 0.05)).max(axis=2) < 0.1
     height = points[:, :, 2]
@@ -61,7 +63,14 @@ def test_the_pixels_of_a_known_block_lie_on_its_top(view: Pose):
 
 def test_the_mean_of_the_covered_pixels_is_the_middle_of_the_block():
     block = Fixture(ObjectId("block"), Box((0.1, 0.06, 0.05)), Pose((0.6, 0.0, 0.025)), "white")
-    camera = CameraDescription("overhead", looking_down(0.6, 0.0, 0.75), (320, 240), 1.0472, 0.0, 0.0)
+    camera = CameraDescription(
+        "overhead",
+        looking_down(0.6, 0.0, 0.75),
+        size=(320, 240),
+        fov=1.0472,
+        depth_noise=0.0,
+        edge_dropout=0.0,
+    )
     points = world_points(capture(one_block(block, camera)))
     top = points[points[:, :, 2] > 0.045]
     top = top[np.abs(top[:, :2] - (0.6, 0.0)).max(axis=1) < 0.1]
@@ -70,7 +79,7 @@ def test_the_mean_of_the_covered_pixels_is_the_middle_of_the_block():
 
 def test_depth_noise_has_its_deviation_and_grows_with_the_square_of_the_depth():
     for height, deviation in ((0.7, 0.002), (1.05, 0.0045)):
-        camera = CameraDescription("overhead", looking_down(0.75, 0.0, height), (160, 120), 0.5)
+        camera = CameraDescription("overhead", looking_down(0.75, 0.0, height), size=(160, 120), fov=0.5)
         depth = capture(cell(spawn=(), bins=(), cameras=(camera,))).depth
         assert np.median(depth) == pytest.approx(height, abs=0.0002)
         assert np.std(depth) == pytest.approx(deviation, rel=0.05)
@@ -78,7 +87,7 @@ def test_depth_noise_has_its_deviation_and_grows_with_the_square_of_the_depth():
 
 def test_half_of_the_pixels_on_edges_are_lost_and_none_elsewhere():
     block = Fixture(ObjectId("block"), Box((0.12, 0.08, 0.05)), Pose((0.75, 0.0, 0.025)), "white")
-    camera = CameraDescription("overhead", looking_down(0.75, 0.0, 0.75), (320, 240), 0.6)
+    camera = CameraDescription("overhead", looking_down(0.75, 0.0, 0.75), size=(320, 240), fov=0.6)
     lost = capture(one_block(block, camera)).depth == 0.0
     rows, columns = np.nonzero(lost)
     clear = capture(one_block(block, replace(camera, edge_dropout=0.0))).depth
@@ -104,7 +113,14 @@ def test_each_shot_has_noise_of_its_own_and_the_same_in_every_run():
 
 def test_a_camera_that_is_off_still_reports_the_pose_that_everybody_believes():
     block = Fixture(ObjectId("block"), Box((0.1, 0.06, 0.05)), Pose((0.6, 0.0, 0.025)), "white")
-    camera = CameraDescription("overhead", looking_down(0.6, 0.0, 0.75), (320, 240), 1.0472, 0.0, 0.0)
+    camera = CameraDescription(
+        "overhead",
+        looking_down(0.6, 0.0, 0.75),
+        size=(320, 240),
+        fov=1.0472,
+        depth_noise=0.0,
+        edge_dropout=0.0,
+    )
     off = replace(camera, error=Pose((0.008, 0.0, 0.0)))
     image = capture(one_block(block, off))
     assert image.camera_in_world == camera.pose

@@ -43,7 +43,7 @@ def digest(hardware: PhysicsHardware, steps: int) -> str:
 def held_block(mass: float, friction: float) -> SceneDescription:
     """One block in the middle of the table, no noise."""
     block = CatalogueEntry("block", "box", Box((0.04, 0.04, 0.04)), mass, friction)
-    spawn = Spawn((("block", 1),), ("red",), ((0.5, 0.0), (0.5, 0.0)))
+    spawn = Spawn({"block": 1}, ("red",), ((0.5, 0.0), (0.5, 0.0)))
     return cell(catalogue=(block,), spawn=(spawn,), noise=SILENT)
 
 
@@ -119,7 +119,7 @@ def test_items_lie_still_for_ten_seconds():
 
 
 def test_tumbled_items_fall_and_come_to_rest_before_time_zero():
-    spawn = Spawn((("block", 3), ("can", 2)), ("red",), ((0.35, -0.25), (0.65, 0.25)), tumbled=True)
+    spawn = Spawn({"block": 3, "can": 2}, ("red",), ((0.35, -0.25), (0.65, 0.25)), tumbled=True)
     for body in PhysicsHardware(cell(spawn=(spawn,)), panda(), 1).truth():
         assert body.pose.position[2] < 0.06
         assert np.linalg.norm(body.velocity) < 0.01

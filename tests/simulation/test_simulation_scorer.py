@@ -8,7 +8,7 @@ import pytest
 
 from picktree.simulation import TrueBody, score
 from picktree.world import FormCount, ItemCount, ObjectId, Pose, Vector3
-from picktree.world.scene import CatalogueEntry, Delivery, Spawn
+from picktree.world.scene import CatalogueEntry, Delivery
 
 from .simulated_cell import cell
 
@@ -76,8 +76,8 @@ def test_the_score_counts_in_all_and_by_form():
 
 
 def test_what_a_feed_still_owes_is_outstanding():
-    load = Spawn((("block", 2),), ("red",), ((0.35, -0.25), (0.65, 0.25)))
-    scene = cell(deliveries=(Delivery(load, total=3), Delivery(load)))
+    delivery = Delivery({"block": 2}, ("red",), ((0.35, -0.25), (0.65, 0.25)))
+    scene = cell(deliveries=(replace(delivery, total=3), delivery))
     first, second = (replace(item((0.35, 0.55, 0.025)), brought_by=n) for n in (0, 1))
     spawned = item((0.35, 0.55, 0.025))
     some = score([spawned, first, first, second], scene)

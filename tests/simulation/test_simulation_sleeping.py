@@ -25,7 +25,7 @@ def scene_of(*shapes: Shape, friction: float = 0.6) -> SceneDescription:
     catalogue = tuple(
         CatalogueEntry(f"kind{n}", forms[type(shape)], shape, 0.1, friction) for n, shape in enumerate(shapes)
     )
-    spawn = Spawn(tuple((entry.kind, 1) for entry in catalogue), ("red",), ((0.35, -0.25), (0.65, 0.25)))
+    spawn = Spawn({entry.kind: 1 for entry in catalogue}, ("red",), ((0.35, -0.25), (0.65, 0.25)))
     return cell(catalogue=catalogue, spawn=(spawn,), noise=SILENT)
 
 

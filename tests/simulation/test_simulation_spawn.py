@@ -51,14 +51,14 @@ def test_colours_are_given_out_in_turn():
 
 
 def test_a_crowded_area_is_filled_by_pushing_apart():
-    spawn = Spawn((("block", 18),), ("red",), ((0.36, -0.16), (0.64, 0.16)), gap=0.012)
+    spawn = Spawn({"block": 18}, ("red",), ((0.36, -0.16), (0.64, 0.16)), gap=0.012)
     items = spawn_items(cell(spawn=(spawn,)), 0)
     outlines = [footprint(i.entry.shape, i.pose.orientation).at(i.pose.position) for i in items]
     assert min(distance(a, b) for a, b in itertools.combinations(outlines, 2)) >= 0.012
 
 
 def test_an_area_that_is_too_small_is_refused_with_a_sentence():
-    spawn = Spawn((("block", 18),), ("red",), ((0.4, -0.05), (0.5, 0.05)))
+    spawn = Spawn({"block": 18}, ("red",), ((0.4, -0.05), (0.5, 0.05)))
     with pytest.raises(PicktreeError) as error:
         spawn_items(cell(spawn=(spawn,)), 0)
     assert str(error.value) == (
@@ -68,20 +68,20 @@ def test_an_area_that_is_too_small_is_refused_with_a_sentence():
 
 
 def test_an_area_beside_the_table_is_refused():
-    spawn = Spawn((("block", 1),), ("red",), ((2.0, 0.0), (2.0, 0.0)))
+    spawn = Spawn({"block": 1}, ("red",), ((2.0, 0.0), (2.0, 0.0)))
     with pytest.raises(PicktreeError, match=r"spawn\[0\]: no fixture is below \(2\.000, 0\.000\)"):
         spawn_items(cell(spawn=(spawn,)), 0)
 
 
 def test_tumbled_items_hang_above_the_table():
-    spawn = Spawn((("block", 4),), ("red",), ((0.35, -0.25), (0.65, 0.25)), tumbled=True)
+    spawn = Spawn({"block": 4}, ("red",), ((0.35, -0.25), (0.65, 0.25)), tumbled=True)
     for item in spawn_items(cell(spawn=(spawn,)), 0):
         assert item.dropped
         assert bottom(item.entry.shape, item.pose) == pytest.approx(TUMBLE_HEIGHT)
 
 
 def test_no_item_is_spawned_in_a_bin():
-    spawn = Spawn((("block", 3),), ("red",), ((0.2, 0.4), (0.5, 0.7)), gap=0.01)
+    spawn = Spawn({"block": 3}, ("red",), ((0.2, 0.4), (0.5, 0.7)), gap=0.01)
     for seed in range(5):
         for item in spawn_items(cell(spawn=(spawn,)), seed):
             x, y, _ = item.pose.position
@@ -102,7 +102,7 @@ def test_the_distance_of_two_boxes_is_at_most_that_of_their_centres_and_symmetri
 
 @pytest.mark.parametrize("seed", range(6))
 def test_items_that_stand_side_by_side_touch_and_do_not_overlap(seed: int):
-    counts = (("block", 3), ("can", 2), ("plate", 1))
+    counts = {"block": 3, "can": 2, "plate": 1}
     spawn = Spawn(counts, ("red",), ((0.38, -0.17), (0.64, 0.17)), touching=True)
     items = spawn_items(cell(spawn=(spawn,)), seed)
     assert spawn_items(cell(spawn=(spawn,)), seed) == items
@@ -115,6 +115,6 @@ def test_items_that_stand_side_by_side_touch_and_do_not_overlap(seed: int):
 
 
 def test_an_area_that_is_too_small_for_items_side_by_side():
-    spawn = Spawn((("block", 9),), ("red",), ((0.40, 0.0), (0.46, 0.06)), touching=True)
+    spawn = Spawn({"block": 9}, ("red",), ((0.40, 0.0), (0.46, 0.06)), touching=True)
     with pytest.raises(PicktreeError, match="too small for 9 items"):
         spawn_items(cell(spawn=(spawn,)), 0)

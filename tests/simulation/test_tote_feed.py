@@ -26,10 +26,8 @@ def totes(load: int = 3, total: int = 5) -> SceneDescription:
     assert scene.assortment is not None
     return replace(
         scene,
-        spawn=(replace(spawn, counts=(("assortment", 2),)),),
-        deliveries=(
-            replace(delivery, load=replace(delivery.load, counts=(("assortment", load),)), total=total),
-        ),
+        spawn=(replace(spawn, counts={"assortment": 2}),),
+        deliveries=(replace(delivery, counts={"assortment": load}, total=total),),
         exchange=Exchange(1.0),
         assortment=replace(scene.assortment, tags=(1, 2, 3), tag_size=0.01),
     )

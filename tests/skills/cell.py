@@ -40,7 +40,7 @@ FALL, ROLL = 15, 80
 def items(**counts: int) -> SceneDescription:
     """The scene `sort_small` with these items of the catalogue instead of its own."""
     scene = load_scene("sort_small")
-    return replace(scene, spawn=(replace(scene.spawn[0], counts=tuple(counts.items())),))
+    return replace(scene, spawn=(replace(scene.spawn[0], counts=counts),))
 
 
 @cache

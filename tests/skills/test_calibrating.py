@@ -218,7 +218,7 @@ def test_what_is_not_where_it_should_be_is_not_touched(monkeypatch: pytest.Monke
 def test_a_hand_that_holds_something_touches_nothing() -> None:
     scene = load_scene("calibrating")
     block = load_scene("sort_small").spawn[0]
-    spawn = replace(block, counts=(("block", 1),), area=((0.35, -0.3), (0.45, -0.2)))
+    spawn = replace(block, counts={"block": 1}, area=((0.35, -0.3), (0.45, -0.2)))
     made = Cell(mission("Observe"), replace(scene, spawn=(spawn,)))
     made.finish()
     (item,) = (str(o.id) for o in made.world.scene.objects if o.role == "item")

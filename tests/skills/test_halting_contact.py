@@ -18,7 +18,7 @@ def example(name: str) -> Mission:
 def one_peg(kind: str) -> SceneDescription:
     """The scene `pegs` with this one only."""
     scene = load_scene("pegs")
-    return replace(scene, spawn=(replace(scene.spawn[0], counts=((kind, 1),)),))
+    return replace(scene, spawn=(replace(scene.spawn[0], counts={kind: 1}),))
 
 
 def test_inserting_in_physics_halted_in_contact() -> None:

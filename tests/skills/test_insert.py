@@ -20,7 +20,7 @@ LOOK = "- Observe: {camera: overhead, objects: '{items}'}\n"
 def pegs(**counts: int) -> SceneDescription:
     """The scene `pegs` with these only."""
     scene = load_scene("pegs")
-    return replace(scene, spawn=(replace(scene.spawn[0], counts=tuple(counts.items())),))
+    return replace(scene, spawn=(replace(scene.spawn[0], counts=counts),))
 
 
 def inserting(ports: str = "", grasp: bool = True) -> str:

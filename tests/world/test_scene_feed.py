@@ -10,7 +10,7 @@ import pytest
 from picktree.files import FileError
 from picktree.files.yaml import read_document
 from picktree.world import Box
-from picktree.world.scene import AtIntervals, AtTimes, Belt, Delivery, Spawn, WhenClear, parse_scene
+from picktree.world.scene import AtIntervals, AtTimes, Belt, Delivery, WhenClear, parse_scene
 from picktree.world.scene.description import Exchange
 from picktree.world.scene.scene_loading import check_scene
 
@@ -44,10 +44,9 @@ def test_a_feed_is_read() -> None:
     assert scene.belts == (Belt(scene.fixtures[1].id, 0.08, 0.3),)
     assert scene.exchange == Exchange(6.0)
     table, belt = scene.deliveries
-    load = Spawn((("block", 2),), ("red",), ((0.3, -0.2), (0.4, 0.2)))
-    assert table == Delivery(load, AtIntervals(45.0))
+    assert table == Delivery({"block": 2}, ("red",), ((0.3, -0.2), (0.4, 0.2)), when=AtIntervals(45.0))
     assert (belt.belt, belt.when, belt.total, belt.spacing) == ("belt", WhenClear(), 60, 0.2)
-    assert belt.load.counts == (("block", 2), ("can", 1))
+    assert belt.load.counts == {"block": 2, "can": 1}
 
 
 def test_a_belt_is_a_fixture_that_stands_on_its_place() -> None:
@@ -243,7 +242,7 @@ def test_a_feed_of_totes_is_read() -> None:
     scene = parse_scene(TOTE, HERE)
     (delivery,), (spawn,) = scene.deliveries, scene.spawn
     assert (delivery.load.into, delivery.load.drop, delivery.total) == ("tote", "heap", 120)
-    assert delivery.load.area == spawn.area
+    assert delivery.area == spawn.area
     assert replace(scene, spawn=()).heaped, "what comes in totes needs physics, too"
 
 

@@ -65,7 +65,7 @@ def test_a_scene_is_read() -> None:
     assert [entry.form for entry in scene.catalogue] == ["box", "cylinder", "sphere", "plate"]
     assert scene.entry("can").force_limit == 60.0
     (spawn,) = scene.spawn
-    assert (spawn.counts, spawn.lying, spawn.gap) == ((("block", 2), ("can", 1)), 0.5, 0.025)
+    assert (spawn.counts, spawn.lying, spawn.gap) == ({"block": 2, "can": 1}, 0.5, 0.025)
     assert (scene.limits.force, scene.thinking.image, scene.checkpoint_every) == (50.0, 0.06, 4)
 
 
@@ -491,8 +491,8 @@ def test_shipped_scenes_are_read_and_their_logged_text_gives_them_again(name: st
         "totes": 24,
     }.get(name, 12)
     loads = (*scene.spawn, *(delivery.load for delivery in scene.deliveries))
-    assert sum(number for load in loads for _, number in load.counts) == total
-    kinds = {kind for load in loads for kind, _ in load.counts} - {"assortment"}
+    assert sum(load.number for load in loads) == total
+    kinds = {kind for load in loads for kind in load.counts} - {"assortment"}
     assert (scene.assortment is not None) == (name in ("tote", "totes", "tote_of_items", "pile", "packed"))
     forms = {scene.entry(kind).form for kind in kinds}
     if name not in (

@@ -9,7 +9,12 @@ from . import (
     robot_file as robot_file,
     urdf_parser as urdf_parser,
 )
-from .description import GripperDescription as GripperDescription, tool_outline as tool_outline
+from .description import (
+    GripperDescription as GripperDescription,
+    GripperSettings as GripperSettings,
+    JointLimits as JointLimits,
+    tool_outline as tool_outline,
+)
 from .finger_linkage import LinkageFingers as LinkageFingers, fingers_of as fingers_of
 from .joint_limits import (
     DEGREES_HINT as DEGREES_HINT,
@@ -35,4 +40,4 @@ from .model import (
     se3 as se3,
 )
 from .urdf_faults import MOVING as MOVING, UrdfError as UrdfError
-from .robot_schema import RobotFile as RobotFile
+from .robot_schema import LinkageFile as LinkageFile, RobotFile as RobotFile

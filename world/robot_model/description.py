@@ -4,31 +4,68 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
+from picktree.files.yaml import file_models
 from picktree.world import Box, Pose, planar_geometry
 
 
+class FrameFile(file_models.FileModel):
+    """A place and an orientation."""
+
+    at: file_models.Vector = (0.0, 0.0, 0.0)
+    """Where: x, y, z in the frame in which this one is given."""
+    rpy: file_models.Angles = (0.0, 0.0, 0.0)
+    """How it is turned: about x, then y, then z of that frame."""
+
+    def pose(self) -> Pose:
+        return Pose.from_rpy(self.at, self.rpy)
+
+
+class BoxFile(FrameFile):
+    """A box that stands for a part of the gripper."""
+
+    box: file_models.Sizes
+    """Edge lengths along x, y, z; `at` is its centre."""
+
+    def placed(self) -> tuple[Box, Pose]:
+        return Box(self.box), self.pose()
+
+
+PlacedBox = Annotated[tuple[Box, Pose], file_models.ReadAs(BoxFile, BoxFile.placed)]
+"""Box with the pose of its centre."""
+
+
 @dataclass(frozen=True, slots=True)
-class JointLimits:
-    """Soft limits of one joint: rad, rad/s, rad/s², Nm."""
+class JointLimits(file_models.FileValue):
+    """Limits of one joint of the arm."""
 
-    lower: float
-    upper: float
-    velocity: float
-    acceleration: float
-    torque: float
+    lower: file_models.Angle
+    """Smallest angle."""
+    upper: file_models.Angle
+    """Greatest angle."""
+    velocity: Annotated[float, file_models.quantity("rad/s", above=0)]
+    """Greatest speed."""
+    acceleration: Annotated[float, file_models.quantity("rad/s2", above=0)]
+    """Greatest acceleration."""
+    torque: Annotated[float, file_models.quantity("Nm", above=0)]
+    """Greatest torque."""
 
 
 @dataclass(frozen=True, slots=True)
-class PadContact:
-    """Contact parameters of a finger pad (pybullet's soft contact)."""
+class PadContact(file_models.FileValue):
+    """How the finger pads touch in simulation: pybullet's soft contact."""
 
-    stiffness: float = 30000.0
-    damping: float = 1000.0
-    friction: float = 1.0
-    spinning_friction: float = 0.1
+    stiffness: Annotated[float, file_models.quantity("N/m", above=0)] = 30000.0
+    """Stiffness of the contact."""
+    damping: Annotated[float, file_models.quantity("", above=0)] = 1000.0
+    """Damping of the contact, in Ns/m."""
+    friction: Annotated[float, file_models.quantity("", above=0)] = 1.0
+    """Coulomb's coefficient; it is multiplied with the item's."""
+    spinning_friction: Annotated[float, file_models.quantity("", least=0)] = 0.1
+    """Coefficient against turning about the line between the pads."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +92,37 @@ class Linkage:
     tips: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class GripperDescription:
-    """A parallel gripper. In the TCP frame z points out of the hand and the fingers move along y."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GripperSettings(file_models.FileValue):
+    """Force, speed and shape of a parallel gripper.
+
+    In the TCP frame z points out of the hand and the fingers move along y.
+    """
+
+    max_force: file_models.Force
+    """Greatest grip force of a finger."""
+    speed: Annotated[float, file_models.quantity("m/s", above=0)]
+    """Speed of each finger."""
+    gear: Annotated[float, file_models.quantity("")] = -1.0
+    """Ratio of the constraint between the finger joints, as pybullet counts it: -1 for a mirror image."""
+    tip: Annotated[float, file_models.quantity("m", least=0)]
+    """Distance from the TCP out to the finger tips, where they reach furthest."""
+    palm: Annotated[float, file_models.quantity("m", above=0)]
+    """Distance from the TCP back to the palm."""
+    pads: tuple[PlacedBox, PlacedBox]
+    """The pads, each in the frame of its finger link, with edges along the x, y and z of the TCP."""
+    finger_bodies: tuple[PlacedBox, ...] = ()
+    """The rest of the fingers between pad and palm, each in the frame of its link: of the first and the
+    second finger in turn. They collide without gripping: they stand back behind the pad's face."""
+    pad_contact: PadContact = PadContact()
+    """How the pads touch in simulation."""
+    hand: tuple[PlacedBox, ...]
+    """Boxes around the hand without the fingers, in the frame of the TCP."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GripperDescription(GripperSettings):
+    """A parallel gripper of a robot."""
 
     joints: tuple[str, ...]
     """Joints that move the fingers: the two sliders, or the driven joint and its followers."""
@@ -65,28 +130,10 @@ class GripperDescription:
     """Links that carry the pads."""
     max_width: float
     """Opening between the pads when open, m."""
-    max_force: float
-    """N a finger"""
-    speed: float
-    """m/s a finger"""
-    pads: tuple[tuple[Box, Pose], tuple[Box, Pose]]
-    """Box primitive of each pad, with its pose in its finger link."""
-    pad_contact: PadContact
-    gear: float
-    """Ratio of the constraint between the finger joints (pybullet's convention), -1 for a mirror image."""
-    tip: float
-    """Distance from the TCP forward (+z) to the finger tips where they reach furthest, m."""
-    palm: float
-    """Distance from the TCP back (-z) to the palm, m."""
-    hand: tuple[tuple[Box, Pose], ...]
-    """Boxes that enclose hand (without fingers), each with its pose in the TCP frame."""
     finger_boxes: tuple[tuple[Box, Pose], ...]
     """Boxes that enclose the +y finger at opening 0, in the TCP frame; mirrored for the other."""
     linkage: Linkage | None = None
     """Finger linkage; None: two sliders."""
-    finger_bodies: tuple[tuple[Box, Pose], ...] = ()
-    """Boxes of the first and the second finger in turn, behind their pads, each with its pose in its finger
-    link; empty: unknown."""
 
     @property
     def min_width(self) -> float:

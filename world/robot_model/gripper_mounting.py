@@ -10,13 +10,19 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
 
 from picktree.files import suggest_name
-from picktree.world import COLOURS, Box, Pose, Vector3
+from picktree.files.yaml import file_models
+from picktree.world import COLOURS, Box, Pose
 
 from .description import RobotDescription
 from .urdf_faults import UrdfError
 from .urdf_parser import PACKAGE, mesh_file, numbers_text, parsed_urdf, skeleton_of
+
+Moment = Annotated[float, file_models.quantity("")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,15 +52,17 @@ class GripperMount:
 
 
 @dataclass(frozen=True, slots=True)
-class LinkInertia:
-    """Inertia of a link about its centre of mass, in the link's axes: kg, m, kg·m²."""
+class LinkInertia(file_models.FileValue):
+    """Mass and inertia of a link, about its centre of mass in the axes of the link."""
 
-    mass: float
-    com: Vector3
-    moments: Vector3
-    """ixx, iyy, izz"""
-    products: Vector3
-    """ixy, ixz, iyz"""
+    mass: file_models.Mass
+    """Mass of the link."""
+    com: Annotated[file_models.Vector, Field(alias="at")]
+    """Its centre of mass in the link's frame."""
+    moments: tuple[Moment, Moment, Moment]
+    """ixx, iyy, izz in kg·m²."""
+    products: tuple[Moment, Moment, Moment] = (0.0, 0.0, 0.0)
+    """ixy, ixz, iyz in kg·m²."""
 
 
 @dataclass(frozen=True, slots=True)

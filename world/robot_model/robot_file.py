@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import fields
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,9 +12,9 @@ from picktree.files import CheckedFile, Location, describe, file_system, suggest
 from picktree.files.yaml import Document, DocumentChecker, read_document
 from picktree.world import Box, Pose
 
-from .description import Follower, GripperDescription, JointLimits, Linkage, PadContact, RobotDescription
+from .description import Follower, GripperDescription, GripperSettings, Linkage, RobotDescription
 from .finger_linkage import LinkageParts, UnfitLinkage, solve_linkage
-from .gripper_mounting import GripperMount, InsertedFlange, LinkInertia, NamedUrdf, write_composed_urdf
+from .gripper_mounting import GripperMount, InsertedFlange, NamedUrdf, write_composed_urdf
 from .link_solids import geometry_faults
 from .robot_schema import GripperFile, RobotFile, TcpFile
 from .urdf_faults import LIMITED, MOVING, UrdfError
@@ -82,7 +83,6 @@ def _described(
     document: Document, robot: RobotFile, urdf: Path | None, linkage: Linkage | None
 ) -> RobotDescription:
     gripper = robot.gripper
-    first, second = gripper.pads
     widest = gripper.max_width if linkage is None else min(gripper.max_width or 1e9, linkage.widths[-1])
     joints = gripper.joints if linkage is None else (linkage.drive, *(f.joint for f in linkage.followers))
     # Without errors, `_whole_urdf` and `_check_form` have found these.
@@ -90,26 +90,18 @@ def _described(
     return RobotDescription(
         name=document.path.stem,
         urdf=str(urdf.absolute()),
-        base_in_world=robot.base.pose(),
+        base_in_world=robot.base,
         joints=tuple(robot.joints),
-        limits=tuple(JointLimits(**joint.model_dump()) for joint in robot.joints.values()),
+        limits=tuple(robot.joints.values()),
         named=robot.poses,
         tcp_link=robot.tcp.link,
         tcp_in_link=robot.tcp.pose(),
         flange_joint=robot.flange_joint,
         gripper=GripperDescription(
+            **{each.name: getattr(gripper, each.name) for each in fields(GripperSettings)},
             joints=joints,
             fingers=gripper.links,
             max_width=widest,
-            max_force=gripper.max_force,
-            speed=gripper.speed,
-            pads=(first.placed(), second.placed()),
-            finger_bodies=tuple(box.placed() for box in gripper.finger_bodies),
-            pad_contact=PadContact(**gripper.pad_contact.model_dump()),
-            gear=gripper.gear,
-            tip=gripper.tip,
-            palm=gripper.palm,
-            hand=tuple(box.placed() for box in gripper.hand),
             finger_boxes=_finger_boxes(robot, urdf),
             linkage=linkage,
         ),
@@ -125,14 +117,11 @@ def _finger_boxes(robot: RobotFile, urdf: Path) -> tuple[tuple[Box, Pose], ...]:
     """Return the boxes around the first finger, which is on the +y side, at opening 0 in the TCP frame."""
     gripper = robot.gripper
     if gripper.finger is not None:
-        return (gripper.finger.placed(),)
+        return (gripper.finger,)
     tree = read_skeleton(urdf)
     tcp = tree.pose(robot.tcp.link, {}) @ robot.tcp.pose()
     finger = tcp.inverse() @ tree.pose(gripper.links[0], {})
-    return tuple(
-        (box, finger @ pose)
-        for box, pose in (one.placed() for one in (gripper.pads[0], *gripper.finger_bodies[::2]))
-    )
+    return tuple((box, finger @ pose) for box, pose in (gripper.pads[0], *gripper.finger_bodies[::2]))
 
 
 def _whole_urdf(check: DocumentChecker, robot: RobotFile, source: Path) -> Path | None:
@@ -153,11 +142,7 @@ def _whole_urdf(check: DocumentChecker, robot: RobotFile, source: Path) -> Path 
     mounting = None
     if mount is not None and hand is not None:
         mounting = GripperMount(hand, mount.link, mount.to, mount.pose(), mount.joint, mount.prefix)
-    inertias = {
-        name: LinkInertia(link.mass, link.at, link.moments, link.products)
-        for name, link in robot.inertias.items()
-    }
-    attachments = {name: tuple(box.placed() for box in boxes) for name, boxes in robot.attachments.items()}
+    inertias, attachments = dict(robot.inertias.items()), dict(robot.attachments.items())
     flange = None
     if robot.flange_behind is not None:
         flange = InsertedFlange(robot.flange_behind, robot.flange_joint)
@@ -305,7 +290,6 @@ def _solved(check: DocumentChecker, robot: RobotFile, skeleton: UrdfTree) -> Lin
     gripper, linkage = robot.gripper, robot.gripper.linkage
     if linkage is None:
         return None
-    first, second = gripper.pads
     followers = tuple(
         Follower(name, by, linkage.offsets.get(name, 0.0)) for name, by in linkage.followers.items()
     )
@@ -315,8 +299,8 @@ def _solved(check: DocumentChecker, robot: RobotFile, skeleton: UrdfTree) -> Lin
         linkage.opened,
         linkage.closed,
         gripper.links,
-        (first.placed(), second.placed()),
-        tuple(box.placed() for box in gripper.finger_bodies),
+        gripper.pads,
+        gripper.finger_bodies,
         robot.tcp.link,
         robot.tcp.pose(),
     )

@@ -5,13 +5,110 @@ destinations, limits.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
-from typing import Literal, TypeAlias
+from dataclasses import dataclass, field, fields, replace
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
 import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field, Strict, WithJsonSchema
 
+from picktree.files import describe, suggest_name
 from picktree.files.yaml import file_models
-from picktree.world import Array, Bounds, Box, Intrinsics, ObjectId, Pose, Shape, Vector3
+from picktree.world import (
+    ITEM_COLOURS,
+    Array,
+    Bounds,
+    Box,
+    Intrinsics,
+    ObjectId,
+    Pose,
+    Shape,
+    Vector3,
+    planner_names,
+)
+
+Corner: TypeAlias = tuple[file_models.Length, file_models.Length]
+Count = Annotated[int, Strict(), Field(ge=1, le=200)]
+Displacement = Annotated[float, file_models.quantity("m", least=0, most=0.05)]
+Misturn = Annotated[float, file_models.quantity("rad", least=0, most=math.radians(15))]
+Noise = Annotated[float, file_models.quantity("m", least=0, most=0.1)]
+FieldOfView = Annotated[float, file_models.quantity("rad", above=0, most=math.radians(150))]
+Distance = Annotated[float, file_models.quantity("m", above=0)]
+Pixels = Annotated[int, Strict(), Field(ge=16, le=2048)]
+Cost = Annotated[float, file_models.quantity("s", least=0, most=10)]
+TagNumber = Annotated[int, Strict(), Field(ge=0, le=49)]
+
+
+def _item_colour(name: str) -> str:
+    if name not in ITEM_COLOURS:
+        message = f"{describe(name)} is no colour that an item may have"
+        raise file_models.InvalidValue(message, suggest_name(name, ITEM_COLOURS), code="P108")
+    return name
+
+
+ItemColour = Annotated[str, AfterValidator(_item_colour), WithJsonSchema({"enum": list(ITEM_COLOURS)})]
+
+
+class OffsetFile(file_models.FileModel):
+    """How far a camera or the hand is really mounted from where it is believed to be, in its believed
+    frame."""
+
+    offset: file_models.Vector = (0.0, 0.0, 0.0)
+    """Along x, y and z of the frame: of a camera right, down and forward, of the TCP z out of the hand."""
+    rpy: file_models.Angles = (0.0, 0.0, 0.0)
+    """About the frame's x, y and z."""
+
+    def pose(self) -> Pose:
+        return Pose.from_rpy(self.offset, self.rpy)
+
+
+Offset = Annotated[
+    Pose,
+    file_models.ReadAs(OffsetFile, OffsetFile.pose),
+    file_models.as_mapping("offset", OffsetFile | file_models.Vector),
+]
+"""Pose of a true frame in the believed one; three lengths in a file stand for `offset`."""
+
+
+class CalibratedCameraFile(file_models.FileModel):
+    """Where a camera is, as a calibration has found."""
+
+    at: file_models.Vector
+    """Its optical centre: in the world, or in the frame of the calibrated TCP for a camera on the hand."""
+    rpy: file_models.Angles
+    """How its optical frame (x right, y down, z forward) is turned: about that frame's x, then y, then z."""
+
+    def pose(self) -> Pose:
+        return Pose.from_rpy(self.at, self.rpy)
+
+
+class WorkspaceFile(file_models.FileModel):
+    """A box along the world's axes."""
+
+    min: file_models.Vector = (-0.5, -1.0, -0.02)
+    """Smallest x, y, z in the world."""
+    max: file_models.Vector = (1.0, 1.0, 1.5)
+    """Greatest x, y, z in the world."""
+
+    def bounds(self) -> Bounds:
+        return Bounds(self.min, self.max)
+
+
+class AreaFile(file_models.FileModel):
+    """A rectangle on the table, along the world's axes, for the items' centres."""
+
+    min: Corner
+    """Smallest x and y in the world."""
+    max: Corner
+    """Greatest x and y in the world."""
+
+    def corners(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        return self.min, self.max
+
+
+Area = Annotated[
+    tuple[tuple[float, float], tuple[float, float]], file_models.ReadAs(AreaFile, AreaFile.corners)
+]
+"""((x min, y min), (x max, y max)) in the world, m."""
 
 TILE_COLOURS = ("red", "yellow", "blue", "purple", "green", "cyan")
 """Colours of the squares, row by row. All differ, so that each square is identified by itself and the
@@ -66,16 +163,23 @@ def tile_body(tile: TargetTile, thickness: float) -> tuple[Box, Pose]:
 
 
 @dataclass(frozen=True, slots=True)
-class SceneCalibration:
-    """Corrections of a scene's belief. They move what is believed, never what is true."""
+class SceneCalibration(file_models.FileValue):
+    """Result of `picktree calibrate`: it takes the place of what is stated elsewhere.
 
-    cameras: tuple[tuple[str, Pose], ...] = ()
-    """Name, and the optical frame in the world, or in the corrected TCP's frame for a camera on the hand."""
-    tcp: Pose = field(default_factory=Pose)
-    """The corrected TCP in the frame of the one that the robot file states: the whole hand sits off by it."""
+    It corrects what is believed, never what is true.
+    """
+
+    cameras: dict[
+        file_models.Name,
+        Annotated[Pose, file_models.ReadAs(CalibratedCameraFile, CalibratedCameraFile.pose)],
+    ] = field(default_factory=dict[str, Pose])
+    """Calibrated cameras of the scene, by name."""
+    tcp: Annotated[Pose, file_models.ReadAs(OffsetFile, OffsetFile.pose)] = field(default_factory=Pose)
+    """Where the TCP is, seen from where the robot file says."""
     date: str = ""
+    """When it was calibrated."""
     by: str = ""
-    """Short description of the calibration's source."""
+    """Source of the calibration."""
 
 
 HoleForm: TypeAlias = Literal["round", "square", "slot"]
@@ -100,13 +204,14 @@ class Hole:
 
 
 @dataclass(frozen=True, slots=True)
-class PlacementUncertainty:
-    """How far a fixture may really stand from where the scene says: drawn from the seed, evenly."""
+class PlacementUncertainty(file_models.FileValue):
+    """How far a fixture may really stand from where the file says; where, is drawn from the seed, and nobody
+    tells the robot."""
 
-    position: float = 0.0
-    """Along each of the fixture's x and y at most, m."""
-    angle: float = 0.0
-    """About its own z, and of its tilt about a horizontal axis, at most, rad."""
+    position: Displacement = 0.0
+    """Along its own x and y, each way."""
+    angle: Misturn = 0.0
+    """About the vertical, each way, and of its tilt."""
 
 
 NO_UNCERTAINTY = PlacementUncertainty()
@@ -160,26 +265,38 @@ class Bin:
         return (-x / 2 + w, -y / 2 + w, w), (x / 2 - w, y / 2 - w, z)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraSettings(file_models.FileValue):
+    """Mount, lens and errors of an RGB-D camera."""
+
+    on: Literal["world", "hand"] = "world"
+    """Mount of the camera. With `hand` it moves with the tool, and `at`, `look_at` and `up` are in the
+    frame of the TCP. Its z points out of the hand, and along its y the fingers close."""
+    size: tuple[Pixels, Pixels] = (320, 240)
+    """Width and height of the picture in pixels."""
+    fov: FieldOfView = math.pi / 3
+    """Vertical field of view."""
+    depth_noise: Noise = 0.002
+    """Standard deviation of the depth at 0.7 m. It grows with the square of the depth, and is never less
+    than 0.2 mm unless it is zero."""
+    edge_dropout: file_models.Share = 0.5
+    """Probability that a pixel on an edge of the depth picture returns nothing."""
+    near: Distance = 0.05
+    """Nearest depth that it sees."""
+    far: Distance = 3.0
+    """Farthest depth that it sees."""
+    error: Offset = field(default_factory=Pose)
+    """Where it really hangs, seen from where it is believed to hang; three lengths stand for `offset`. Only
+    the simulation reads it."""
+
+
 @dataclass(frozen=True, slots=True)
-class CameraDescription:
-    """An RGB-D camera. `pose` is the optical frame in the world as everybody believes it: z looks forward,
-    y down. `error` is the true optical frame given in the believed one: only the simulation reads it."""
+class CameraDescription(CameraSettings):
+    """An RGB-D camera of a scene."""
 
     name: str
     pose: Pose
-    size: tuple[int, int]
-    """Width, height in pixels."""
-    fov: float
-    """Vertical field of view, rad."""
-    depth_noise: float = 0.002
-    """Standard deviation at 0.7 m, m; grows with the square of the depth."""
-    edge_dropout: float = 0.5
-    """Probability that a pixel on a depth edge returns nothing."""
-    near: float = 0.05
-    far: float = 3.0
-    error: Pose = field(default_factory=Pose)
-    on: Literal["world", "hand"] = "world"
-    """`hand`: it moves with the tool, and `pose` is the optical frame in the TCP's."""
+    """Believed optical frame in the world, of a camera on the hand in the TCP's: z looks forward, y down."""
 
     @property
     def intrinsics(self) -> Intrinsics:
@@ -195,7 +312,7 @@ class CameraDescription:
     def calibrated(self, calibration: SceneCalibration | None) -> CameraDescription:
         """Return the camera with its calibrated pose, where there is one. The true pose, `pose @ error`,
         stays."""
-        found = dict(calibration.cameras).get(self.name) if calibration is not None else None
+        found = calibration.cameras.get(self.name) if calibration is not None else None
         if found is None:
             return self
         return replace(self, pose=found, error=found.inverse() @ self.pose @ self.error)
@@ -228,27 +345,50 @@ Drop: TypeAlias = Literal["heap", "pile", "packed"]
 
 
 @dataclass(frozen=True, slots=True)
-class Spawn:
-    """Items set down at random. Drawn from the stream `spawn`, from scene and seed alone."""
+class ItemLoad(file_models.FileValue):
+    """Items that are set down together."""
 
-    counts: tuple[tuple[str, int], ...]
-    """(kind, number)"""
-    colours: tuple[str, ...]
-    """Given out in turn, shuffled."""
-    area: tuple[tuple[float, float], tuple[float, float]]
-    """((x min, y min), (x max, y max)) for the items' centres, m."""
-    gap: float = 0.025
-    """Free distance between the items' footprints, m."""
-    lying: float = 0.0
-    """Share of the cylinders that lie on their side."""
-    tumbled: bool = False
-    """Dropped from 10 cm in any orientation instead of set down."""
-    touching: bool = False
-    """Set down side by side, each touching another."""
+    counts: Annotated[dict[str, Count], Field(alias="of", min_length=1)]
+    """How many of each kind of the catalogue; for a belt the shares of a mixture. `assortment` stands for
+    items of the scene's `assortment`."""
+    colours: Annotated[tuple[ItemColour, ...], Field(min_length=1)]
+    """Given out in turn, shuffled: with three colours a third of the items has each."""
+    area: Area | None = None
+    """Where on the table, for the items' centres; a load is set down wherever it is free."""
     into: ObjectId | None = None
-    """Tote into which the items are poured; None: they come onto the table."""
+    """Tote, by its name under `fixtures`, into which the items are poured."""
+    gap: Annotated[float, file_models.quantity("m", least=0, most=1)] = 0.025
+    """Free distance between any two items on the table as seen from above."""
+    lying: file_models.Share = 0.0
+    """Share of the cylinders that lie on their side."""
+    tumbled: file_models.Flag = False
+    """Dropped from 10 cm in any orientation instead of set down: items roll, and lean on one another."""
+
+    @property
+    def number(self) -> int:
+        return sum(self.counts.values())
+
+    @property
+    def rectangle(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """((x min, y min), (x max, y max)) for the items' centres in the world, m."""
+        assert self.area is not None
+        return self.area
+
+
+@dataclass(frozen=True, slots=True)
+class Spawn(ItemLoad):
+    """Items that are set down at random where a run begins; where, follows from scene and seed alone.
+
+    Drawn from the stream `spawn`. `area` is that of the tote where `into` names one.
+    """
+
     drop: Drop | None = None
-    """How items that are handled as a heap come there before the run begins; None: they are no heap."""
+    """Items that are picked as one heap, at rest before the run begins; only physics can do that. `heap`:
+    poured into a tote in any orientation. `pile`: poured onto the `area` between walls, which are then taken
+    away. `packed`: set down on the `area` upright, `gap` apart."""
+    touching: file_models.Flag = False
+    """Set down side by side, so that each touches another; most of them face to face. Then `gap` is only kept
+    from other entries' items. Not beside `tumbled`."""
 
 
 MESH_SETS = ("random_urdfs",)
@@ -258,22 +398,25 @@ ASSORTMENT = "assortment"
 
 
 @dataclass(frozen=True, slots=True)
-class Assortment:
-    """Things without a catalogue. Only the simulation and the scorer may look at it."""
+class Assortment(file_models.FileValue):
+    """Things without a catalogue: only the simulation and the scorer know their shapes."""
 
-    meshes: str
-    """Name of a set that comes with a package, or path of a folder with OBJ files."""
-    scale: float
+    meshes: Annotated[str, file_models.NamedFile("mesh folder")]
+    """Folder with OBJ files beside this file, or `random_urdfs`, the set of 999 things that comes with
+    pybullet. Each `o` group of a file is a convex part."""
+    scale: Annotated[float, Field(gt=0, le=1000)] = 1.0
     """Factor from the files' lengths to metres."""
-    density: float
-    """Density, kg/m³."""
-    friction: float
-    least_mass: float = 0.0
-    """Mass below which things are left out, kg."""
-    tags: tuple[int, ...] = ()
-    """Numbers of the ArUco tags that are on things; empty: none have one."""
-    tag_size: float = 0.02
-    """Side of a tag's black square, m."""
+    density: Annotated[float, Field(gt=0, le=25000)] = 500.0
+    """Density, kg/m³; with the parts' volume it gives the mass."""
+    friction: Annotated[float, Field(gt=0, le=2)] = 0.5
+    """Coulomb friction of each thing."""
+    least_mass: file_models.Mass = 0.001
+    """Things that are lighter are left out: a wrist does not feel them in the hand."""
+    tags: tuple[TagNumber, ...] = ()
+    """Numbers of ArUco tags (4 × 4, the first 50), given out in turn, shuffled. Each thing has its tag on all
+    flat faces that carry one. Rules of `destinations` may ask for `tag`."""
+    tag_size: Annotated[float, file_models.quantity("m", least=0.005, most=0.2)] = 0.02
+    """Side of a tag's black square."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,100 +453,178 @@ class AtTimes:
 When: TypeAlias = WhenClear | AtIntervals | AtTimes
 
 
-@dataclass(frozen=True, slots=True)
-class Delivery:
-    """Entry of the feed. `load` is the load of one delivery, as an entry of `spawn`. For a belt it is the
-    mixture of single items, over the whole of the belt's top."""
+class WhenFile(file_models.FileModel):
+    """The times at which a load comes."""
 
-    load: Spawn
-    when: When = WhenClear()
-    """Time of the loads; for a belt always `WhenClear`: it runs when the robot is ready."""
-    total: int | None = None
-    """Items in all; None: for ever."""
+    one_of: ClassVar[tuple[str, ...]] = ("every", "at")
+    """Exactly one of these is given."""
+
+    every: Annotated[float, file_models.quantity("s", least=1, most=86400)] | None = None
+    """Time from one load to the next; the first comes after the same time."""
+    at: Annotated[tuple[file_models.Duration, ...], Field(min_length=1)] | None = None
+    """Simulated times since the run began, ascending."""
+
+    @staticmethod
+    def value(given: WhenFile | None) -> When:
+        if given is None:
+            return WhenClear()
+        return AtTimes(given.at or ()) if given.every is None else AtIntervals(given.every)
+
+
+def _clear(value: object) -> object:
+    """Validate a time of a load; `clear` becomes None."""
+    if isinstance(value, str) and value != "clear":
+        hint = "it is clear, {every: 45 s} or {at: [10 s, 60 s]}"
+        raise file_models.InvalidValue(f"{describe(value)} is no time for a load", hint, code="P108")
+    return None if value == "clear" else value
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery(ItemLoad):
+    """Items that are brought while a run goes on: loads on the table, single items on a belt, full totes.
+
+    For a belt the load is the mixture of single items, over the whole of the belt's top.
+    """
+
+    one_of: ClassVar[tuple[str, ...]] = ("area", "belt", "into")
+    """Exactly one of these is given."""
+
     belt: ObjectId | None = None
-    """The belt at whose upstream end the items are set down; None: on the table, or into the load's tote."""
-    spacing: float = 0.15
-    """Mean distance on the belt from one item to the next, m."""
+    """The belt, by its name under `fixtures`, at whose upstream end items are set down one by one."""
+    when: Annotated[
+        When,
+        file_models.ReadAs(WhenFile | None, WhenFile.value),
+        BeforeValidator(_clear, json_schema_input_type=Literal["clear"] | WhenFile | None),
+    ] = WhenClear()
+    """Time of the loads: `clear` (unless given), `{every: 45 s}` or `{at: [10 s, 60 s]}`. With `clear` a load
+    comes when the robot reports that it is done with what lies there. A belt runs whenever the robot is
+    ready; a tote comes when it is exchanged."""
+    spacing: Annotated[float, file_models.quantity("m", least=0.01, most=10)] = 0.15
+    """Mean distance on a belt from one item to the next."""
+    total: Annotated[int, Strict(), Field(ge=1, le=1_000_000)] | None = None
+    """How many items come in all; without it they come for ever."""
+
+    @property
+    def load(self) -> Spawn:
+        """Items of one delivery, as an entry of `spawn`."""
+        each = {part.name: getattr(self, part.name) for part in fields(ItemLoad)}
+        return Spawn(**each, drop=None if self.into is None else "heap")
 
 
 @dataclass(frozen=True, slots=True)
-class Exchange:
-    """Somebody puts an empty bin in a full one's place when the robot asks."""
+class Exchange(file_models.FileValue):
+    """Somebody who puts an empty bin in a full one's place when the robot asks."""
 
-    seconds: float
-    """How long that takes."""
+    takes: Annotated[float, file_models.quantity("s", above=0, most=3600)]
+    """How long that takes while the arm is out of the way."""
 
 
 @dataclass(frozen=True, slots=True)
-class Destination:
-    """Items for which `where` is true belong into the bin `to`. The first rule that holds counts."""
+class Destination(file_models.FileValue):
+    """A rule that says where items belong. The first that holds for an item counts."""
 
     where: str
+    """Items of the rule: an expression of colour, form, kind, mass and size, as "colour == 'red' and mass >
+    0.06". The mass is in kg, as weighed in the hand; the size is the greatest distance of two points, m.
+    `tag` is the number of the ArUco tag that was read."""
     to: ObjectId
+    """The bin, or the fixture with holes, by its name under `fixtures`: then any free hole that fits the item
+    is right. Or one hole, as board/left."""
 
 
 @dataclass(frozen=True, slots=True)
-class SafetyLimits:
+class SafetyLimits(file_models.FileValue):
+    """Limits of the safety monitor: beyond them the robot stops, and only a SafeRetreat goes on."""
+
+    force: file_models.Force = 60.0
+    """Greatest contact force at the wrist."""
+    workspace: Annotated[Bounds, file_models.ReadAs(WorkspaceFile, WorkspaceFile.bounds)] = field(
+        default_factory=lambda: WorkspaceFile().bounds()
+    )
+    """Where the TCP may be."""
+    payload: file_models.Mass | None = None
+    """Greatest mass that the hand may carry here, where that is less than what the robot may."""
+
+
+@dataclass(frozen=True, slots=True)
+class Thinking(file_models.FileValue):
+    """Simulated time that computing costs; zero is allowed, and reports then say so."""
+
+    collision_check: Cost = 25e-6
+    """Time for each configuration that a planner checks."""
+    image: Cost = 0.06
+    """Time for taking a picture and recognising what is in it."""
+
+
+@dataclass(frozen=True, slots=True)
+class SensorNoise(file_models.FileValue):
+    """Standard deviations of the sensors other than the cameras."""
+
+    encoder: Annotated[float, file_models.quantity("rad", least=0, most=0.1)] = 2e-5
+    """Standard deviation of each joint's angle."""
+    width: Annotated[float, file_models.quantity("m", least=0, most=0.1)] = 1e-4
+    """Standard deviation of the opening between the fingers."""
+    force: Annotated[float, file_models.quantity("N", least=0, most=100)] = 0.15
+    """Standard deviation of the force at the wrist, each axis."""
+    torque: Annotated[float, file_models.quantity("Nm", least=0, most=100)] = 0.01
+    """Standard deviation of the torque at the wrist, each axis."""
+    force_bias: Annotated[float, file_models.quantity("N", least=0, most=10)] = 1.0
+    """Standard deviation of the wrist sensor's force bias, each axis. The bias is drawn from the seed,
+    holds for a whole run and turns with the hand."""
+    torque_bias: Annotated[float, file_models.quantity("Nm", least=0, most=10)] = 0.05
+    """Likewise of the torque."""
+    drift: file_models.Share = 0.1
+    """Share by which the bias wanders within minutes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneSettings(file_models.FileValue):
+    """Keys of a scene file beside its sections."""
+
+    base: Annotated[str, file_models.NamedFile("scene")] | None = None
+    """A scene, shipped or a file beside this one, on which this one is laid: mappings merge, other values
+    replace, null removes."""
+    robot: Annotated[str, file_models.NamedFile("robot")]
+    """A shipped robot, or a robot file beside this one."""
+    limits: SafetyLimits = field(default_factory=SafetyLimits)
     """Limits that the safety monitor enforces."""
-
-    force: float = 60.0
-    """Contact force at the wrist, N."""
-    workspace: Bounds = field(default_factory=lambda: Bounds((-0.5, -1.0, -0.02), (1.0, 1.0, 1.5)))
-    """Where the TCP may be, in the world."""
-    payload: float | None = None
-    """Greatest mass in the hand, kg; None: what the robot's rated payload leaves."""
-
-
-@dataclass(frozen=True, slots=True)
-class Thinking:
-    """Simulated time that computing costs, s."""
-
-    collision_check: float = 25e-6
-    image: float = 0.06
-
-
-@dataclass(frozen=True, slots=True)
-class SensorNoise:
-    """Standard deviations of the errors of the sensors other than the cameras."""
-
-    encoder: float = 2e-5
-    """rad"""
-    width: float = 1e-4
-    """m"""
-    force: float = 0.15
-    """N, each axis"""
-    torque: float = 0.01
-    """Nm, each axis"""
-    force_bias: float = 1.0
-    """Standard deviation of the wrist sensor's force bias for the whole run, in the hand's axes, N, each
-    axis."""
-    torque_bias: float = 0.05
-    """Nm, each axis"""
-    drift: float = 0.1
-    """Share of itself by which the bias wanders within minutes."""
+    thinking: Thinking = field(default_factory=Thinking)
+    """Simulated time that computing costs."""
+    planner: planner_names.PlannerName | None = None
+    """Planner of free motions, instead of the robot file's; `auto` unless one of the two files says."""
+    noise: Annotated[SensorNoise, Field(alias="sensors")] = field(default_factory=SensorNoise)
+    """Noise of the sensors other than the cameras."""
+    checkpoint_every: Count = 4
+    """How many items are handled from one checkpoint of a run to the next."""
+    goal: str | None = None
+    """Goal of a run: an expression of the numbers of items total, sorted, misplaced, left and outstanding
+    (those that the feed still owes). Every item at its destination and none outstanding unless given."""
+    exchange: Exchange | None = None
+    """Exchange of full bins and empty totes; without it nobody exchanges them."""
+    tool_error: Offset = field(default_factory=Pose)
+    """Where the hand is really mounted, seen from where the robot file has it; three lengths stand for
+    `offset`. Only the simulation knows."""
+    assortment: Assortment | None = None
+    """Things without a catalogue, for entries of `spawn` that ask for `assortment`."""
+    calibration: SceneCalibration | None = None
+    """Corrections of cameras and tool after calibrating; `picktree calibrate` writes them."""
 
 
-@dataclass(frozen=True, slots=True)
-class SceneDescription:
-    """A scene file, read and resolved."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneDescription(SceneSettings):
+    """A scene file, read and resolved.
+
+    `robot` is the name of a shipped robot or the path of a robot file. The poses in `cameras` contain the
+    corrections of `calibration`.
+    """
 
     name: str
-    robot: str
-    """Name of a shipped robot, or the path of a robot file."""
     fixtures: tuple[Fixture, ...]
     bins: tuple[Bin, ...]
     cameras: tuple[CameraDescription, ...]
     catalogue: tuple[CatalogueEntry, ...]
     spawn: tuple[Spawn, ...]
     destinations: tuple[Destination, ...]
-    limits: SafetyLimits = field(default_factory=SafetyLimits)
-    thinking: Thinking = field(default_factory=Thinking)
-    noise: SensorNoise = field(default_factory=SensorNoise)
-    checkpoint_every: int = 4
-    """Items between two checkpoints."""
-    goal: str | None = None
-    """An expression over `total`, `sorted`, `misplaced`, `left`, `outstanding`; default: all are sorted, and
-    nothing is outstanding."""
     source: str = ""
     """Path of the file."""
     text: str = ""
@@ -412,20 +633,9 @@ class SceneDescription:
     """Which of the fixtures are belts."""
     deliveries: tuple[Delivery, ...] = ()
     """Deliveries of the feed during a run."""
-    exchange: Exchange | None = None
-    """None: nobody exchanges bins."""
     unknown: tuple[Fixture, ...] = ()
     """Bodies that stand there from the beginning, and that nobody has told the robot of: only the simulation
     may look at them."""
-    tool_error: Pose = field(default_factory=Pose)
-    """Where the TCP really is, seen from where the robot file says: the hand is mounted off by it. Only the
-    simulation reads it."""
-    planner: str = ""
-    """Planner of free motions; empty: that of the robot."""
-    calibration: SceneCalibration | None = None
-    """Calibration of cameras and tool; the poses in `cameras` contain its corrections already."""
-    assortment: Assortment | None = None
-    """Things without a catalogue; None: there are none."""
     files: tuple[file_models.FileName, ...] = field(default=(), compare=False, repr=False)
     """Files that the scene names, each with its path as text."""
 
@@ -447,7 +657,7 @@ class SceneDescription:
     @property
     def items_in_all(self) -> int | None:
         """How many will have come in the end; None when they come for ever."""
-        here = sum(number for spawn in self.spawn for _, number in spawn.counts)
+        here = sum(spawn.number for spawn in self.spawn)
         totals = [delivery.total for delivery in self.deliveries]
         known = [total for total in totals if total is not None]
         return here + sum(known) if len(known) == len(totals) else None

@@ -6,9 +6,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 
@@ -31,39 +32,33 @@ from .description import (
     ASSORTMENT,
     MESH_SETS,
     Assortment,
-    AtIntervals,
     AtTimes,
     Belt,
     Bin,
     CatalogueEntry,
     Delivery,
     Fixture,
+    ItemLoad,
     Spawn,
     When,
     WhenClear,
+    WhenFile,
 )
 from .scene_entries import body
-from .scene_schema import AreaFile, AssortmentFile, FeedFile, FixtureFile, SpawnFile, WhenFile
+from .scene_schema import FixtureFile
 
 MAX_COVERED_SHARE = 0.8
 """Share of an area that items and their gaps may cover."""
-Outline = tuple[float, float]
+Corners: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
+"""((x min, y min), (x max, y max)) in the world, m."""
+Outline: TypeAlias = tuple[float, float]
 """Area of an item's footprint with half the gap around it, m², and its greatest reach from the centre, m."""
-
-
-class ItemLoad(Protocol):
-    """An entry of a file whose items are set down together. What could not be read raises `UnreadPart`."""
-
-    @property
-    def of(self) -> dict[str, int]: ...
-    @property
-    def lying(self) -> float: ...
 
 
 def check_spawn(
     check: DocumentChecker,
     n: int,
-    entry: SpawnFile,
+    entry: Spawn,
     catalogue: Mapping[str, CatalogueEntry | None],
     bodies: Sequence[Fixture | Bin] | None,
     workspace: Bounds | None,
@@ -88,18 +83,19 @@ def check_spawn(
 
 
 def _check_heap(
-    check: DocumentChecker, loc: Location, entry: SpawnFile, bodies: Sequence[Fixture | Bin] | None
+    check: DocumentChecker, loc: Location, entry: Spawn, bodies: Sequence[Fixture | Bin] | None
 ) -> None:
     """Faults of how and into what items are poured."""
-    if entry.area is None and entry.into is None:
+    area = _given(check, loc, "area")
+    if not area and entry.into is None:
         hint = "a rectangle on the table; or 'into', a tote"
         check.fault(loc, "'area' is missing", hint, code="P105", key=True)
-    if entry.area is not None and entry.into is not None:
+    if area and entry.into is not None:
         message = "'area' and 'into' exclude each other"
         check.fault((*loc, "into"), message, "give one of them", code="P112", key=True)
     if entry.into is not None:
         check_tote(check, loc, entry.into, bodies)
-    if entry.drop is None and (entry.into is not None or ASSORTMENT in entry.of):
+    if entry.drop is None and (entry.into is not None or ASSORTMENT in entry.counts):
         which = "'drop: heap'" if entry.into is not None else "'drop: pile' or 'drop: packed'"
         hint = f"items are poured into a tote, and things of an assortment lie in heaps: {which}"
         check.fault(loc, "'drop' is missing", hint, code="P105", key=True)
@@ -127,7 +123,7 @@ def check_kinds(
 ) -> None:
     """Whether the catalogue has what the entry asks for."""
     with check.readable():
-        for name in entry.of:
+        for name in entry.counts:
             if name not in catalogue:
                 hint = suggest_name(name, catalogue)
                 message = f"the catalogue has no {describe(name)}"
@@ -137,7 +133,7 @@ def check_kinds(
 def check_area(
     check: DocumentChecker,
     loc: Location,
-    area: AreaFile,
+    area: Corners,
     bodies: Sequence[Fixture | Bin] | None,
     workspace: Bounds | None,
     rim: float = 0.0,
@@ -146,7 +142,7 @@ def check_area(
 
     `rim`: width about it in which things of a heap may come to lie, m.
     """
-    (x0, y0), (x1, y1) = area.min, area.max
+    (x0, y0), (x1, y1) = area
     if x1 <= x0 or y1 <= y0:
         message = "the area is empty: 'max' must be greater than 'min' along x and y"
         check.fault((*loc, "area"), message, code="P411")
@@ -158,12 +154,12 @@ def check_area(
 def _check_place(
     check: DocumentChecker,
     loc: Location,
-    area: AreaFile,
+    area: Corners,
     bodies: Sequence[Fixture | Bin] | None,
     workspace: Bounds | None,
     rim: float,
 ) -> None:
-    (x0, y0), (x1, y1) = area.min, area.max
+    (x0, y0), (x1, y1) = area
     x0, y0, x1, y1 = x0 - rim, y0 - rim, x1 + rim, y1 + rim
     points = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)]
     about = f" with its rim of {1000 * rim:g} mm" if rim else ""
@@ -187,15 +183,15 @@ def check_crowding(
     check: DocumentChecker,
     loc: Location,
     entry: ItemLoad,
-    area: AreaFile,
+    area: Corners,
     gap: float,
     catalogue: Mapping[str, CatalogueEntry | None],
 ) -> None:
     """Whether all items of the entry fit into the area together."""
-    (x0, y0), (x1, y1) = area.min, area.max
+    (x0, y0), (x1, y1) = area
     outlines = [
-        (entry.of[name], _outline(known.shape, gap, entry.lying))
-        for name in entry.of
+        (entry.counts[name], _outline(known.shape, gap, entry.lying))
+        for name in entry.counts
         if (known := catalogue.get(name)) is not None
     ]
     if not outlines:
@@ -204,9 +200,8 @@ def check_crowding(
     reach = max(reach for _, (_, reach) in outlines)
     offered = (x1 - x0 + 2 * reach + gap) * (y1 - y0 + 2 * reach + gap)
     if needed > MAX_COVERED_SHARE * offered:
-        count = sum(entry.of.values())
         message = (
-            f"{count} items with gaps of {1000 * gap:g} mm do not fit: "
+            f"{entry.number} items with gaps of {1000 * gap:g} mm do not fit: "
             f"they need {needed:.3f} m², and the area with its rim has {offered:.3f} m²"
         )
         hint = "enlarge the area, or ask for fewer items or smaller gaps"
@@ -259,7 +254,7 @@ MAX_ASSORTMENT_BYTES = 32_000_000
 """Greatest size of all files of an assortment together: each log holds them."""
 
 
-def check_assortment(check: DocumentChecker, entry: AssortmentFile | None) -> bool:
+def check_assortment(check: DocumentChecker, entry: Assortment | None) -> bool:
     """Check the assortment, and return whether there is one."""
     if entry is None:
         return False
@@ -277,14 +272,11 @@ def check_assortment(check: DocumentChecker, entry: AssortmentFile | None) -> bo
     return True
 
 
-def assortment(document: Document, entry: AssortmentFile | None) -> Assortment | None:
+def assortment(document: Document, entry: Assortment | None) -> Assortment | None:
     """The assortment of a file without faults; None: it has none."""
     if entry is None:
         return None
-    meshes = _meshes(document, entry.meshes)
-    return Assortment(
-        meshes, entry.scale, entry.density, entry.friction, entry.least_mass, entry.tags, entry.tag_size
-    )
+    return replace(entry, meshes=_meshes(document, entry.meshes))
 
 
 def _meshes(document: Document, name: str) -> str:
@@ -294,34 +286,17 @@ def _meshes(document: Document, name: str) -> str:
     return str(file_models.path_of(document, ("assortment", "meshes"), name).resolve())
 
 
-def tote_area(tote: Bin) -> tuple[tuple[float, float], tuple[float, float]]:
+def tote_area(tote: Bin) -> Corners:
     """Return the corners of the area about a tote, which is not turned for it, m."""
     (x, y, _), (wide, deep, _) = tote.pose.position, tote.size
     return (x - wide / 2, y - deep / 2), (x + wide / 2, y + deep / 2)
 
 
-def spawn(entry: SpawnFile, bins: Mapping[str, Bin]) -> Spawn:
-    """A spawn entry without faults."""
-    if entry.area is not None:
-        area = (entry.area.min, entry.area.max)
-    else:
-        assert entry.into is not None
-        area = tote_area(bins[entry.into])
-    return Spawn(
-        counts=tuple(entry.of.items()),
-        colours=entry.colours,
-        area=area,
-        gap=entry.gap,
-        lying=entry.lying,
-        tumbled=entry.tumbled,
-        touching=entry.touching,
-        into=None if entry.into is None else ObjectId(entry.into),
-        drop=entry.drop,
-    )
+def spawn(entry: Spawn, bins: Mapping[str, Bin]) -> Spawn:
+    """Return a spawn entry without faults, with the area of its tote where it has one."""
+    return entry if entry.into is None else replace(entry, area=tote_area(bins[entry.into]))
 
 
-DEFAULT_GAP = 0.025
-DEFAULT_SPACING = 0.15
 MIN_BELT_GAP = 0.01
 """Least distance between two items on a belt, m."""
 SPACING_SPREAD = 0.25
@@ -331,7 +306,7 @@ SPACING_SPREAD = 0.25
 def check_feed(
     check: DocumentChecker,
     n: int,
-    entry: FeedFile,
+    entry: Delivery,
     catalogue: Mapping[str, CatalogueEntry | None],
     bodies: Mapping[str, FixtureFile],
     standing: Sequence[Fixture | Bin] | None,
@@ -344,15 +319,15 @@ def check_feed(
     assortment.
     """
     loc: Location = ("feed", n)
-    which = check.one_of(loc, FeedFile.one_of)
+    which = check.one_of(loc, Delivery.one_of)
     poured = which == "into" and assorted
     check_kinds(check, loc, entry, {**catalogue, ASSORTMENT: None} if poured else catalogue)
     with check.readable():
         if which == "area" and entry.area is not None:
-            if entry.spacing is not None:
+            if _given(check, loc, "spacing"):
                 check.fault((*loc, "spacing"), "only items on a belt have a spacing", code="P112", key=True)
             if check_area(check, loc, entry.area, standing, workspace):
-                check_crowding(check, loc, entry, entry.area, _gap(entry), catalogue)
+                check_crowding(check, loc, entry, entry.area, entry.gap, catalogue)
     with check.readable():
         if which == "belt" and entry.belt is not None:
             _check_on_belt(check, loc, entry, entry.belt, catalogue, bodies)
@@ -360,18 +335,18 @@ def check_feed(
         if which == "into" and entry.into is not None:
             check_tote(check, loc, entry.into, standing)
             for key in ("gap", "spacing", "tumbled", "when"):
-                if getattr(entry, key) is not None:
+                if _given(check, loc, key):
                     hint = "a tote comes full when it is exchanged, and its items lie anywhere"
                     check.fault((*loc, key), "items come with their tote", hint, code="P112", key=True)
     with check.readable():
-        if which == "area" and entry.when is not None:
+        if which == "area" and not isinstance(entry.when, WhenClear):
             _check_times(check, loc, entry, entry.when)
 
 
 def _check_on_belt(
     check: DocumentChecker,
     loc: Location,
-    entry: FeedFile,
+    entry: Delivery,
     name: str,
     catalogue: Mapping[str, CatalogueEntry | None],
     bodies: Mapping[str, FixtureFile],
@@ -382,16 +357,16 @@ def _check_on_belt(
         check.fault((*loc, "belt"), f"there is no belt {describe(name)}", hint, code="P420")
     for key in ("gap", "tumbled", "when"):
         with check.readable():
-            if getattr(entry, key) is not None:
+            if _given(check, loc, key):
                 hint = "a belt runs whenever the robot is ready" if key == "when" else "give its 'spacing'"
                 check.fault((*loc, key), "items on a belt come one by one", hint, code="P112", key=True)
     with check.readable():
         size = bodies[name].belt if name in bodies else None
-        for kind in entry.of:
+        for kind in entry.counts:
             item = catalogue.get(kind)
             if item is not None and size is not None:
                 _check_room(check, loc, entry, kind, item.shape, size[1])
-        known_items = [item for kind in entry.of if (item := catalogue.get(kind)) is not None]
+        known_items = [item for kind in entry.counts if (item := catalogue.get(kind)) is not None]
         if size is not None and known_items:
             widest = max(reach(item.shape, entry.lying) for item in known_items)
             _check_barrier(check, name, bodies[name].eye, size[0], widest)
@@ -409,7 +384,7 @@ def _check_barrier(
 
 
 def _check_room(
-    check: DocumentChecker, loc: Location, entry: FeedFile, kind: str, shape: Shape, width: float
+    check: DocumentChecker, loc: Location, entry: Delivery, kind: str, shape: Shape, width: float
 ) -> None:
     """Whether an item lies on the belt and keeps apart from the next, however it is turned."""
     across = 2 * reach(shape, entry.lying)
@@ -417,12 +392,12 @@ def _check_room(
         message = f"a {kind} is {1000 * across:.0f} mm across, and the belt is {1000 * width:g} mm wide"
         check.fault((*loc, "of", kind), message, code="P414", key=True)
     least = (across + MIN_BELT_GAP) / (1 - SPACING_SPREAD)
-    spacing = DEFAULT_SPACING if entry.spacing is None else entry.spacing
-    if spacing < least:
-        at: Location = (*loc, "spacing") if entry.spacing is not None else (*loc, "of", kind)
+    if entry.spacing < least:
+        given = _given(check, loc, "spacing")
+        at: Location = (*loc, "spacing") if given else (*loc, "of", kind)
         message = f"items that are {1000 * across:.0f} mm across would touch on the belt"
         hint = f"a spacing of at least {1000 * math.ceil(1000 * least) / 1000:.0f} mm"
-        check.fault(at, message, hint, code="P414", key=entry.spacing is None)
+        check.fault(at, message, hint, code="P414", key=not given)
 
 
 def reach(shape: Shape, lying: float) -> float:
@@ -440,23 +415,22 @@ def reach(shape: Shape, lying: float) -> float:
             return max(math.hypot(x, y) for x in (low[0], high[0]) for y in (low[1], high[1]))
 
 
-def _check_times(check: DocumentChecker, loc: Location, entry: FeedFile, when: WhenFile) -> None:
+def _check_times(check: DocumentChecker, loc: Location, entry: Delivery, when: When) -> None:
     check.one_of((*loc, "when"), WhenFile.one_of)
-    if when.at is None:
+    if not isinstance(when, AtTimes):
         return
-    for k, (one, other) in enumerate(pairwise(when.at), start=1):
+    for k, (one, other) in enumerate(pairwise(when.times), start=1):
         if other <= one:
             given = check.written((*loc, "when", "at", k), other, "s")
             message = f"{given} does not come after the load before it"
             check.fault((*loc, "when", "at", k), message, "times ascend", code="P422")
             return
-    each = sum(entry.of.values())
-    if entry.total is not None and entry.total > each * len(when.at):
-        message = f"{entry.total} items do not come in {len(when.at)} loads of {each}"
+    if entry.total is not None and entry.total > entry.number * len(when.times):
+        message = f"{entry.total} items do not come in {len(when.times)} loads of {entry.number}"
         check.fault((*loc, "total"), message, "give more times, or leave the total out", code="P423")
 
 
-def check_totes(check: DocumentChecker, feed: Sequence[FeedFile], *, exchanged: bool) -> None:
+def check_totes(check: DocumentChecker, feed: Sequence[Delivery], *, exchanged: bool) -> None:
     """Totes into which two entries come, or that nobody exchanges."""
     feeding: dict[str, int] = {}
     for n, entry in enumerate(feed):
@@ -476,7 +450,7 @@ def check_totes(check: DocumentChecker, feed: Sequence[FeedFile], *, exchanged: 
 def check_belts(
     check: DocumentChecker,
     bodies: Mapping[str, FixtureFile],
-    feed: Sequence[FeedFile],
+    feed: Sequence[Delivery],
     workspace: Bounds | None,
 ) -> None:
     """Belts to which nothing comes or too much, or that stop where no arm reaches."""
@@ -507,7 +481,7 @@ def check_belts(
                 check.fault(loc, message, hint, code="P425", key=True, severity="warning")
 
 
-def _may_feed(check: DocumentChecker, entry: FeedFile, name: str, bodies: Mapping[str, FixtureFile]) -> bool:
+def _may_feed(check: DocumentChecker, entry: Delivery, name: str, bodies: Mapping[str, FixtureFile]) -> bool:
     """Also one in which the belt's name is wrong, missing or cannot be read."""
     with check.readable():
         if entry.belt is None:
@@ -528,41 +502,21 @@ def belt(name: str, entry: FixtureFile) -> Belt:
     return Belt(ObjectId(name), entry.speed, entry.eye)
 
 
-def delivery(entry: FeedFile, bodies: Mapping[str, FixtureFile]) -> Delivery:
-    """An entry of the feed without faults."""
+def delivery(entry: Delivery, bodies: Mapping[str, FixtureFile]) -> Delivery:
+    """Return an entry of the feed without faults, with the area of its belt or tote, and with its total."""
+    area, total = entry.area, entry.total
     if entry.belt is not None:
         area = _top(entry.belt, bodies[entry.belt])
     elif entry.into is not None:
         tote = body(entry.into, bodies[entry.into])
         assert isinstance(tote, Bin)
         area = tote_area(tote)
-    else:
-        assert entry.area is not None
-        area = (entry.area.min, entry.area.max)
-    load = Spawn(
-        counts=tuple(entry.of.items()),
-        colours=entry.colours,
-        area=area,
-        gap=_gap(entry),
-        lying=entry.lying,
-        tumbled=bool(entry.tumbled),
-        into=None if entry.into is None else ObjectId(entry.into),
-        drop=None if entry.into is None else "heap",
-    )
-    when = _when(entry.when)
-    total = entry.total
-    if isinstance(when, AtTimes) and total is None:
-        total = sum(entry.of.values()) * len(when.times)
-    return Delivery(
-        load=load,
-        when=when,
-        total=total,
-        belt=ObjectId(entry.belt) if entry.belt is not None else None,
-        spacing=DEFAULT_SPACING if entry.spacing is None else entry.spacing,
-    )
+    if isinstance(entry.when, AtTimes) and total is None:
+        total = entry.number * len(entry.when.times)
+    return replace(entry, area=area, total=total)
 
 
-def _top(name: str, entry: FixtureFile) -> tuple[tuple[float, float], tuple[float, float]]:
+def _top(name: str, entry: FixtureFile) -> Corners:
     """The rectangle in the world around a belt's top."""
     fixture = body(name, entry)
     assert isinstance(fixture, Fixture)
@@ -571,14 +525,6 @@ def _top(name: str, entry: FixtureFile) -> tuple[tuple[float, float], tuple[floa
     return (x + float(low[0]), y + float(low[1])), (x + float(high[0]), y + float(high[1]))
 
 
-def _when(when: WhenFile | None) -> When:
-    if when is None:
-        return WhenClear()
-    if when.every is not None:
-        return AtIntervals(when.every)
-    assert when.at is not None
-    return AtTimes(when.at)
-
-
-def _gap(entry: FeedFile) -> float:
-    return DEFAULT_GAP if entry.gap is None else entry.gap
+def _given(check: DocumentChecker, loc: Location, key: str) -> bool:
+    """Return whether an entry has a key; `clear` is the same as no `when`."""
+    return check.document.get((*loc, key)) not in (None, "clear")

@@ -8,6 +8,7 @@ import itertools
 import logging
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -36,16 +37,16 @@ from .description import (
     NO_UNCERTAINTY,
     Bin,
     CameraDescription,
+    CameraSettings,
     CatalogueEntry,
     Fixture,
     Form,
     Hole,
     HoleForm,
-    PlacementUncertainty,
     tiles_on,
 )
 from .destinations import ItemTraits, rule_holds
-from .scene_schema import FORMS, CameraFile, CatalogueFile, FixtureFile, HoleFile, UnknownFile
+from .scene_schema import FORMS, CameraFile, CatalogueFile, FixtureFile, HoleFile, PlacedFile, UnknownFile
 
 MAX_MESH_BYTES = 1_000_000
 _log = logging.getLogger(__name__)
@@ -195,7 +196,7 @@ def _check_drive(check: DocumentChecker, loc: Location, entry: FixtureFile, whic
 
 def body(name: str, entry: FixtureFile) -> Fixture | Bin:
     """A fixture, bin or tote without faults. A belt is a fixture, too."""
-    pose = Pose.from_rpy(entry.at, entry.rpy or (0.0, 0.0, entry.yaw or 0.0))
+    pose, loose = entry.pose(), entry.uncertainty or NO_UNCERTAINTY
     outside = entry.bin or entry.tote
     if outside is not None and entry.wall is not None:
         return Bin(ObjectId(name), outside, entry.wall, pose, entry.colour, entry.tote is not None)
@@ -205,11 +206,10 @@ def body(name: str, entry: FixtureFile) -> Fixture | Bin:
         )
     if entry.marker is not None:
         tiles = tiles_on(entry.marker)
-        loose = uncertainty(entry)
         return Fixture(ObjectId(name), Box(entry.marker), pose, entry.colour, (), loose, tiles)
     assert entry.box is not None
     bored = holes(name, entry)
-    return Fixture(ObjectId(name), Box(entry.box), pose, entry.colour, bored, uncertainty(entry))
+    return Fixture(ObjectId(name), Box(entry.box), pose, entry.colour, bored, loose)
 
 
 def check_unknown(check: DocumentChecker, loc: Location, entry: UnknownFile) -> None:
@@ -218,7 +218,7 @@ def check_unknown(check: DocumentChecker, loc: Location, entry: UnknownFile) -> 
     _check_turn(check, loc, entry)
 
 
-def _check_turn(check: DocumentChecker, loc: Location, entry: FixtureFile | UnknownFile) -> None:
+def _check_turn(check: DocumentChecker, loc: Location, entry: PlacedFile) -> None:
     with check.readable():
         if entry.rpy is not None and entry.yaw is not None:
             message = "'rpy' and 'yaw' exclude each other"
@@ -227,10 +227,9 @@ def _check_turn(check: DocumentChecker, loc: Location, entry: FixtureFile | Unkn
 
 def hidden_body(name: str, entry: UnknownFile) -> Fixture:
     """Such a body without faults."""
-    pose = Pose.from_rpy(entry.at, entry.rpy or (0.0, 0.0, entry.yaw or 0.0))
     shape = _primitive(entry)
     assert shape is not None
-    return Fixture(ObjectId(name), shape, pose, entry.colour)
+    return Fixture(ObjectId(name), shape, entry.pose(), entry.colour)
 
 
 def _primitive(entry: UnknownFile | CatalogueFile) -> Shape | None:
@@ -263,18 +262,8 @@ def camera(name: str, entry: CameraFile) -> CameraDescription:
     """A camera without faults, with its optical frame."""
     pose = look_at_frame(entry.at, entry.look_at, entry.up)
     assert pose is not None
-    return CameraDescription(
-        name=name,
-        pose=pose,
-        size=entry.size,
-        fov=entry.fov,
-        depth_noise=entry.depth_noise,
-        edge_dropout=entry.edge_dropout,
-        near=entry.near,
-        far=entry.far,
-        error=Pose.from_rpy(entry.error.offset, entry.error.rpy),
-        on=entry.on,
-    )
+    settings = {each.name: getattr(entry, each.name) for each in fields(CameraSettings)}
+    return CameraDescription(**settings, name=name, pose=pose)
 
 
 def look_at_frame(at: Vector3, target: Vector3, up: Vector3 | None) -> Pose | None:
@@ -468,13 +457,6 @@ def holes(name: str, entry: FixtureFile) -> tuple[Hole, ...]:
     assert entry.box is not None
     made = [_hole(ObjectId(f"{name}/{key}"), hole, entry.box[2]) for key, hole in (entry.holes or {}).items()]
     return tuple(hole for hole in made if hole is not None)
-
-
-def uncertainty(entry: FixtureFile) -> PlacementUncertainty:
-    """How far a box may really stand from where it should."""
-    if entry.uncertainty is None:
-        return NO_UNCERTAINTY
-    return PlacementUncertainty(entry.uncertainty.position, entry.uncertainty.angle)
 
 
 def _hole(hole_id: ObjectId, entry: HoleFile, height: float) -> Hole | None:

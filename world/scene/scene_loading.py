@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import yaml
@@ -23,22 +23,20 @@ from picktree.files import (
     suggest_name,
 )
 from picktree.files.yaml import Document, DocumentChecker, file_models, merge_patch, read_document
-from picktree.world import Bounds, ObjectId, Pose
+from picktree.world import Bounds
 
 from .description import (
     MESH_SETS,
     MIN_FELT_MASS,
     Bin,
     CatalogueEntry,
+    Delivery,
     Destination,
-    Exchange,
     Fixture,
     Hole,
-    SafetyLimits,
-    SceneCalibration,
     SceneDescription,
-    SensorNoise,
-    Thinking,
+    SceneSettings,
+    Spawn,
 )
 from .destinations import MEASURES, can_hold, rule_names
 from .feed_loading import (
@@ -63,19 +61,7 @@ from .scene_entries import (
     holes,
     kind,
 )
-from .scene_schema import (
-    SECTIONS,
-    CalibrationFile,
-    CameraFile,
-    CatalogueFile,
-    DestinationFile,
-    FeedFile,
-    FixtureFile,
-    RestFile,
-    SceneFile,
-    SpawnFile,
-    UnknownFile,
-)
+from .scene_schema import SECTIONS, CameraFile, CatalogueFile, FixtureFile, SceneFile, UnknownFile
 
 
 def condition(
@@ -173,16 +159,17 @@ class _Parts:
     def __init__(self, document: Document) -> None:
         self.document = document
         self.checker = check = DocumentChecker(document)
-        check.keys((*RestFile.model_fields, *SECTIONS))
+        settings = file_models.keys_of(SceneSettings)
+        check.keys((*settings, *SECTIONS))
         # Unknown keys were refused already.
-        self.rest = check.read(RestFile, ignore=[k for k in document.data if k not in RestFile.model_fields])
+        self.rest = check.read(SceneSettings, ignore=[key for key in document.data if key not in settings])
         self.bodies = check.each(FixtureFile, "fixtures", most=MAX_ENTRIES)
         self.unknown = check.each(UnknownFile, "unknown", most=MAX_ENTRIES)
         self.cameras = check.each(CameraFile, "cameras", most=MAX_ENTRIES)
         self.kinds = check.each(CatalogueFile, "catalogue", most=MAX_ENTRIES)
-        self.spawn = check.sequence(SpawnFile, "spawn", most=MAX_ENTRIES)
-        self.feed = check.sequence(FeedFile, "feed", most=MAX_ENTRIES)
-        self.destinations = check.sequence(DestinationFile, "destinations", most=MAX_ENTRIES)
+        self.spawn = check.sequence(Spawn, "spawn", most=MAX_ENTRIES)
+        self.feed = check.sequence(Delivery, "feed", most=MAX_ENTRIES)
+        self.destinations = check.sequence(Destination, "destinations", most=MAX_ENTRIES)
         self.catalogue: Mapping[str, CatalogueEntry | None] = {}
         self.robot: Path | None = None
         self.rules: list[tuple[Expression, str]] = []
@@ -221,37 +208,31 @@ class _Parts:
 
     def scene(self, own: Document) -> SceneDescription:
         """The values of a file without errors."""
-        rest, limits = self.rest, self.rest.limits
-        known = _calibration(rest.calibration)
+        rest = self.rest
+        settings = {each.name: getattr(rest, each.name) for each in fields(SceneSettings)}
         bodies = [body(name, entry) for name, entry in self.bodies.items()]
         bins = {str(b.id): b for b in bodies if isinstance(b, Bin)}
         assert self.robot is not None
+        if self.robot.parent != ROBOTS:
+            settings["robot"] = str(self.robot.resolve())
+        settings["base"] = None
+        settings["assortment"] = assortment(self.document, rest.assortment)
         return SceneDescription(
+            **settings,
             name=own.path.stem,
-            robot=rest.robot if self.robot.parent == ROBOTS else str(self.robot.resolve()),
             fixtures=tuple(b for b in bodies if not isinstance(b, Bin)),
             bins=tuple(bins.values()),
-            cameras=tuple(camera(name, entry).calibrated(known) for name, entry in self.cameras.items()),
+            cameras=tuple(
+                camera(name, entry).calibrated(rest.calibration) for name, entry in self.cameras.items()
+            ),
             catalogue=tuple(k for k in self.catalogue.values() if k is not None),
             spawn=tuple(spawn(entry, bins) for entry in self.spawn),
-            destinations=tuple(Destination(d.where, ObjectId(d.to)) for d in self.destinations),
-            limits=SafetyLimits(
-                limits.force, Bounds(limits.workspace.min, limits.workspace.max), limits.payload
-            ),
-            thinking=Thinking(**rest.thinking.model_dump()),
-            noise=SensorNoise(**rest.sensors.model_dump()),
-            checkpoint_every=rest.checkpoint_every,
-            goal=rest.goal,
+            destinations=tuple(self.destinations),
             source=str(own.path),
             text=_text(own, self.document),
             belts=tuple(belt(name, entry) for name, entry in self.bodies.items() if entry.belt is not None),
             deliveries=tuple(delivery(entry, self.bodies) for entry in self.feed),
-            exchange=Exchange(rest.exchange.takes) if rest.exchange is not None else None,
             unknown=tuple(hidden_body(name, entry) for name, entry in self.unknown.items()),
-            tool_error=Pose.from_rpy(rest.tool_error.offset, rest.tool_error.rpy),
-            calibration=known,
-            planner=rest.planner or "",
-            assortment=assortment(self.document, rest.assortment),
             files=file_models.located(self.document, SceneFile, MESH_SETS),
         )
 
@@ -281,7 +262,7 @@ class _Parts:
         with self.checker.readable():
             workspace = self.rest.limits.workspace
             if all(a < b for a, b in zip(workspace.min, workspace.max, strict=True)):
-                return Bounds(workspace.min, workspace.max)
+                return workspace
             message = "the workspace is empty: 'max' must be greater than 'min' along x, y and z"
             self.checker.fault(("limits", "workspace"), message, code="P415")
         return None
@@ -306,7 +287,7 @@ class _Parts:
         """Warn of items that come and are lighter than a wrist can feel."""
         check = self.checker
         with check.readable():
-            for name in dict.fromkeys(kind for entry in (*self.spawn, *self.feed) for kind in entry.of):
+            for name in dict.fromkeys(kind for entry in (*self.spawn, *self.feed) for kind in entry.counts):
                 known = self.catalogue.get(name)
                 if known is not None and known.mass < MIN_FELT_MASS:
                     message = f"{1000 * known.mass:g} g are less than the wrist surely feels"
@@ -321,7 +302,7 @@ class _Parts:
             self.checker.fault(("unknown", name), message, hint, code="P403", key=True)
         check_unknown(self.checker, ("unknown", name), entry)
 
-    def _check_destination(self, n: int, rule: DestinationFile) -> None:
+    def _check_destination(self, n: int, rule: Destination) -> None:
         check = self.checker
         with check.readable():
             # What may be a bin, because it could not be read, is not missed here.
@@ -371,7 +352,7 @@ class _Parts:
             return
         with check.readable():
             coming = [
-                (kind, colour) for e in (*self.spawn, *self.feed) for kind in e.of for colour in e.colours
+                (kind, colour) for e in (*self.spawn, *self.feed) for kind in e.counts for colour in e.colours
             ]
             trials = len(dict.fromkeys(coming)) * sum(len(rule.where) for rule in self.destinations)
             if trials <= MAX_RULE_TRIALS:
@@ -392,14 +373,3 @@ def _text(own: Document, whole: Document) -> str:
         return own.text
     data = {key: value for key, value in whole.data.items() if key != "base"}
     return yaml.safe_dump(data, default_flow_style=None, sort_keys=False, allow_unicode=True, width=110)
-
-
-def _calibration(found: CalibrationFile | None) -> SceneCalibration | None:
-    if found is None:
-        return None
-    return SceneCalibration(
-        cameras=tuple((name, Pose.from_rpy(c.at, c.rpy)) for name, c in found.cameras.items()),
-        tcp=Pose.from_rpy(found.tcp.offset, found.tcp.rpy),
-        date=found.date,
-        by=found.by,
-    )
