@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final, Literal, TypeAlias, TypedDict, cast
+from typing import Final, Literal, TypeAlias, cast
 
 from picktree.files import FileError, Mark
 from picktree.files.yaml import read_document
@@ -248,15 +248,10 @@ class _Charting:
             for slot in declaration.slots
             for index, (label, child) in enumerate(spec.slots.get(slot.key, ()))
         )
-        return ChartNode(
-            id=spec.id,
-            name=spec.name,
-            kind=declaration.kind,
-            symbol=symbol_of(declaration),
-            place=self._place(spec.mark),
+        return replace(
+            self._written(spec, declaration.kind, symbol_of(declaration), declaration.ports),
             doc=declaration.doc,
             written_as_list=bool(label) and spec.id == "Sequence" and spec.name.partition("#")[0] == label,
-            **_written(spec, declaration.ports),
             causes=tuple(str(cause) for cause in declaration.causes),
             uses=tuple(str(resource) for resource in declaration.uses),
             branches=branches,
@@ -264,15 +259,38 @@ class _Charting:
 
     def _call(self, spec: NodeSpec) -> ChartNode:
         called = self._mission.trees[spec.id]
+        return replace(
+            self._written(spec, "subtree", "subtree", called.ports),
+            doc=f"{_in_a_line(called.doc)} Defined at {self._place(called.mark)}.".lstrip(),
+            calls=spec.id,
+        )
+
+    def _written(
+        self, spec: NodeSpec, kind: Kind, symbol: Symbol, ports: tuple[PortDeclaration, ...]
+    ) -> ChartNode:
+        """Return a node with all that the file's text says of it."""
+        bound = ((port, spec.ports[port.key]) for port in ports if port.key in spec.ports)
+        left_out = (port for port in ports if port.direction == "in" and port.key not in spec.ports)
         return ChartNode(
             id=spec.id,
             name=spec.name,
-            kind="subtree",
-            symbol="subtree",
+            kind=kind,
+            symbol=symbol,
             place=self._place(spec.mark),
-            doc=f"{_in_a_line(called.doc)} Defined at {self._place(called.mark)}.".lstrip(),
-            calls=spec.id,
-            **_written(spec, called.ports),
+            ports=tuple(ChartPort(p.key, _value(value), _role(p, value), _about(p)) for p, value in bound),
+            defaults=tuple(
+                ChartPort(port.key, _text(cast("Plain", port.default)), "literal", _about(port))
+                for port in left_out
+                if not port.required
+            ),
+            before=tuple(Rule(key, str(condition)) for key, condition in spec.preconditions.items()),
+            after=tuple(
+                Rule(
+                    key, "; ".join(f"{p.key} {':=' if p.new else '='} {str(p.value).strip()}" for p in parts)
+                )
+                for key, parts in spec.postconditions.items()
+            ),
+            breakpoint=spec.breakpoint,
         )
 
     def _branch(
@@ -304,34 +322,6 @@ class _Charting:
 
 def _in_a_line(text: str) -> str:
     return " ".join(text.split())
-
-
-class _Written(TypedDict):
-    ports: tuple[ChartPort, ...]
-    defaults: tuple[ChartPort, ...]
-    before: tuple[Rule, ...]
-    after: tuple[Rule, ...]
-    breakpoint: Literal["before", "after"] | None
-
-
-def _written(spec: NodeSpec, ports: tuple[PortDeclaration, ...]) -> _Written:
-    """Return the part of a chart's node that the file's text says of it."""
-    bound = ((port, spec.ports[port.key]) for port in ports if port.key in spec.ports)
-    left_out = (port for port in ports if port.direction == "in" and port.key not in spec.ports)
-    return {
-        "ports": tuple(ChartPort(p.key, _value(value), _role(p, value), _about(p)) for p, value in bound),
-        "defaults": tuple(
-            ChartPort(port.key, _text(cast("Plain", port.default)), "literal", _about(port))
-            for port in left_out
-            if not port.required
-        ),
-        "before": tuple(Rule(key, str(condition)) for key, condition in spec.preconditions.items()),
-        "after": tuple(
-            Rule(key, "; ".join(f"{p.key} {':=' if p.new else '='} {str(p.value).strip()}" for p in parts))
-            for key, parts in spec.postconditions.items()
-        ),
-        "breakpoint": spec.breakpoint,
-    }
 
 
 def _role(port: PortDeclaration, bound: references.Binding) -> PortRole:

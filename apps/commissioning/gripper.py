@@ -12,7 +12,7 @@ from typing import NoReturn
 import numpy as np
 
 from picktree.world import Array, Box, Pose, Vector3
-from picktree.world.robot_model import MOVING, urdf_parser
+from picktree.world.robot_model import MOVING, GripperSettings, LinkageFile, urdf_parser
 
 from .joints import HandGroup
 from .link_geometry import LinkGeometry, UnsuitableUrdf, finger_box, hand_boxes, inner_box
@@ -286,32 +286,22 @@ MIN_FINGER_BODY_SIZE = 0.004
 """Least size of a part of the rest of a finger, m; less is left out."""
 
 
-@dataclass(frozen=True, slots=True)
-class MeasuredGripper:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredGripper(GripperSettings):
     """Measured gripper: all that a robot file needs, with boxes and poses in the frames of that file."""
 
     sliders: tuple[str, str] | None
     """Two sliding joints whose positions add up to the opening; None: a linkage."""
-    drive: str
-    opened: float
-    closed: float
-    followers: Mapping[str, float]
-    offsets: Mapping[str, float]
+    linkage: LinkageFile
+    """Motion of the fingers by one of their joints."""
     links: tuple[str, str]
     tcp_in_palm: Pose
     tcp_comment: str
-    tip: float
-    palm: float
     min_width: float
     max_width: float
-    max_force: float
     force_comment: str
     force_guessed: bool
-    speed: float
-    pads: tuple[tuple[Box, Pose], tuple[Box, Pose]]
-    hand: tuple[tuple[Box, Pose], ...]
     finger: tuple[Box, Pose]
-    finger_bodies: tuple[tuple[Box, Pose], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -492,11 +482,13 @@ class GripperMeter:
         fingers = [self._motion.finger(0, p, axes) - shift for p in positions]
         return MeasuredGripper(
             sliders=sliders,
-            drive=self.drive,
-            opened=opened,
-            closed=closed,
-            followers={n: by for n, (by, _) in self.ratios.items() if n != self.drive},
-            offsets={n: offset for n, (_, offset) in self.ratios.items() if offset != 0.0},
+            linkage=LinkageFile(
+                drive=self.drive,
+                opened=opened,
+                closed=closed,
+                followers={n: by for n, (by, _) in self.ratios.items() if n != self.drive},
+                offsets={n: offset for n, (_, offset) in self.ratios.items() if offset != 0.0},
+            ),
             links=self.links,
             tcp_in_palm=tcp,
             tcp_comment=comment,

@@ -13,7 +13,7 @@ import numpy as np
 
 from picktree.files import suggest_name
 from picktree.world import Array
-from picktree.world.robot_model import MOVING, RobotModel, urdf_parser
+from picktree.world.robot_model import MOVING, JointLimits, RobotModel, urdf_parser
 
 from .link_geometry import UnsuitableUrdf
 
@@ -369,15 +369,10 @@ MAX_TORQUE, MAX_TORQUE_RATIO = 1000.0, 20.0
 
 
 @dataclass(frozen=True, slots=True)
-class ProposedLimits:
-    """Proposed limits of one joint, rad, rad/s, rad/s², Nm; `comment` gives the origin of the values."""
+class ProposedLimits(JointLimits):
+    """Proposed limits of one joint; `comment` gives the origin of the values."""
 
     name: str
-    lower: float
-    upper: float
-    velocity: float
-    acceleration: float
-    torque: float
     comment: str
     guess: str = ""
     """Sentence on why the torque is a guess; empty: it is the URDF's."""
@@ -415,7 +410,7 @@ def _proposed(name: str, joint: urdf_parser.UrdfJoint) -> ProposedLimits:
         velocity = MAX_VELOCITY
     torque = joint.effort or 0.0
     return ProposedLimits(
-        name, round(lower, 5), round(upper, 5), velocity, MIN_ACCELERATION, torque, "; ".join(told)
+        round(lower, 5), round(upper, 5), velocity, MIN_ACCELERATION, torque, name, "; ".join(told)
     )
 
 

@@ -194,15 +194,15 @@ def _gripper(draft: RobotDraft) -> Iterator[str]:
         yield f"  joints: [{_word(g.sliders[0])}, {_word(g.sliders[1])}]"
     else:
         yield "  linkage:"
-        yield f"    drive: {_word(g.drive)}"
-        yield f"    opened: {_n(g.opened)}"
-        yield f"    closed: {_n(g.closed)}"
+        yield f"    drive: {_word(g.linkage.drive)}"
+        yield f"    opened: {_n(g.linkage.opened)}"
+        yield f"    closed: {_n(g.linkage.closed)}"
         yield "    followers:"
-        for name, by in g.followers.items():
+        for name, by in g.linkage.followers.items():
             yield f"      {_word(name)}: {_n(by)}"
-        if g.offsets:
+        if g.linkage.offsets:
             yield "    offsets:"
-            for name, offset in g.offsets.items():
+            for name, offset in g.linkage.offsets.items():
                 yield f"      {_word(name)}: {_n(offset)}"
     yield f"  links: [{_word(g.links[0])}, {_word(g.links[1])}]"
     if g.sliders is not None:

@@ -6,7 +6,7 @@ import json
 from dataclasses import asdict, dataclass, replace
 
 from picktree.files import listed
-from picktree.world.robot_model import RobotDescription, RobotModel, urdf_parser
+from picktree.world.robot_model import JointLimits, RobotDescription, RobotModel, urdf_parser
 
 from .proposal import Proposal
 from .robot_test import RobotTestResult
@@ -14,15 +14,10 @@ from .self_collision import summary
 
 
 @dataclass(frozen=True, slots=True)
-class JointLine:
-    """Limits of one joint: rad, rad/s, rad/s², Nm."""
+class JointLine(JointLimits):
+    """Limits of one joint with its name."""
 
     name: str
-    lower: float
-    upper: float
-    velocity: float
-    acceleration: float
-    torque: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,10 +101,7 @@ def summary_of(robot: RobotDescription) -> RobotSummary:
         robot.name,
         robot.source,
         robot.urdf,
-        tuple(
-            JointLine(name, j.lower, j.upper, j.velocity, j.acceleration, j.torque)
-            for name, j in zip(robot.joints, robot.limits, strict=True)
-        ),
+        tuple(JointLine(**asdict(j), name=name) for name, j in zip(robot.joints, robot.limits, strict=True)),
         robot.tcp_link,
         robot.gripper.max_width,
         robot.gripper.min_width,

@@ -276,27 +276,15 @@ def read_xml(text: str, file: str, *, strict: bool = False) -> XmlFile:
 class _Open:
     """Element whose end tag is still to come."""
 
-    name: str
-    attributes: Mapping[str, str]
-    places: Mapping[str, Mark]
-    mark: Mark
-    comments: tuple[str, ...]
-    end_comments: tuple[str, ...] = ()
+    head: Element
+    """Start tag, with the comments before it."""
     children: list[Element] = field(default_factory=list[Element])
     text: list[str] = field(default_factory=list[str])
 
-    def closed(self) -> Element:
-        text = "".join(self.text).strip()
-        return Element(
-            self.name,
-            self.attributes,
-            tuple(self.children),
-            text,
-            self.comments,
-            self.mark,
-            self.places,
-            self.end_comments,
-        )
+    def closed(self, end_comments: tuple[str, ...]) -> Element:
+        head, text, inner = self.head, "".join(self.text).strip(), tuple(self.children)
+        kept = (head.comments, head.mark, head.places, end_comments)
+        return Element(head.name, head.attributes, inner, text, *kept)
 
 
 class _XmlReader:
@@ -359,11 +347,12 @@ class _XmlReader:
         if len(attributes) > MAX_ATTRIBUTES:
             self._refuse(at, f"an element has more than {MAX_ATTRIBUTES} attributes", code="P903")
         comments, self._comments = tuple(self._comments), []
-        self._open.append(_Open(name, attributes, self._places(at), self._mark(at), comments))
+        head = Element(name, attributes, comments=comments, mark=self._mark(at), places=self._places(at))
+        self._open.append(_Open(head))
 
     def _end(self, name: str) -> None:
-        self._open[-1].end_comments, self._comments = tuple(self._comments), []
-        element = self._open.pop().closed()
+        element = self._open.pop().closed(tuple(self._comments))
+        self._comments = []
         if self._open:
             self._open[-1].children.append(element)
         else:
@@ -415,7 +404,7 @@ class _XmlReader:
     def _malformed(self, error: expat.ExpatError) -> NoReturn:
         at = min(max(self._parser.ErrorByteIndex, 0), len(self._raw))
         code = getattr(error, "code", 0)
-        open_, hint = self._open[-1] if self._open else None, ""
+        open_, hint = self._open[-1].head if self._open else None, ""
         match expat.ErrorString(code):
             case "mismatched tag" if open_ is not None:
                 message = f"this end does not fit <{open_.name}>, which opens on line {open_.mark.line}"
