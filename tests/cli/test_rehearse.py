@@ -46,7 +46,6 @@ blocked: The way back is blocked for a while.
     4  planning.*/SafeRetreat  SUCCESS
     5  GoTo                    SUCCESS
     5  back                    SUCCESS
-    5  Recover                 cured after 1 failures: planning.no_path
 passed  blocked: SUCCESS after 5 ticks, 0.25 s
 
 for_ever
