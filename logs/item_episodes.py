@@ -299,7 +299,7 @@ class EpisodeTracker:
 
     def finish(self, time: float) -> tuple[Decision, ...]:
         """Return what is open at the end of the run, or of its log, as such."""
-        self._time = max(time, self._time)
+        self._time = max(round(time, 9), self._time)
         for node in reversed(list(self._open.values())):
             self._bear(node)
         for number in sorted(self._troubles):

@@ -114,8 +114,8 @@ class RunAccount:
 def account_of(log: RunLog, events: Sequence[Stamped[JournalEvent]]) -> RunAccount:
     """Return the account of a run from its log and its events.
 
-    What became of each failure was decided and recorded while the run was going on. A log that was cut off
-    lacks what was undecided then, and format 2 lacks all: there, the same tracker decides from the ticks.
+    Outcomes were decided and recorded while the run was going on. Where a log ends while something is
+    undecided, and in format 2, the same tracker decides from the ticks.
     Raises PicktreeError when the log is damaged.
     """
     builder, tracker = VisitBuilder(), None if log.has_decisions else EpisodeTracker()

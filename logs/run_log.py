@@ -293,8 +293,12 @@ class RunLog:
 
     @property
     def has_decisions(self) -> bool:
-        """Whether the outcome of each failure was recorded: the run has ended, in this format."""
-        return self.format == FORMAT and "json" in self.result
+        """Whether all outcomes were recorded: the run ended in this format, with nothing undecided."""
+        if self.format < FORMAT or "json" not in self.result:
+            return False
+        result = orjson.loads(self.result["json"])
+        undecided = any(each["open"] for each in result["cures"] or ())
+        return not undecided and all(each["end"] not in ("", "open") for each in result["planted"])
 
     def require_repeatable(self) -> None:
         """Raise PicktreeError when this version cannot run the recorded run again.

@@ -91,9 +91,9 @@ class RunCounters:
         """Injected faults of which the outcome is known, counted by kind and first cause."""
         return self._counts.planted
 
-    def finish(self, time: float) -> tuple[item_episodes.Decision, ...]:
-        """End the count at `time`, simulated s: count what is undecided as open, and return it."""
-        return self._counted(self._tracker.copied().finish(time))
+    def finish(self, time: float) -> None:
+        """End the count at `time`, simulated s: count what is undecided as open."""
+        self._counted(self._tracker.copied().finish(time))
 
     def _counted(self, decisions: tuple[item_episodes.Decision, ...]) -> tuple[item_episodes.Decision, ...]:
         for decision in decisions:

@@ -99,6 +99,7 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
     goal = run.mission.goal.text if run.mission.goal else scene.goal
     if status == "success" and not verdict.reached(goal):
         status = "incomplete"
+    tally.finish(now)
     asked = desk.pending if status == "paused" else None
     return RunResult(
         status=status,

@@ -224,10 +224,8 @@ class SessionRecorder:
         self._recorder.settle()
 
     def last(self) -> None:
-        """Write what is undecided as open, and the ground truth, at the end."""
+        """Write the ground truth at the end."""
         now = self._world.clock.now
-        for decision in self._run.tally.finish(now):
-            self._recorder.entry(now, decision)
         self._truth(now)
         self._recorder.true_state(now, self._run.true_state)
 

@@ -83,7 +83,8 @@ _CHOICES: Mapping[str, tuple[str, ...]] = {
 def _attribute_types() -> dict[str, ValueType]:
     """Return the types of BeliefObject's plain fields, its plain properties, and `destination`."""
     hints = typing.get_type_hints(BeliefObject)
-    found = {f.name: hints[f.name] for f in fields(BeliefObject) if f.name != "seen_size"}  # it is in `size`
+    names = ["id", *(f.name for f in fields(BeliefObject) if f.name not in ("id", "seen_size"))]  # see `size`
+    found = {name: hints[name] for name in names}
     for name, member in vars(BeliefObject).items():
         # The type of a property is that of its getter.
         getter = member.fget if isinstance(member, property) else None

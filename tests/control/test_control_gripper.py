@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import pytest
 
 from picktree.robot.control import GripperControl
-from picktree.world import Failure, GripperState
+from picktree.world import Failure, GripperCommand, GripperState
 
 from .control_cell import ROBOT, TICK
 
@@ -30,8 +30,8 @@ class Fingers:
         )
         return GripperState(self.width, 0.0, pressing)
 
-    def command(self, width: float, force: float, speed: float | None = None) -> None:
-        self.target, self.force = width, force
+    def command(self, command: GripperCommand) -> None:
+        self.target, self.force = command.width, command.force
 
     def tick(self) -> None:
         self.now += TICK
