@@ -61,7 +61,7 @@ def test_a_mission_succeeds_while_the_truth_refuses_to_be_asked(
             patch.setattr(cell.hardware, name, refuse)
         cell.finish()
     assert (cell.tree.status.value, cell.tree.failure) == ("SUCCESS", None)
-    assert cell.score().sorted == 2
+    assert cell.score().count.sorted == 2
 
 
 def test_an_image_holds_colour_depth_and_stamp_and_no_segmentation() -> None:

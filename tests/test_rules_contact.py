@@ -79,7 +79,7 @@ def test_during_a_run_nothing_is_set_tied_or_pushed(calls: Counter[str]) -> None
         cell.wait()
         held = cell.world.scene.held is not None
         constraints.add((held, pb.getNumConstraints(physicsClientId=hardware._client)))
-    assert cell.score().sorted == 1
+    assert cell.score().count.sorted == 1
     assert calls == Counter()
     assert constraints == {(False, 1), (True, 1)}
 

@@ -96,7 +96,7 @@ def test_thinking_is_charged_in_whole_ticks() -> None:
         cost = Thinking(scene.thinking.collision_check * share, scene.thinking.image * share)
         cell = Cell(sorting(), replace(scene, thinking=cost))
         cell.finish()
-        assert cell.score().sorted == 1
+        assert cell.score().count.sorted == 1
         spans.append(cell.world.clock.now)
         owed.append(cell.world.thinking.total)
     assert owed[0] == 0.0
