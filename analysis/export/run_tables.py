@@ -23,7 +23,7 @@ NodePath: TypeAlias = Annotated[str, ColumnDoc("path of the node in the tree")]
 Cause: TypeAlias = Annotated[
     str, ColumnDoc("cause of the failure, such as grasp.missed; empty when it did not fail")
 ]
-Message: TypeAlias = Annotated[str, ColumnDoc("what it said, for people")]
+Message: TypeAlias = Annotated[str, ColumnDoc("message for people")]
 
 
 X: TypeAlias = Annotated[float, ColumnDoc("position in the world, x", "m")]
@@ -46,7 +46,7 @@ class TickRow:
     root_status: Annotated[str, ColumnDoc("RUNNING, SUCCESS or FAILURE")]
     tip: Annotated[str, ColumnDoc("path of the deepest running node, empty when none runs")]
     tip_id: Annotated[str, ColumnDoc("registered name of that node, such as Grasp")]
-    tip_message: Annotated[str, ColumnDoc("what that node said")]
+    tip_message: Annotated[str, ColumnDoc("message of that node")]
     running: Annotated[int, ColumnDoc("nodes that run after the tick")]
     began: Annotated[int, ColumnDoc("nodes that began in the tick")]
     ended: Annotated[int, ColumnDoc("nodes that ended in the tick")]
@@ -111,8 +111,8 @@ FailureRow = row_type(
 @dataclass(frozen=True, slots=True)
 class ItemRow:
     item: Annotated[str, ColumnDoc("id, as the robot believed")]
-    kind: Annotated[str, ColumnDoc("of the catalogue")]
-    colour: Annotated[str, ColumnDoc("as the robot saw it")]
+    kind: Annotated[str, ColumnDoc("kind of the catalogue")]
+    colour: Annotated[str, ColumnDoc("colour, as the robot saw it")]
     state: Annotated[str, ColumnDoc("done, held, left or gone, at the end")]
     picks: Annotated[int, ColumnDoc("times that the fingers closed on it")]
     held: Annotated[int, ColumnDoc("times that it was then held")]
@@ -127,7 +127,7 @@ class EventRow:
     kind: Annotated[str, ColumnDoc("pick, recovery, item_done, fault, belief, image, …")]
     message: Message
     node: NodePath
-    data: Annotated[str, ColumnDoc("what belongs to the kind: a JSON object")]
+    data: Annotated[str, ColumnDoc("values of the kind: a JSON object")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,12 +136,12 @@ class ObjectRow:
 
     time: Time
     source: Annotated[str, ColumnDoc("belief, or truth, which the robot did not know")]
-    id: Annotated[str, ColumnDoc("of the object; belief and truth have names of their own")]
-    kind: Annotated[str, ColumnDoc("of the catalogue")]
-    colour: Annotated[str, ColumnDoc("its name")]
-    place: Annotated[str, ColumnDoc("where it is believed to be: table, hand, a bin; empty for the truth")]
+    id: Annotated[str, ColumnDoc("id of the object; belief and truth have ids of their own")]
+    kind: Annotated[str, ColumnDoc("kind of the catalogue")]
+    colour: Annotated[str, ColumnDoc("name of the colour")]
+    place: Annotated[str, ColumnDoc("believed place: table, hand, a bin; empty for the truth")]
     attached: Annotated[bool, ColumnDoc("whether it is believed to be in the hand")]
-    confidence: Annotated[float, ColumnDoc("of the belief, 0 to 1")]
+    confidence: Annotated[float, ColumnDoc("confidence of the belief, 0 to 1")]
     x: X
     y: Y
     z: Z
@@ -157,9 +157,9 @@ class JointRow:
 
     time: Time
     joint: Annotated[str, ColumnDoc("name in the URDF")]
-    position: Annotated[float, ColumnDoc("of a joint that slides: m", "rad or m")]
-    velocity: Annotated[float, ColumnDoc("of a joint that slides: m/s", "rad/s or m/s")]
-    effort: Annotated[float, ColumnDoc("of a joint that slides: N", "Nm or N")]
+    position: Annotated[float, ColumnDoc("position; of a joint that slides in m", "rad or m")]
+    velocity: Annotated[float, ColumnDoc("velocity; of a joint that slides in m/s", "rad/s or m/s")]
+    effort: Annotated[float, ColumnDoc("effort; of a joint that slides in N", "Nm or N")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +180,7 @@ class ControlRow:
     """Set point of the arm's servo at the moment at which the joint was read."""
 
     time: Time
-    controller: Annotated[str, ColumnDoc("who commands: Hold, Track, Brake, …")]
+    controller: Annotated[str, ColumnDoc("commanding controller: Hold, Track, Brake, …")]
     joint: Annotated[str, ColumnDoc("name in the URDF")]
     reference: Annotated[float | None, ColumnDoc("position; empty while torques are commanded", "rad")]
     error: Annotated[float | None, ColumnDoc("reference less position", "rad")]
@@ -191,8 +191,8 @@ TimingRow = row_type(log_records.Timing, "time total physics control planning pe
 
 @dataclass(frozen=True, slots=True)
 class RunRow:
-    key: Annotated[str, ColumnDoc("such as seed, status, version.pybullet, parameter.speed")]
-    value: Annotated[str, ColumnDoc("as text")]
+    key: Annotated[str, ColumnDoc("name, such as seed, status, version.pybullet, parameter.speed")]
+    value: Annotated[str, ColumnDoc("value as text")]
 
 
 def run_rows(run: Run) -> Iterator[RunRow]:
