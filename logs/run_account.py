@@ -114,32 +114,27 @@ class RunAccount:
 def account_of(log: RunLog, events: Sequence[Stamped[JournalEvent]]) -> RunAccount:
     """Return the account of a run from its log and its events.
 
-    Outcomes were decided and recorded while the run was going on. Where a log ends while something is
-    undecided, and in format 2, the same tracker decides from the ticks.
+    Outcomes were decided and recorded while the run was going on. The same tracker decides from the ticks
+    what the log lacks: all outcomes in format 2, those that are open at its end, and those in a gap.
     Raises PicktreeError when the log is damaged.
     """
-    builder, tracker = VisitBuilder(), None if log.has_decisions else EpisodeTracker()
-    decisions: list[Decision] = [at.record for at in events if isinstance(at.record, Decision)]
-    if tracker is not None:
-        decisions = []
+    builder, tracker = VisitBuilder(), EpisodeTracker()
+    derived: list[Decision] = []
     coming, last = deque(events), 0.0
     for number, (at, trees) in enumerate(ticks_with_trees(log)):
         for tree in trees:
             builder.follow(tree)
-            if tracker is not None:
-                tracker.follow(tree.nodes)
+            tracker.follow(tree.nodes)
         builder.take(at.time, at.record)
         last = at.time
-        if tracker is None:
-            continue
         told: list[JournalEvent] = []
         while coming and coming[0].time <= at.time + 1e-9:
             told.append(coming.popleft().record)
         if number == 0:
             tracker.begun(at.time, under_way(at.record))
-        decisions += tracker.take(at.time, at.record.edges, told)
-    if tracker is not None:
-        decisions += tracker.finish(log.end)
+        derived += tracker.take(at.time, at.record.edges, told)
+    derived += tracker.finish(log.end)
+    decisions = _completed([at.record for at in events if isinstance(at.record, Decision)], derived)
     decided = {
         (each.node, each.time, each.cause): each
         for each in decisions
@@ -167,6 +162,23 @@ def account_of(log: RunLog, events: Sequence[Stamped[JournalEvent]]) -> RunAccou
             tuple(sorted(planted, key=lambda p: p.time)),
         ),
     )
+
+
+def _completed(recorded: Sequence[Decision], derived: Sequence[Decision]) -> list[Decision]:
+    """Return the recorded decisions, and the derived ones about what no recorded one is about."""
+    known = {about for each in recorded for about in _subjects(each)}
+    return [*recorded, *(each for each in derived if known.isdisjoint(_subjects(each)))]
+
+
+def _subjects(decision: Decision) -> set[tuple[str, ...]]:
+    """Return what a decision is about: a failure, the failures of an episode, or an injected fault."""
+    match decision:
+        case event_types.FailureDecidedEvent():
+            return {("failure", decision.cause, decision.node, f"{decision.time:.6f}")}
+        case event_types.EpisodeEvent():
+            return {("episode", decision.cause, decision.node, f"{time:.6f}") for time in decision.times}
+        case event_types.FaultOutcomeEvent():
+            return {("fault", decision.fault, decision.item, f"{decision.time:.6f}")}
 
 
 @dataclass(frozen=True, slots=True)

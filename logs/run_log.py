@@ -291,15 +291,6 @@ class RunLog:
         """Whether the run's process still writes this log."""
         return any(is_written(path) for path in (self.path, *part_paths(self.path).values()))
 
-    @property
-    def has_decisions(self) -> bool:
-        """Whether all outcomes were recorded: the run ended in this format, with nothing undecided."""
-        if self.format < FORMAT or "json" not in self.result:
-            return False
-        result = orjson.loads(self.result["json"])
-        undecided = any(each["open"] for each in result["cures"] or ())
-        return not undecided and all(each["end"] not in ("", "open") for each in result["planted"])
-
     def require_repeatable(self) -> None:
         """Raise PicktreeError when this version cannot run the recorded run again.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,9 +12,11 @@ from pydantic import TypeAdapter
 from picktree.analysis import Run
 from picktree.analysis.explain import explain, to_json_text, to_text
 from picktree.logs.episode_counts import CureCount, PlantedCount, added_planted, by_cause
-from picktree.logs.run_log import RunLog
+from picktree.logs.item_episodes import Decision
+from picktree.logs.run_account import account_of
 from picktree.session import RunCounters, tally_of
 from picktree.session.run_tally import EpisodeCountersState
+from picktree.world import event_types
 
 from ..logs.scripted_log import begins, ends, record, tree
 from ..logs.test_episodes import tries
@@ -36,18 +39,26 @@ def test_the_summary_and_the_log_agree(troubled_log: Path) -> None:
     assert [each.cause for each in by_cause(result.cures)] == ["grasp.missed", "world.unknown_object"]
 
 
-def test_decisions_are_recorded_when_they_are_made(
-    troubled_log: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Where a log was cut off, the same decisions follow from its ticks."""
+@pytest.mark.parametrize("lost", [0.0, 2.0, 5.0, 1000.0])
+def test_decisions_that_a_log_lacks_follow_from_its_ticks(troubled_log: Path, lost: float) -> None:
+    """Decisions before `lost` (simulated s) are taken out of the log, as damage does."""
     with Run(troubled_log) as run:
-        recorded, made = run.account, [at for at in run.events if at.record.kind == "failure_decided"]
-        assert run.log.has_decisions
-        assert [at.time < run.last_tick for at in made] == [True] * len(run.failures)
-    monkeypatch.setattr(RunLog, "has_decisions", False)
+        made = [at for at in run.events if isinstance(at.record, Decision)]
+        left = [at for at in run.events if at not in made or at.time > lost]
+        assert len(made) > len(run.account.failures) > 0
+        account = account_of(run.log, left)
+        assert account.recovery == run.account.recovery
+        assert account.failures == run.account.failures
+
+
+def test_a_recorded_decision_holds_against_the_ticks(troubled_log: Path) -> None:
     with Run(troubled_log) as run:
-        assert run.account.recovery == recorded.recovery
-        assert run.account.failures == recorded.failures
+        (first, *_) = (at for at in run.events if isinstance(at.record, event_types.EpisodeEvent))
+        other = replace(first, record=replace(first.record, end="done_instead"))
+        account = account_of(run.log, [other if at is first else at for at in run.events])
+        ends = [each.end for each in account.recovery.episodes]
+        expected = [each.end for each in run.account.recovery.episodes]
+    assert ends == ["done_instead", *expected[1:]]
 
 
 def test_times_within_a_run_add_up_to_what_its_branches_took(troubled_log: Path) -> None:
