@@ -43,16 +43,27 @@ class WaitingItem:
     turn: Quaternion
 
 
-@dataclass(frozen=True, slots=True)
-class TableFeedState:
-    """Progress of a feed entry with an area."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeedState:
+    """Progress of a feed entry that brings loads: one with a tote, or with an area."""
 
     drawn: int = 0
     """Number of items drawn so far, the waiting ones included."""
+    loads: int = 0
+    """Number of loads set down or poured."""
+    settling: tuple[ObjectId, ...] = ()
+    """Items of the last load that may still move."""
+    until: float = 0.0
+    """Simulated time until which the feed waits for them to come to rest, s."""
+    deliveries: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableFeedState(FeedState):
+    """Progress of a feed entry with an area."""
+
     waiting: tuple[WaitingItem, ...] = ()
     """Items that come with the next load."""
-    loads: int = 0
-    """Number of loads set down."""
     tries: int = 0
     """Number of searches for room."""
     pending: bool = False
@@ -62,11 +73,6 @@ class TableFeedState:
     no_room: bool = False
     """Whether there was no room for any item of the load."""
     obstructed: bool = False
-    settling: tuple[ObjectId, ...] = ()
-    """Items that were set down and may still move."""
-    until: float = 0.0
-    """Simulated time until which the feed waits for them to come to rest, s."""
-    deliveries: int = 0
 
 
 class TableFeed(ItemSource[TableFeedState]):
@@ -236,29 +242,14 @@ class TableFeed(ItemSource[TableFeedState]):
         )
 
 
-@dataclass(frozen=True, slots=True)
-class ToteFeedState:
-    """Progress of a feed entry with a tote."""
-
-    drawn: int = 0
-    """Number of items drawn so far."""
-    loads: int = 0
-    """Number of loads poured."""
-    settling: tuple[ObjectId, ...] = ()
-    """Items that were poured and may still move."""
-    until: float = 0.0
-    """Simulated time until which the feed waits for them to come to rest, s."""
-    deliveries: int = 0
-
-
-class ToteFeed(ItemSource[ToteFeedState]):
+class ToteFeed(ItemSource[FeedState]):
     """Feed entry with a tote. Raises PicktreeError when an item is wider than the tote.
 
     The exchange of the tote waits for the arm, not the feed.
     """
 
     def __init__(self, scene: SceneDescription, number: int, cell: FeedCell, seed: int) -> None:
-        super().__init__(scene, number, cell, seed, ToteFeedState())
+        super().__init__(scene, number, cell, seed, FeedState())
         into = self._delivery.load.into
         if into is None:
             raise PicktreeError(f"feed[{number}] has no tote")
@@ -423,7 +414,7 @@ class FeederState:
     tables: tuple[TableFeedState, ...] = ()
     belts: tuple[BeltFeedState, ...] = ()
     exchange: ExchangeState = field(default_factory=ExchangeState)
-    totes: tuple[ToteFeedState, ...] = ()
+    totes: tuple[FeedState, ...] = ()
 
 
 class Feeder:

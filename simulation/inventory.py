@@ -17,33 +17,32 @@ from .spawn import SpawnedItem, item_id, item_number
 from .truth import TrueBody
 
 
-@dataclass(frozen=True, slots=True)
-class BroughtItem:
-    """Record in a checkpoint of an item that the scene did not spawn."""
-
-    id: ObjectId
-    kind: str
-    colour: str
-    brought_by: int
-    """Index of the feed entry that brought the item."""
-    mesh: int | None = None
-    """Number of its file in the assortment; None: it is of the catalogue."""
-    tag: int | None = None
-    """Number of the tag on it; None: it has none."""
-
-
-@dataclass(frozen=True, slots=True)
-class DepartedItem:
-    """Record of items that left with a bin. Equal ones have one: there are thousands."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ItemOrigin:
+    """What an item is, in a checkpoint."""
 
     kind: str
     colour: str
     brought_by: int | None
-    taken_with: ObjectId
+    """Index of the feed entry that brought the item; None: the scene spawned it."""
     mesh: int | None = None
     """Number of its file in the assortment; None: it is of the catalogue."""
     tag: int | None = None
     """Number of the tag on it; None: it has none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BroughtItem(ItemOrigin):
+    """An item that the scene did not spawn."""
+
+    id: ObjectId
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DepartedItem(ItemOrigin):
+    """Items that left with a bin. Equal ones have one record: there are thousands."""
+
+    taken_with: ObjectId
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +122,12 @@ class Inventory:
         for body in left:
             del self.here[body.id]
             kind = DepartedItem(
-                body.kind, body.colour, body.brought_by, bin_id, self._file(body.shape), body.tag
+                kind=body.kind,
+                colour=body.colour,
+                brought_by=body.brought_by,
+                mesh=self._file(body.shape),
+                tag=body.tag,
+                taken_with=bin_id,
             )
             self._departed.append((item_number(body.id), self._kinds.setdefault(kind, len(self._kinds))))
         self._latest[bin_id] = tuple(left)
@@ -157,7 +161,12 @@ class Inventory:
         """Return the state for a checkpoint; None when nothing came and nothing left."""
         brought = tuple(
             BroughtItem(
-                item.id, item.entry.kind, item.colour, item.brought_by, self._file(item.entry.shape), item.tag
+                kind=item.entry.kind,
+                colour=item.colour,
+                brought_by=item.brought_by,
+                mesh=self._file(item.entry.shape),
+                tag=item.tag,
+                id=item.id,
             )
             for item in self.here.values()
             if item.brought_by is not None
@@ -191,7 +200,7 @@ class Inventory:
         files = mesh_files(assortment.meshes)
         return files.index(Path(shape.source)) if Path(shape.source) in files else None
 
-    def _kind(self, item: BroughtItem | DepartedItem) -> tuple[CatalogueEntry, Stickers | None]:
+    def _kind(self, item: ItemOrigin) -> tuple[CatalogueEntry, Stickers | None]:
         """Return the entry of the catalogue, or the thing of the assortment with its stickers."""
         assortment = self._scene.assortment
         if item.mesh is None or assortment is None:

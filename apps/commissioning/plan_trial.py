@@ -28,8 +28,10 @@ from picktree.robot import World
 from picktree.robot.planning import (
     DEFAULT_CHECK_BUDGET,
     Constraint,
+    ContactPair,
     MotionPlan,
     NamedGoal,
+    PlanQuality,
     Request,
     UprightConstraint,
     contact_lines,
@@ -58,25 +60,33 @@ class PlanFigures:
     checks: int
     thinking: float
     """Simulated time charged for planning, s."""
-    duration: float
-    length: float
-    """Path length in joint space, rad."""
-    way: float
-    """Path length of the tool, m."""
-    nearest: tuple[str, str] | None
-    """Nearest pair of bodies: of the robot, and around it; None: nothing is near."""
-    clearance: float | None
-    nearest_at: float | None
-    itself: tuple[str, str] | None
-    """Nearest pair of the robot's own links."""
-    itself_clearance: float | None
-    singular: float
-    singular_at: float
-    joint: str
-    """Joint that comes nearest to one of its limits."""
-    joint_room: float
-    joint_room_at: float
+    quality: PlanQuality
     joint_slides: bool
+    """Whether the joint that comes nearest to one of its limits is a slider."""
+
+    def to_json(self) -> dict[str, object]:
+        quality = self.quality
+        near, own, joint = quality.nearest, quality.itself, quality.joint
+        return {
+            "planner": self.planner,
+            "legs": self.legs,
+            "checks": self.checks,
+            "thinking": self.thinking,
+            "duration": quality.duration,
+            "length": quality.length,
+            "way": quality.way,
+            "nearest": None if near is None else (near.contact.a, near.contact.b),
+            "clearance": None if near is None else near.contact.distance,
+            "nearest_at": None if near is None else near.at,
+            "itself": None if own is None else (own.contact.a, own.contact.b),
+            "itself_clearance": None if own is None else own.contact.distance,
+            "singular": quality.singular,
+            "singular_at": quality.singular_at,
+            "joint": joint.joint,
+            "joint_room": joint.room,
+            "joint_room_at": joint.at,
+            "joint_slides": self.joint_slides,
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +129,8 @@ class PlanAnswer:
         return self.found is not None and not self.judged
 
     def to_json_text(self) -> str:
-        return json.dumps(asdict(self), indent=2, default=str) + "\n"
+        found = None if self.found is None else self.found.to_json()
+        return json.dumps({**asdict(self), "found": found}, indent=2, default=str) + "\n"
 
     def to_text(self) -> str:
         lines = [
@@ -144,19 +155,19 @@ class PlanAnswer:
         legs = f" of {', '.join(found.legs)}" if found.legs else ""
         yield "planner", found.planner + legs
         yield "checks", f"{found.checks} ({found.thinking * 1000:.0f} ms of thinking)"
-        yield "motion", f"{found.duration:.2f} s, {found.length:.2f} rad, the tool {found.way * 1000:.0f} mm"
-        if found.nearest is None or found.clearance is None:
+        quality = found.quality
+        near, own, joint = quality.nearest, quality.itself, quality.joint
+        tool = f"the tool {quality.way * 1000:.0f} mm"
+        yield "motion", f"{quality.duration:.2f} s, {quality.length:.2f} rad, {tool}"
+        if near is None:
             yield "nearest", "nothing within 500 mm"
         else:
-            a, b = found.nearest
-            yield "nearest", f"{found.clearance * 1000:.1f} mm: {a} to {b}, at {found.nearest_at:.2f} s"
-        if found.itself is not None and found.itself_clearance is not None:
-            a, b = found.itself
-            yield "itself", f"{found.itself_clearance * 1000:.1f} mm: {a} to {b}"
-        yield "singularity", f"smallest singular value {found.singular:.3f}, at {found.singular_at:.2f} s"
-        room = f"{degrees(found.joint_room):.1f} deg"
-        room = f"{found.joint_room * 1000:.1f} mm" if found.joint_slides else room
-        yield "joint limits", f"{found.joint} comes within {room}, at {found.joint_room_at:.2f} s"
+            yield "nearest", f"{_distance(near.contact)}, at {near.at:.2f} s"
+        if own is not None:
+            yield "itself", _distance(own.contact)
+        yield "singularity", f"smallest singular value {quality.singular:.3f}, at {quality.singular_at:.2f} s"
+        room = f"{joint.room * 1000:.1f} mm" if found.joint_slides else f"{degrees(joint.room):.1f} deg"
+        yield "joint limits", f"{joint.joint} comes within {room}, at {joint.at:.2f} s"
         if self.judged is not None:
             yield "judged", "free by the second checker" if not self.judged else "; ".join(self.judged)
 
@@ -168,6 +179,10 @@ class PlanAnswer:
         if self.rejected:
             lines += ["", "grasps that were not taken:", *(f"  {one}" for one in self.rejected)]
         return lines
+
+
+def _distance(contact: ContactPair) -> str:
+    return f"{contact.distance * 1000:.1f} mm: {contact.a} to {contact.b}"
 
 
 def _rows(evidence: Evidence) -> Iterator[tuple[str, str]]:
@@ -518,26 +533,13 @@ def _run_to_end(steps: Generator[None, None, T]) -> T:
 def plan_figures(world: World, plan: MotionPlan) -> PlanFigures:
     """Return the figures of a plan in the present belief."""
     quality = world.plan.quality(plan)
-    near, own, joint = quality.nearest, quality.itself, quality.joint
-    index = world.robot.description.joints.index(joint.joint)
+    index = world.robot.description.joints.index(quality.joint.joint)
     return PlanFigures(
         plan.planner,
         tuple(leg.planner for leg in plan.legs),
         plan.checks,
         world.thinking.total,
-        quality.duration,
-        quality.length,
-        quality.way,
-        None if near is None else (near.contact.a, near.contact.b),
-        None if near is None else near.contact.distance,
-        None if near is None else near.at,
-        None if own is None else (own.contact.a, own.contact.b),
-        None if own is None else own.contact.distance,
-        quality.singular,
-        quality.singular_at,
-        joint.joint,
-        joint.room,
-        joint.at,
+        quality,
         joint_slides=not is_hinge(world.robot.arm.joints[index + 1]),
     )
 

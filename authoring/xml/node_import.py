@@ -368,19 +368,20 @@ class XmlNodeReader(ElementReader):
         declaration = self._context.stub_class(stub).declaration
         draft = NodeDraft.of(stub.id, element.mark, declaration.keys)
         for port in stub.ports:
+            key = port.declared.key
             if port.name in element.attributes:
                 text, mark = element.get(port.name), element.place(port.name)
-                if port.direction == "out" and not is_pointer(text):
+                if port.declared.direction == "out" and not is_pointer(text):
                     if text.strip():
                         message = f"the output {port.name!r} needs a key in braces, not {text!r}"
                         self.faults.note(mark, trail, f"{message}; it is left out", code="P918")
                 elif is_pointer(text):
                     bare = text.strip(" ")
-                    draft.put(port.key, f"{{{port.name}}}" if bare == "{=}" else bare, mark)
+                    draft.put(key, f"{{{port.name}}}" if bare == "{=}" else bare, mark)
                 else:
-                    draft.put(port.key, self.value(element, port.name, port.type, trail), mark)
+                    draft.put(key, self.value(element, port.name, port.declared.type, trail), mark)
             elif port.remapped:
-                draft.put(port.key, port.remapped, element.mark)
+                draft.put(key, port.remapped, element.mark)
         names = {port.name for port in stub.ports}
         for key in element.attributes:
             if key not in names and key not in COMMON and key != "ID" and key.startswith("_"):

@@ -26,6 +26,7 @@ from picktree.trees import (
     NodeDeclaration,
     NodeStatus,
     Out,
+    PortDeclaration,
     PortType,
     Skill,
     Steps,
@@ -63,24 +64,12 @@ _NO_PORT = ("ID", *COMMON_KEYS)
 
 @dataclass(frozen=True, slots=True)
 class StubPort:
-    """Port of a stub. `name` is the attribute in XML, `key` that in a mission."""
+    """Port of a stub. `name` is its attribute in XML."""
 
     name: str
-    key: str
-    direction: Direction
-    type: PortType
-    doc: str
-    default: object = REQUIRED
+    declared: PortDeclaration
     remapped: str = ""
     """Reference that stands where a use leaves the port out; empty: none."""
-    template: bool = False
-    """Whether a use has references inside a longer text, which the node fills in."""
-
-    @property
-    def attribute(self) -> str:
-        """Name of the attribute in the class."""
-        reserved = keyword.iskeyword(self.key) or self.key in reserved_names(Node) or self.key == "do"
-        return f"{self.key}_" if reserved else self.key
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,9 +84,9 @@ class StubNode:
     mark: Mark
     uses: int
 
-    def port(self, name: str) -> StubPort | None:
+    def port(self, name: str) -> PortDeclaration | None:
         """Return the port of an XML attribute."""
-        return next((each for each in self.ports if each.name == name), None)
+        return next((each.declared for each in self.ports if each.name == name), None)
 
 
 class StubFinder:
@@ -146,7 +135,7 @@ class StubFinder:
         def declared(element: Element, key: str) -> PortUse | None:
             stub = found.get(element.identity)
             mine = stub.port(key) if stub is not None else None
-            return PortUse(mine.direction, mine.type) if mine is not None else self.port_use(element, key)
+            return self.port_use(element, key) if mine is None else PortUse(mine.direction, mine.type)
 
         return found, KeyFlow(self._source.trees, declared, self._source.main, self._enums)
 
@@ -222,7 +211,8 @@ class StubFinder:
         keys += [key for use in uses for key in use.attributes if key not in _NO_PORT and key[:1] != "_"]
         ports: list[StubPort] = []
         for key in dict.fromkeys(filter(None, keys)):
-            found = self._port(name, key, uses, settled.get((name, key)), {each.key for each in ports})
+            taken = {each.declared.key for each in ports}
+            found = self._port(name, key, uses, settled.get((name, key)), taken)
             if found is not None:
                 ports.append(found)
         said = one_line((model.get("description") or model.text) if model is not None else "")
@@ -270,7 +260,7 @@ class StubFinder:
         text = (model.get("description") or model.text) if model is not None else ""
         doc = one_line(text) or f"{name} of {node}"
         if direction == "out":
-            return StubPort(name, key, "out", kind, doc)
+            return StubPort(name, PortDeclaration(key, _attribute(key), "out", kind, doc))
         default = model.attributes.get("default") if model is not None else None
         kind = kind if all(_reads(text, kind) for text in literals) else PortType("any")
         template = any(map(references.REFERENCE_IN_TEXT.search, literals))
@@ -284,7 +274,15 @@ class StubFinder:
             value = convert_literal(read_value(default, kind), kind)
         elif len(texts) < len(uses):
             value, kind = None, replace(kind, optional=True)
-        return StubPort(name, key, "in", kind, doc, value, remapped, template)
+        takes: Takes = "template" if template else "value"
+        declared = PortDeclaration(key, _attribute(key), "in", kind, doc, default=value, takes=takes)
+        return StubPort(name, declared, remapped)
+
+
+def _attribute(key: str) -> str:
+    """Return the name of a port's attribute in the class."""
+    reserved = keyword.iskeyword(key) or key in reserved_names(Node) or key == "do"
+    return f"{key}_" if reserved else key
 
 
 def stub_missing_trees(source: XmlSource, faults: ImportFaults) -> None:
@@ -350,12 +348,10 @@ def stub_class(stub: StubNode) -> type[Node]:
         **members,
     }
     annotations: dict[str, object] = {}
-    for each in stub.ports:
+    for each in (every.declared for every in stub.ports):
         way = In if each.direction == "in" else Out
         annotations[each.attribute] = cast("Any", way)[_annotation(each.type)]
-        default = each.default if each.direction == "in" else REQUIRED
-        takes: Takes = "template" if each.template else "value"
-        body[each.attribute] = port(each.doc, default=default, key=each.key, takes=takes)
+        body[each.attribute] = port(each.doc, default=each.default, key=each.key, takes=each.takes)
     body["__annotations__"] = annotations
     try:
         return cast("type[Node]", cast("Any", type(base))(stub.id, (base,), body))
@@ -413,9 +409,10 @@ def stub_text(stubs: Iterable[StubNode], origin: str) -> str:
         names.update(_NAMES[node.kind])
         if node.kind in ("Action", "Condition"):
             names.add("Failure")
-        names.update(("In" if each.direction == "in" else "Out") for each in node.ports)
-        names.update("port" for _ in node.ports)
-        names.update("ObjectId" for each in node.ports if each.type.name == "object")
+        ports = [port.declared for port in node.ports]
+        names.update(("In" if each.direction == "in" else "Out") for each in ports)
+        names.update("port" for _ in ports)
+        names.update("ObjectId" for each in ports if each.type.name == "object")
     classes = {node.id: _class_name(node.id) for node in nodes}
     lines = [
         _docstring(f"Stubs of the nodes of {origin}: each fails until its body is written."),
@@ -458,7 +455,7 @@ def _class(node: StubNode, name: str) -> Iterator[str]:
     if node.ports:
         yield ""
     for each in node.ports:
-        yield from _port(each)
+        yield from _port(each.declared)
     yield ""
     message = _quoted(not_written(node.id))
     if node.kind == "Action":
@@ -473,14 +470,14 @@ def _class(node: StubNode, name: str) -> Iterator[str]:
         yield f"        return self.fail(NOT_WRITTEN, {message})"
 
 
-def _port(port: StubPort) -> Iterator[str]:
+def _port(port: PortDeclaration) -> Iterator[str]:
     way = "In" if port.direction == "in" else "Out"
     given = [_quoted(port.doc)]
-    if port.default is not REQUIRED and port.direction == "in":
+    if port.default is not REQUIRED:
         given.append(f"default={_value(port.default)}")
     if port.attribute != port.key:
         given.append(f"key={_quoted(port.key)}")
-    if port.template:
+    if port.takes == "template":
         given.append('takes="template"')
     start = f"    {port.attribute}: {way}[{_type(port.type)}] = port("
     line = f"{start}{', '.join(given)})"

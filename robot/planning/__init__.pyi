@@ -23,6 +23,7 @@ from .collision_model import CoalShapes as CoalShapes
 from .limits import WORKSPACE_MARGIN as WORKSPACE_MARGIN, configuration_cost as configuration_cost
 from .lookahead_planning import LookaheadResult as LookaheadResult, has_second_core as has_second_core
 from .motion_plans import ContactPair as ContactPair, LegFailure as LegFailure
+from .plan_quality import PlanQuality as PlanQuality
 from .penetration_escape import EscapePath as EscapePath
 from .plan_service import PlanService as PlanService
 from .planning_failures import contact_lines as contact_lines
