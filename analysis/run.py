@@ -17,7 +17,7 @@ class Run(RunRecord):
 
     `where` is a log file, a run's folder, or `last`. Times are simulated seconds, lengths m, angles rad,
     forces N; poses are in the world. Everything is read on the first request, and then kept; `ticks` and
-    `shots` read each time, so that a long log needs little memory. Use it as a context manager, or `close`
+    `images` read each time, so that a long log needs little memory. Use it as a context manager, or `close`
     it.
 
     Raises PicktreeError when `where` is no log, or the file is damaged.

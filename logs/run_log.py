@@ -473,7 +473,7 @@ class RunLog:
     def lines(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[LogLine]]:
         return self._records(topics.LOG.name, foxglove_messages.read_log, start, end)
 
-    def shots(
+    def images(
         self, camera: str, start: float | None = None, end: float | None = None
     ) -> Iterator[Stamped[CameraImage]]:
         kinds = (topics.calibration_topic, topics.colour_topic, topics.depth_topic)

@@ -56,7 +56,7 @@ class RunRecord:
 
     `where` is a log file, a run's folder, or `last`. Times are simulated seconds, lengths m, angles rad,
     forces N; poses are in the world. Everything is read on the first request, and then kept; `ticks` and
-    `shots` read each time, so that a long log needs little memory. Use it as a context manager, or close it.
+    `images` read each time, so that a long log needs little memory. Use it as a context manager, or close it.
 
     Raises PicktreeError when `where` is no log, or the file is damaged.
     """
@@ -244,8 +244,8 @@ class RunRecord:
         return control_series(self.log)
 
     @cached_property
-    def shots(self) -> ImageSequence:
-        """Images of the cameras; `shots.before(time)` finds one by its time."""
+    def images(self) -> ImageSequence:
+        """Images of the cameras; `images.before(time)` finds one by its time."""
         return ImageSequence(self.log)
 
     def at(self, time: float) -> Moment:

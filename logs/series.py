@@ -122,7 +122,7 @@ class ImageSequence(Sequence[Stamped[CameraImage]]):
         number = range(len(self))[index]
         time = self.times[number]
         # The three messages of an image have one stamp.
-        return next(self._log.shots(self.cameras[number], time - _TIME_TOLERANCE, time + _TIME_TOLERANCE))
+        return next(self._log.images(self.cameras[number], time - _TIME_TOLERANCE, time + _TIME_TOLERANCE))
 
     def before(self, time: float, camera: str | None = None) -> Stamped[CameraImage] | None:
         """Return the last image at `time` (simulated s) or before, of that camera or of any; None when there

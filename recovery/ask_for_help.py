@@ -181,7 +181,7 @@ def _situation(world: World) -> str:
         more = f" and {len(left) - _MAX_NAMED} more" if len(left) > _MAX_NAMED else ""
         parts.append(f"{len(left)} to be done: {named}{more}")
     else:
-        parts.append("nothing else is to be done" if world.vision.looks else "nobody has looked yet")
+        parts.append("nothing else is to be done" if world.vision.observations else "nobody has looked yet")
     return f"{'; '.join(parts)}; {world.journal.items_done} done so far"
 
 

@@ -152,7 +152,7 @@ def _carry_out(text: str, world: World) -> Generator[None, None, None]:
 def _look(world: World) -> Generator[None, None, None]:
     for camera in world.description.cameras:
         try:
-            yield from world.vision.look(camera.name)
+            yield from world.vision.observe(camera.name)
         except Failure as failure:
             world.journal.note(
                 event_types.TookStockEvent(

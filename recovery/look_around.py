@@ -67,7 +67,7 @@ class LookAround(Skill):
         blind: list[CameraDescription] = []
         for camera in cameras:
             try:
-                summary: ObservationSummary = yield from world.vision.look(camera.name)
+                summary: ObservationSummary = yield from world.vision.observe(camera.name)
             except Failure as failure:
                 if failure.cause is not perception.NO_IMAGE:
                     raise

@@ -102,7 +102,7 @@ class Vision:
         """Latest view of each bin; part of the state."""
         self.heaps: dict[str, heap_geometry.Heap] = {}
         """Heap of each tote or fixture that was seen; part of the state."""
-        self.looks = 0
+        self.observations = 0
         """Number of observations merged into the belief; part of the state."""
         self.newest = 0.0
         """Time of the newest image in the belief, s. It is compared only with images still in processing,
@@ -113,31 +113,31 @@ class Vision:
         """Name of the camera on the hand; None: there is none."""
         return next((name for name in self._cameras if name not in self._still), None)
 
-    def shoot(self, camera: str) -> Generator[None, None, CapturedImage]:
+    def capture(self, camera: str) -> Generator[None, None, CapturedImage]:
         """Capture one image with `camera`, at the cost of an observation. Perception does not run and the
         belief does not change."""
-        shot = yield from self._patiently(lambda: self.glance(camera))
+        shot = yield from self._patiently(lambda: self.capture_now(camera))
         yield from self._charge()
         self._journal.note(ImageEntry(shot.image, ()))
         return shot
 
-    def follow(
+    def track(
         self, camera: str, objects: Sequence[BeliefObject]
     ) -> Generator[None, None, tuple[TrackedSighting, ...]]:
         """Capture an image with `camera` and locate objects that are believed to be in it. The cost is
         that of an observation; the belief does not change."""
-        shot = yield from self._patiently(lambda: self.glance(camera))
+        shot = yield from self._patiently(lambda: self.capture_now(camera))
         with self._stopwatch.measure("perception"):
-            found = self._perceive.follow(shot.image, shot.joints, shot.width, shot.held, objects)
+            found = self._perceive.track(shot.image, shot.joints, shot.width, shot.held, objects)
         yield from self._charge()
         seen = sorted({str(s.object) for s in found if math.isfinite(s.misfit)})
         self._journal.note(ImageEntry(shot.image, tuple(seen)))
         return found
 
-    def examine(self, camera: str) -> Generator[None, None, HeldView]:
+    def inspect(self, camera: str) -> Generator[None, None, HeldView]:
         """Capture an image with a fixed `camera`, and return what it shows in the hand. The cost is that of
-        an observation; the belief does not change. Raises as `look`."""
-        shot = yield from self._patiently(lambda: self.glance(camera))
+        an observation; the belief does not change. Raises as `observe`."""
+        shot = yield from self._patiently(lambda: self.capture_now(camera))
         with self._stopwatch.measure("perception"):
             seen = self._perceive.held(shot.image, shot.joints, shot.width)
         yield from self._charge()
@@ -145,20 +145,20 @@ class Vision:
         self._journal.note(ImageEntry(shot.image, held))
         return seen
 
-    def look(self, camera: str) -> Generator[None, None, ObservationSummary]:
+    def observe(self, camera: str) -> Generator[None, None, ObservationSummary]:
         """Observe with `camera`; the belief changes after the charged time. All that is not set aside is
         recognised anew.
 
         Raises Failure: perception.not_found when there is no such camera, perception.no_image when none comes
         within a few frames, or only old ones or the same one.
         """
-        shot = yield from self._patiently(lambda: self.glance(camera))
+        shot = yield from self._patiently(lambda: self.capture_now(camera))
         yield from self._charge()
-        return self.take_in(shot, [o for o in self._scene.objects if o.place == world_facts.ASIDE])
+        return self.observe_image(shot, [o for o in self._scene.objects if o.place == world_facts.ASIDE])
 
-    def glance(self, camera: str) -> CapturedImage:
+    def capture_now(self, camera: str) -> CapturedImage:
         """Capture an image with `camera`. Nothing is charged, and the belief does not change before
-        `take_in`; the caller defers that until the charged time has passed.
+        `observe_image`; the caller defers that until the charged time has passed.
 
         Raises Failure: perception.not_found when there is no such camera, perception.no_image when this frame
         does not come, is old, is the one before again, or scatters far more than this camera's do.
@@ -203,7 +203,7 @@ class Vision:
         self._last[image.camera] = image
         return False
 
-    def take_in(self, shot: CapturedImage, known: Sequence[BeliefObject] = ()) -> ObservationSummary:
+    def observe_image(self, shot: CapturedImage, known: Sequence[BeliefObject] = ()) -> ObservationSummary:
         """Run perception on an image and merge the result into the belief, for the time of its capture.
 
         Objects that are `known` are looked for where they are believed, and recognised only where they do
@@ -220,7 +220,7 @@ class Vision:
         for name, heap in view.heaps.items():
             region, former = self._scene.regions[name], self.heaps.get(str(name))
             self.heaps[str(name)] = update_heap(self._scene, region, heap, former, shot.stamp)
-        self.looks += 1
+        self.observations += 1
         self.newest = max(self.newest, shot.stamp)
         findings = tuple(f"{d.colour} {d.kind}" for d in view.detections)
         self._journal.note(ImageEntry(image, findings))

@@ -204,7 +204,7 @@ class World:
         """Return the names that every expression of a mission may use, with their present values."""
         return facts(
             self.scene,
-            looked=self.vision.looks > 0,
+            looked=self.vision.observations > 0,
             stopped=self.control.monitor.stopped is not None,
             exhausted=self.feed.read().exhausted,
             done=self.journal.items_done,

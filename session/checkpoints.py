@@ -113,7 +113,7 @@ def take_checkpoint(
         attempts=world.attempts.state(),
         streams=world.streams.state(),
         thinking_owed=world.thinking.owed,
-        looks=world.vision.looks,
+        looks=world.vision.observations,
         bins_seen={
             name: [[None if math.isnan(height) else height for height in row] for row in view.cells.tolist()]
             for name, view in world.vision.bins.items()
@@ -151,7 +151,7 @@ def restore_checkpoint(world: World, state: RunState) -> None:
     world.thinking.owed = state.thinking_owed
     world.journal.items_done = state.items_done
     world.noticed.restore(state.noticed)
-    world.vision.looks = state.looks
+    world.vision.observations = state.looks
     world.vision.heaps = dict(state.heaps)
     world.vision.bins = {
         name: BinView(np.array([[math.nan if h is None else h for h in row] for row in rows]))

@@ -39,7 +39,7 @@ class Observe(Skill):
         yield from world.control.settle()
         bin_belief.apply_bin_exchanges(world, self.path)
         world.noticed.deliveries = world.feed.read().deliveries
-        summary = yield from world.vision.look(self.camera)
+        summary = yield from world.vision.observe(self.camera)
         for gone in summary.removed:
             world.attempts.forget(gone)
         if self.expect and self.expect not in summary.seen:

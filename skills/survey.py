@@ -84,7 +84,7 @@ class Survey(Skill):
     def _from_all_sides(
         self, world: World, target: calibration_targets.CalibrationTarget, camera: CameraDescription
     ) -> Steps:
-        first = yield from world.vision.shoot(self.camera)
+        first = yield from world.vision.capture(self.camera)
         offered = viewpoints(target.pose, target.size, first.image.intrinsics, PLACES_PER_VIEW * self.views)
         found = 0
         for place in offered:
@@ -133,7 +133,7 @@ class Survey(Skill):
         seen: list[tuple[observations.DetectedTile, ...]] = []
         taken = None
         for _ in range(pictures):
-            taken = yield from world.vision.shoot(self.camera)
+            taken = yield from world.vision.capture(self.camera)
             seen.append(target_detection.detect_tiles(taken.image, target.tiles))
         together = target_detection.average_tiles(seen)
         if not together or taken is None:
@@ -150,7 +150,7 @@ class Survey(Skill):
 
         yield from world.control.settle()
         for _ in range(pictures):
-            taken = yield from world.vision.shoot(self.camera)
+            taken = yield from world.vision.capture(self.camera)
             if target_detection.detect_tiles(taken.image, target.tiles):
                 return True
         return False

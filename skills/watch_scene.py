@@ -93,7 +93,7 @@ class WatchScene(Decorator):
         if pending is not None and now >= pending.stamp + world.vision.cost - _TIME_TOLERANCE:
             self._pending = None
             if pending.stamp > world.vision.newest:
-                for gone in world.vision.take_in(pending, world.scene.objects).removed:
+                for gone in world.vision.observe_image(pending, world.scene.objects).removed:
                     world.attempts.forget(gone)
         if self._pending is None and now >= self._next - _TIME_TOLERANCE:
             self._next = now + self.every
@@ -101,7 +101,7 @@ class WatchScene(Decorator):
 
     def _look(self, world: World, now: float) -> None:
         try:
-            self._pending = world.vision.glance(self.camera)
+            self._pending = world.vision.capture_now(self.camera)
         except Failure as failure:
             if failure.cause is not perception.NO_IMAGE or now - self._seen > self.blind:
                 self.body.halt()

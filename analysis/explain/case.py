@@ -230,7 +230,7 @@ class Investigation:
     @cached_property
     def camera(self) -> str:
         """Name of the camera that looked first; empty when none did."""
-        return next(iter(self.run.shots.cameras), "")
+        return next(iter(self.run.images.cameras), "")
 
     def visit(self, failure: FailureStory) -> node_visits.Visit:
         return self.family.visits[failure.visit]

@@ -74,7 +74,7 @@ MAX_IMAGES = 24
 
 def looks(case: Investigation) -> tuple[Stamped[CameraImage], ...]:
     """Return images of the fixed cameras, spread over the run."""
-    shots = case.run.shots
+    shots = case.run.images
     fixed = {c.name for c in case.scene.cameras if c.on != "hand"} if case.scene else set[str]()
     theirs = [n for n, camera in enumerate(shots.cameras) if camera in fixed]
     chosen = sorted({int(n) for n in np.linspace(0, len(theirs) - 1, min(len(theirs), MAX_IMAGES))})

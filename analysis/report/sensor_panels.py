@@ -37,7 +37,7 @@ class ReportImage:
 
 def pack_images(run: Run, budget: int = IMAGE_BYTE_LIMIT) -> Section:
     """Pack all images, or as many as `budget` bytes hold, evenly over the run."""
-    shots = run.shots
+    shots = run.images
     if not shots:
         return Section("images", {"empty": "No camera took an image in this run."})
     pictures = images_within_budget(shots, budget)

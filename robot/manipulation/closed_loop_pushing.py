@@ -56,7 +56,7 @@ def observe_closely(world: World, camera: str, name: ObjectId, pictures: int) ->
     yield from world.control.settle()
     found: list[BeliefObject] = []
     for _ in range(pictures):
-        summary = yield from world.vision.look(camera)
+        summary = yield from world.vision.observe(camera)
         belief = world.scene.find(name)
         if name in summary.seen and belief is not None:
             found.append(belief)
@@ -462,7 +462,7 @@ def make_room(world: World, task: PushTask) -> Doing[None]:
 
 def _look(world: World, task: PushTask) -> Doing[None]:
     yield from world.control.settle()
-    yield from world.vision.look(task.camera)
+    yield from world.vision.observe(task.camera)
 
 
 def _choose_singulation(

@@ -70,7 +70,7 @@ def look_into_tote(world: World, task: HeapPickTask) -> Doing[BeliefObject]:
     with world.step(task.node, "look"):
         yield from world.control.settle()
         before = world.vision.heaps.get(task.tote)
-        yield from world.vision.look(task.camera)
+        yield from world.vision.observe(task.camera)
     if world.vision.heaps.get(task.tote) is before:
         raise Failure(perception.NOT_FOUND, f"{task.camera} does not show {task.tote}", object=task.tote)
     found = world.scene.find(heap_geometry.heap_id(task.tote))

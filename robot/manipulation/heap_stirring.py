@@ -452,7 +452,7 @@ def stir(world: World, task: HeapPickTask, strokes: int) -> Doing[None]:
         one, start = yield from _begin(world, task, belief.id)
         outcomes.append(f"{one.name}: {yield from _execute(world, task, one, start)}")
         yield from world.control.settle()
-        yield from world.vision.look(task.camera)
+        yield from world.vision.observe(task.camera)
         if heap_changed(before, world.vision.heaps[task.tote].map):
             world.attempts.clear(task.node, belief.id)
             text = f"{task.tote} is stirred: {'; '.join(outcomes)}"

@@ -49,7 +49,7 @@ def look_at_hole(world: World, hole_id: ObjectId, node: str) -> Doing[Pose | Non
         world.journal.note(event_types.ServoEvent(message, node, hole=hole_id))
         return None
     yield from world.control.settle()
-    shot = yield from world.vision.shoot(camera.name)
+    shot = yield from world.vision.capture(camera.name)
     seen = detect_hole(shot.image, hole, believed, MAX_MOUTH_OFFSET)
     if seen is None:
         message = f"{hole_id}: its mouth is not recognised from the hand"

@@ -370,7 +370,7 @@ def relocate_object(world: World, task: PickTask, lost: LostGrasp) -> Doing[Pick
     yield from world.control.settle()
     cameras = sorted(world.description.cameras, key=lambda camera: camera.on != "hand")
     for camera in cameras:
-        summary = yield from world.vision.look(camera.name)
+        summary = yield from world.vision.observe(camera.name)
         if task.object in summary.seen:
             _note_regrasp(world, task, lost, f"seen by {camera.name}")
             return task

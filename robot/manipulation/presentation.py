@@ -131,7 +131,7 @@ def present(world: World, task: PresentTask) -> Doing[None]:
             break
         side = -_side(world, camera)
         yield from world.control.settle()
-        view = yield from world.vision.examine(task.camera)
+        view = yield from world.vision.inspect(task.camera)
         if float(view.areas.sum()) < MIN_SEEN_AREA:
             continue
         views.append(view)

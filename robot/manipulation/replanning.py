@@ -99,7 +99,7 @@ class PlaceWatch(BeliefWatch):
     """
 
     def __init__(self, world: World, held: BeliefObject, landing: PlaceCandidate) -> None:
-        super().__init__(lambda: world.vision.looks)
+        super().__init__(lambda: world.vision.observations)
         assert held.object_in_tcp is not None
         self._world, self._landing = world, landing
         self._held, self._in_tcp = held.id, held.object_in_tcp

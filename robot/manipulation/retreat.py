@@ -371,7 +371,7 @@ def observe_with_fixed_cameras(world: World) -> Doing[bool]:
         if camera.on == "hand":
             continue
         try:
-            yield from world.vision.look(camera.name)
+            yield from world.vision.observe(camera.name)
             seen = True
         except Failure as failure:
             if not failure.cause.name.startswith("perception."):

@@ -217,7 +217,7 @@ def look_through_hand_camera(
     yield from world.control.settle()
     believed = world.scene.get(target)
     objects = [o for o in world.scene.objects if _is_around(o, believed)]
-    found = yield from world.vision.follow(camera, objects)
+    found = yield from world.vision.track(camera, objects)
     reading = match_patches(believed, objects, found)
     if reading.target is None:
         what = "ambiguous" if reading.ambiguous else "not recognised"

@@ -162,7 +162,7 @@ class Perception:
             {} if shot.moving else map_heaps(picture, shot.robot, self._description, image.colour),
         )
 
-    def follow(
+    def track(
         self,
         image: RgbdImage,
         joints: Array,

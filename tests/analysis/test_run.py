@@ -96,18 +96,18 @@ def test_ticks_in_a_row_are_read_in_one_go(sorted_run: Path) -> None:
 
 def test_images_are_had_by_number_and_by_time(sorted_run: Path) -> None:
     with Run(sorted_run) as run:
-        assert run.shots.cameras == ("overhead", "overhead")
-        shot = run.shots[0]
-        assert shot.time == run.shots.times[0]
+        assert run.images.cameras == ("overhead", "overhead")
+        shot = run.images[0]
+        assert shot.time == run.images.times[0]
         assert shot.record.camera == "overhead"
         assert shot.record.colour.shape == (*shot.record.depth.shape, 3)
         assert shot.record.colour.std() > 10
-        assert run.shots.before(shot.time - 0.01) is None
+        assert run.images.before(shot.time - 0.01) is None
         for camera in ("overhead", None):
-            found = run.shots.before(run.end, camera)
-            assert found is not None and found.time == run.shots.times[-1]
-        assert run.shots.before(run.end, "side") is None
-        assert run.shots[:5][0].time == shot.time
+            found = run.images.before(run.end, camera)
+            assert found is not None and found.time == run.images.times[-1]
+        assert run.images.before(run.end, "side") is None
+        assert run.images[:5][0].time == shot.time
 
 
 def test_the_gripper_opens_and_closes(sorted_run: Path) -> None:
@@ -139,7 +139,7 @@ def test_what_is_printed_is_short_and_telling(sorted_run: Path) -> None:
         )
         assert repr(run.ticks) == f"<{len(run.ticks)} ticks, 0.00 … {run.ticks.times[-1]:.2f} s>"
         assert repr(run.ticks[0]).startswith("<tick 0 at 0.00 s: RUNNING, Main/")
-        assert repr(run.shots).startswith(f"<{len(run.shots)} images by overhead, ")
+        assert repr(run.images).startswith(f"<{len(run.images)} images by overhead, ")
         assert repr(run.at(run.end)).startswith(f"<<tick {len(run.ticks) - 1} at ")
         assert repr(run.wrenches) == f"<{len(run.ticks)} readings of the wrist>"
 

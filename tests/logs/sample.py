@@ -242,7 +242,7 @@ def told(path: Path) -> dict[str, object]:
                 "colour": s.record.colour.ravel()[:6],
                 "depth": s.record.depth.ravel()[:6].round(3),
             }
-            for s in log.shots("overhead")
+            for s in log.images("overhead")
         ]
         raw = {
             "run": log.run,

@@ -113,7 +113,7 @@ def test_records_come_back_as_they_went_in(sample: ModuleType, log_path: Path) -
             Box((0.04, 0.04, 0.04)), Cylinder(0.02, 0.08), Sphere(0.025), sample.WEDGE,
         ]  # fmt: skip
         assert [p.id for p in belief.record.fixed] == ["table", *(f"red_bin/{k}" for k in range(5))]
-        shot = next(log.shots("overhead")).record
+        shot = next(log.images("overhead")).record
         original = sample.image(0.0)
         assert shot.colour.shape == original.colour.shape
         np.testing.assert_allclose(shot.depth, original.depth, atol=0.00051)

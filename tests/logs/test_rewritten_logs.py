@@ -48,7 +48,7 @@ def assert_reads_as(path: Path, original: Path) -> None:
         assert told(other) == told(one)
         assert (other.run, other.result, other.metadata) == (one.run, one.result, one.metadata)
         assert other.attachment("mission.yaml") == one.attachment("mission.yaml")
-        assert [at.time for at in other.shots("overhead")] == [at.time for at in one.shots("overhead")]
+        assert [at.time for at in other.images("overhead")] == [at.time for at in one.images("overhead")]
         assert {n: i.messages for n, i in one.topics.items() if i.messages}.items() <= {
             n: i.messages for n, i in other.topics.items()
         }.items()

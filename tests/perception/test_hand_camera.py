@@ -165,7 +165,7 @@ def test_known_items_are_followed_to_where_they_truly_are(error: Pose) -> None:
     image = shot(hardware)
     perception = Perception(scene(error), MODEL)
     objects = believed(hardware.truth(), (0.006, -0.005))
-    found = perception.follow(image, OVER, hardware.gripper.width, None, objects)
+    found = perception.track(image, OVER, hardware.gripper.width, None, objects)
     true = {body.id: body.pose for body in hardware.truth()}
     seen = [s for s in found if math.isfinite(s.misfit)]
     assert len({s.object for s in seen}) >= 3

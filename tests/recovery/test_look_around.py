@@ -26,7 +26,7 @@ def cell(body: str) -> tuple[Cell, KinematicHardware, list[tuple[str, str]]]:
     made = Cell(mission(body), scene)
     hardware, looks = made.hardware, list[tuple[str, str]]()
     assert isinstance(hardware, KinematicHardware)
-    look = made.world.vision.look
+    look = made.world.vision.observe
 
     def looking(camera: str) -> object:
         q = made.world.control.state.position
@@ -34,7 +34,7 @@ def cell(body: str) -> tuple[Cell, KinematicHardware, list[tuple[str, str]]]:
         looks.append((camera, next(near, "")))
         return look(camera)
 
-    made.world.vision.look = looking  # type: ignore[method-assign,assignment]
+    made.world.vision.observe = looking  # type: ignore[method-assign,assignment]
     return made, hardware, looks
 
 
@@ -129,7 +129,7 @@ def test_items_come_by_the_travel_of_the_hand_and_what_is_held_first() -> None:
     for near, far in (items, items[::-1]):
         for item, (x, y) in zip((near, far), places, strict=True):
             scene.put(replace(item, pose=Pose((x, y, z))), "test")
-        made.world.vision.look = lambda _: seen()  # type: ignore[method-assign,assignment]
+        made.world.vision.observe = lambda _: seen()  # type: ignore[method-assign,assignment]
         made.start(mission(LOOK))
         assert outcome(made) == ""
         assert listed(made) == [near.id, far.id]

@@ -233,7 +233,7 @@ class Ways:
         """Contacts at each question; the last ones are used again."""
         self.said = list[str]()
         outs, world = list(out), cell.world
-        look = world.vision.look
+        look = world.vision.observe
 
         def out_(leaving: RetreatMotion) -> Doing[bool]:
             self.said.append("out")
@@ -258,7 +258,7 @@ class Ways:
         patch.setattr(RetreatMotion, "anew", anew)
         patch.setattr("picktree.robot.manipulation.retreat.go_home", home_)
         patch.setattr(world.plan, "contacts", self._contacts)
-        patch.setattr(world.vision, "look", looking)
+        patch.setattr(world.vision, "observe", looking)
 
     def _contacts(self) -> tuple[ContactPair, ...]:
         return self.contacts.pop(0) if len(self.contacts) > 1 else self.contacts[0]

@@ -75,12 +75,12 @@ def test_with_an_empty_hand_it_goes_home_and_looks() -> None:
     made, _ = cell(block=1, can=1)
     made.start(mission("GoTo: {pose: rest}"))
     made.finish()
-    looks = made.world.vision.looks
+    looks = made.world.vision.observations
     found, notes = stock(made)
     assert found == ResyncReport((), (), False)
     assert notes == [FIRST, "looked: nothing more is done; 2 to be done"]
     assert at_home(made)
-    assert made.world.vision.looks > looks
+    assert made.world.vision.observations > looks
     assert made.world.gripper.width > 0.07
 
 

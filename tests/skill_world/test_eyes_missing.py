@@ -57,7 +57,7 @@ def driven(world: World, doing: Generator[None, None, T]) -> T:
 
 def test_a_frame_that_is_missing_is_waited_for_and_noted() -> None:
     world = cell("-o-x")
-    summary = driven(world, world.vision.look("overhead"))
+    summary = driven(world, world.vision.observe("overhead"))
     assert len(summary.seen) == 4
     events = [e for e in world.journal.take() if isinstance(e, JournalEvent) and e.kind == "frames_missed"]
     assert [(e.message, e.data) for e in events] == [("3 of 4 frames did not come", {"missed": 3})]
@@ -73,12 +73,12 @@ def test_a_frame_that_is_missing_is_waited_for_and_noted() -> None:
 )
 def test_a_camera_without_image_is_said_and_nothing_is_believed(shots: str, message: str) -> None:
     world = cell(shots)
-    for look in (world.vision.look, world.vision.shoot):
+    for look in (world.vision.observe, world.vision.capture):
         with pytest.raises(Failure) as raised:
             driven(world, look("overhead"))
         assert str(raised.value) == f"perception.no_image: {message}"
         assert raised.value.evidence["frames"] == 4
-    assert world.vision.looks == 0
+    assert world.vision.observations == 0
     assert world.scene.objects == ()
 
 
@@ -105,12 +105,12 @@ def test_a_picture_that_stands_still_is_no_image(monkeypatch: pytest.MonkeyPatch
         for _ in range(40):
             world.control.step_tick(TICK_LENGTH)
         for _ in range(2):
-            driven(world, world.vision.look("overhead"))
+            driven(world, world.vision.observe("overhead"))
             for _ in range(6):
                 world.control.step_tick(TICK_LENGTH)
         taken = world.vision.newest
         with pytest.raises(Failure) as raised:
-            driven(world, world.vision.look("overhead"))
+            driven(world, world.vision.observe("overhead"))
         assert raised.value.cause.name == "perception.no_image"
         still = raised.value.evidence["frozen"]
         assert still == pytest.approx(world.clock.now - taken)
@@ -123,6 +123,6 @@ def test_a_picture_that_stands_still_is_no_image(monkeypatch: pytest.MonkeyPatch
 def test_an_ideal_camera_may_repeat_its_picture() -> None:
     world = cell("x")
     for _ in range(2):
-        driven(world, world.vision.look("overhead"))
+        driven(world, world.vision.observe("overhead"))
         world.control.step_tick(TICK_LENGTH)
-    assert world.vision.looks == 2
+    assert world.vision.observations == 2

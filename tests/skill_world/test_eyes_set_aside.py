@@ -21,13 +21,13 @@ def test_a_look_does_not_recognise_what_was_set_aside(monkeypatch: pytest.Monkey
         return explain(self, blob, *arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(ItemFitter, "explain", noting)
-    first = driven(world, world.vision.look("overhead"))
+    first = driven(world, world.vision.observe("overhead"))
     given_up, *others = (world.scene.get(name) for name in first.seen)
     assert sorted(recognised) == sorted(one.colour for one in (given_up, *others))
     world.scene.put(replace(given_up, place="aside"), "set aside")
     recognised.clear()
     world.control.step_tick(1.0)
-    second = driven(world, world.vision.look("overhead"))
+    second = driven(world, world.vision.observe("overhead"))
     assert sorted(second.seen) == sorted(first.seen)
     assert world.scene.get(given_up.id).place == "aside"
     assert sorted(recognised) == sorted(one.colour for one in others)

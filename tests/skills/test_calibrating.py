@@ -127,7 +127,7 @@ def test_pictures_are_taken_when_the_arm_has_settled(ports: str, expected: list[
     while made.leaf != "Survey":
         made.tick()
     did, world = list[str](), made.world
-    settle, shoot = world.control.settle, world.vision.shoot
+    settle, shoot = world.control.settle, world.vision.capture
 
     def settling() -> Steps:
         did.append("settle")
@@ -138,7 +138,7 @@ def test_pictures_are_taken_when_the_arm_has_settled(ports: str, expected: list[
         return shoot(camera)
 
     world.control.settle = settling  # type: ignore[method-assign]
-    world.vision.shoot = shooting  # type: ignore[method-assign]
+    world.vision.capture = shooting  # type: ignore[method-assign]
     assert failed(made) == ""
     # Motions settle, too; what counts is what comes right before the pictures.
     kept = [one for n, one in enumerate(did) if one == "shoot" or did[n + 1 : n + 2] == ["shoot"]]

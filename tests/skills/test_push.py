@@ -151,13 +151,13 @@ def test_a_stroke_is_six_centimetres_long_at_most_unless_few_are_allowed() -> No
 
 def test_what_is_there_already_is_looked_at_five_times_and_left() -> None:
     cell = beside(block=(0.50, 0.0, 0.0))
-    looks, look = list[str](), cell.world.vision.look
+    looks, look = list[str](), cell.world.vision.observe
 
     def looking(camera: str) -> Any:
         looks.append(camera)
         return look(camera)
 
-    cell.world.vision.look = looking  # type: ignore[method-assign]
+    cell.world.vision.observe = looking  # type: ignore[method-assign]
     assert push(cell, f"object: {named(cell, 'block')}, to: [0.5, 0.0], camera: overhead") == ""
     assert (made(cell), looks) == ([], ["overhead"] * 5)
 
@@ -322,13 +322,13 @@ def test_what_the_arm_hides_is_looked_at_from_aside(seen: bool, monkeypatch: pyt
 def test_what_nobody_knows_is_not_pushed_and_not_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     cell = beside(block=(0.50, 0.0, 0.0))
     for ports, looks in (("singulate: true", 1), ("to: [0.5, 0.0]", 0)):
-        looked, look = list[str](), type(cell.world.vision).look
+        looked, look = list[str](), type(cell.world.vision).observe
 
         def looking(camera: str, looked: list[str] = looked, look: Any = look) -> Any:
             looked.append(camera)
             return look(cell.world.vision, camera)
 
-        monkeypatch.setattr(cell.world.vision, "look", looking)
+        monkeypatch.setattr(cell.world.vision, "observe", looking)
         assert push(cell, f"object: red_nut_9, {ports}") == "world.unknown_object"
         assert len(looked) == looks
 

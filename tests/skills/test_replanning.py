@@ -166,7 +166,7 @@ def test_what_is_put_where_it_would_be_let_go_sends_it_to_another_spot() -> None
     heights = np.full((3, 3), 0.02)
     heights[1, 1] = 0.11
     cell.world.vision.bins[into] = BinView(heights)
-    cell.world.vision.looks += 1
+    cell.world.vision.observations += 1
     cell.finish()
     assert (cell.tree.status.value, cell.score().count.sorted) == ("SUCCESS", 1)
     (event,) = [e for e in cell.events if isinstance(e, ReplannedEvent)]
@@ -215,7 +215,7 @@ def test_without_pictures_it_goes_on_for_a_while_only(
     monkeypatch: pytest.MonkeyPatch, lasts: float, cause: str | None
 ) -> None:
     cell, _ = looked(block=1)
-    glance = Vision.glance
+    glance = Vision.capture_now
     dark_until = cell.world.clock.now + lasts
 
     def dark(self: Vision, camera: str) -> Any:
@@ -223,7 +223,7 @@ def test_without_pictures_it_goes_on_for_a_while_only(
             raise Failure(perception.NO_IMAGE, "overhead gives no image")
         return glance(self, camera)
 
-    monkeypatch.setattr(Vision, "glance", dark)
+    monkeypatch.setattr(Vision, "capture_now", dark)
     body = "{Delay: {delay_msec: 1.5 s, do: AlwaysSuccess}}"
     cell.start(mission(f"WatchScene: {{every: 250 ms, blind: 1 s, do: {body}}}"))
     cell.finish()
@@ -237,7 +237,7 @@ def test_who_is_blind_for_too_long_halts_what_moves(monkeypatch: pytest.MonkeyPa
     def dark(self: Vision, camera: str) -> Any:
         raise Failure(perception.NO_IMAGE, "overhead gives no image")
 
-    monkeypatch.setattr(Vision, "glance", dark)
+    monkeypatch.setattr(Vision, "capture_now", dark)
     body = "{GoTo: {pose: rest, speed: 0.05}}"
     cell.start(mission(f"WatchScene: {{every: 250 ms, blind: 1 s, do: {body}}}"))
     began = cell.world.clock.now
@@ -257,13 +257,13 @@ def test_pictures_of_a_moving_arm_do_no_harm_to_the_belief() -> None:
     value = cell.tree.blackboard.save()["Main/items"]
     assert isinstance(value, list)
     known = {str(o.id) for o in cell.world.scene.objects}
-    looks = cell.world.vision.looks
+    looks = cell.world.vision.observations
     for item in value:
         cell.start(mission(watched(sorting(cell, str(item)))))
         cell.finish()
         assert cell.tree.status.value == "SUCCESS"
     assert {str(o.id) for o in cell.world.scene.objects} == known
-    assert cell.world.vision.looks > looks + 20
+    assert cell.world.vision.observations > looks + 20
     assert cell.happened("replanned") == []
 
 

@@ -28,8 +28,8 @@ class Watched:
         self.taken, self.known = list[float](), list[float]()
         self.refuse: Failure | None = None
         self.removed: list[ObjectId] = []
-        eyes.glance = self._glance  # type: ignore[method-assign]
-        eyes.take_in = self._take_in  # type: ignore[method-assign]
+        eyes.capture_now = self._glance  # type: ignore[method-assign]
+        eyes.observe_image = self._take_in  # type: ignore[method-assign]
 
     @property
     def now(self) -> float:
