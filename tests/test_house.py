@@ -84,10 +84,14 @@ def test_every_door_has_its_names() -> None:
         assert package.__all__ == sorted(names)
 
 
-def test_the_page_of_public_names_is_up_to_date() -> None:
+@pytest.mark.parametrize(
+    ("program", "page"),
+    [("doors_page.py", "docs/doors.md"), ("page_types.py", "apps/studio/page/src/records.ts")],
+)
+def test_a_generated_page_is_up_to_date(program: str, page: str) -> None:
     """`make docs` makes it anew."""
-    made = subprocess.run([sys.executable, str(ROOT / "docs/doors_page.py")], capture_output=True, text=True)
-    assert made.stdout == (ROOT / "docs/doors.md").read_text(encoding="utf-8"), made.stderr
+    made = subprocess.run([sys.executable, str(ROOT / "docs" / program)], capture_output=True, text=True)
+    assert made.stdout == (ROOT / page).read_text(encoding="utf-8"), made.stderr
 
 
 def test_every_list_of_packages_has_all_of_them() -> None:

@@ -3,6 +3,7 @@
 import { useState } from "react";
 
 import { useCall, useWatch } from "../connection";
+import type { ListedFile } from "../records";
 import { go, href } from "../routing";
 import type { Place } from "../routing";
 import { Button } from "../ui/Button";
@@ -11,11 +12,6 @@ import { Field } from "../ui/Field";
 import { CompareBatches } from "./CompareBatches";
 import { ProgressBar } from "./ProgressBar";
 import type { BatchRow } from "./values";
-
-interface ListedFile {
-  path: string;
-  name: string;
-}
 
 export function BatchIndex(_: { place: Place }) {
   const { value, error } = useWatch<BatchRow[]>("batches.index", {});

@@ -3,13 +3,10 @@
 import { useEffect, useState } from "react";
 
 import { useCall } from "../connection";
+import type { ListedFile } from "../records";
 import { Field } from "../ui/Field";
 
 export type FormValues = Record<string, unknown>;
-
-interface ListedFile {
-  path: string;
-}
 
 const LISTS: [key: string, label: string, hint: string, kind: string][] = [
   ["missions", "Missions", "files, from the plan's folder", "mission"],

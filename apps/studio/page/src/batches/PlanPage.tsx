@@ -4,6 +4,7 @@ import { useEffect, useRef, useState } from "react";
 
 import { call } from "../connection";
 import type { CallError, Fault } from "../connection";
+import type { BatchForecast, TextFile } from "../records";
 import { go, href } from "../routing";
 import type { Place } from "../routing";
 import { Button } from "../ui/Button";
@@ -16,31 +17,8 @@ import { PlanForm } from "./PlanForm";
 import type { FormValues } from "./PlanForm";
 import { duration } from "./values";
 
-interface TextFile {
-  text: string;
-  version: string;
-  draft?: string | null;
-}
-
-interface Variant {
-  label: string;
-  mission: string;
-  scene: string;
-  robot: string;
-  faults: string;
-  settings: Record<string, string>;
-  jobs: number;
-  cpu_seconds: number | null;
-  recorded: number;
-}
-
-interface Forecast {
-  variants: Variant[];
-  jobs: number;
-  workers: number;
-  cpu_seconds: number | null;
-  wall_seconds: number | null;
-}
+type PlanText = TextFile & { draft?: string | null };
+type Forecast = BatchForecast & { jobs: number; cpu_seconds: number | null; wall_seconds: number | null };
 
 interface Checked {
   faults: Fault[];
@@ -53,12 +31,12 @@ const SHOWN = 60;
 
 export function PlanPage({ place }: { place: Place }) {
   const path = place.rest;
-  const [file, setFile] = useState<TextFile | null>(null);
+  const [file, setFile] = useState<PlanText | null>(null);
   const [error, setError] = useState("");
   useEffect(() => {
     let wanted = true;
-    const isNew = () => call<string | null>("files.drafted", { path }).then((draft) => ({ text: "", version: "", draft: draft ?? NEW_PLAN }));
-    call<TextFile>("files.read", { path }).catch((told: CallError) => (told.message.includes("no such file") ? isNew() : Promise.reject(told)))
+    const isNew = () => call<string | null>("files.drafted", { path }).then((draft) => ({ path, text: "", version: "", draft: draft ?? NEW_PLAN }));
+    call<PlanText>("files.read", { path }).catch((told: CallError) => (told.message.includes("no such file") ? isNew() : Promise.reject(told)))
       .then((found) => wanted && setFile(found), (told: CallError) => wanted && setError(told.message));
     return () => { wanted = false; };
   }, [path]);
@@ -67,7 +45,7 @@ export function PlanPage({ place }: { place: Place }) {
   return <Opened key={path} path={path} file={file} />;
 }
 
-function Opened({ path, file }: { path: string; file: TextFile }) {
+function Opened({ path, file }: { path: string; file: PlanText }) {
   const [saved, setSaved] = useState(file);
   const [text, setText] = useState(file.draft ?? file.text);
   const [checked, setChecked] = useState<Checked | null>(null);
@@ -96,7 +74,7 @@ function Opened({ path, file }: { path: string; file: TextFile }) {
     call<string>("plans.change", { text: now.current, key, value }).then(setText, toastError);
   };
   const save = async () => {
-    const written = await call<TextFile>("files.write", { path, text: now.current, version: saved.version || null });
+    const written = await call<PlanText>("files.write", { path, text: now.current, version: saved.version || null });
     setSaved(written);
   };
   const start = async () => {

@@ -1,26 +1,8 @@
-// A run as the index tells it.
+// A run as the index has it.
 
-export interface RunRow {
-  id: string;
-  folder: string;
-  written: number;
-  size: number;
-  status: string;
-  mission: string;
-  scene: string;
-  robot: string;
-  backend: string;
-  seed: number | null;
-  sorted: number | null;
-  total: number | null;
-  misplaced: number | null;
-  held: number | null;
-  seconds: number | null;
-  lost: number | null;
-  cause: string;
-  causes: string[];
-  message: string;
-}
+import type { RunRow as Listed } from "../records";
+
+export type RunRow = Listed & { id: string };
 
 export interface IndexEvent {
   version: number;

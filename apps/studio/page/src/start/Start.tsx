@@ -3,6 +3,7 @@
 import { useState } from "react";
 
 import { call, useCall } from "../connection";
+import type { ListedFile } from "../records";
 import { ROUTES } from "../routes";
 import { href } from "../routing";
 import { Button } from "../ui/Button";
@@ -11,12 +12,6 @@ import { Empty } from "../ui/Empty";
 import { toast, toastError } from "../ui/Toast";
 import { counted } from "../ui/words";
 import { LastRuns } from "../runs/LastRuns";
-
-interface ListedFile {
-  path: string;
-  kind: string;
-  name: string;
-}
 
 export interface FolderState {
   folder: string;

@@ -1,6 +1,7 @@
 // The missions of the folder, and a way to the examples where there are none.
 
 import { call, useCall } from "../connection";
+import type { ListedFile } from "../records";
 import { href } from "../routing";
 import { Button } from "../ui/Button";
 import { Empty } from "../ui/Empty";
@@ -8,15 +9,10 @@ import { toast, toastError } from "../ui/Toast";
 import { counted } from "../ui/words";
 import { useEffect, useState } from "react";
 
-interface Listed {
-  path: string;
-  name: string;
-}
-
 export function Missions() {
   useEffect(() => void call("mission.prepare").catch(() => undefined), []);
   const [again, setAgain] = useState(0);
-  const missions = useCall<Listed[]>("files.list", { kind: "mission" }, again);
+  const missions = useCall<ListedFile[]>("files.list", { kind: "mission" }, again);
   const copy = () => void call<string[]>("folder.copy_examples").then((written) => {
     toast(`${counted(written.length, "file")} written`, "success");
     setAgain(again + 1);

@@ -6,7 +6,8 @@ import { useCall } from "../connection";
 import { Button } from "../ui/Button";
 import { Field } from "../ui/Field";
 import { Prose } from "../ui/Prose";
-import type { CommonEntry, Edit, MissionNode, NodeEntry, Palette, PortEntry } from "./model";
+import type { PortEntry } from "../records";
+import type { CommonEntry, Edit, MissionNode, NodeEntry, Palette } from "./model";
 
 const CALM_AFTER = 600; // ms
 

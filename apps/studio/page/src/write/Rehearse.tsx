@@ -4,6 +4,7 @@ import { useState } from "react";
 
 import { call, useCall } from "../connection";
 import type { CallError } from "../connection";
+import type { ListedFile } from "../records";
 import { Button } from "../ui/Button";
 import { Prose } from "../ui/Prose";
 import { counted } from "../ui/words";
@@ -30,13 +31,8 @@ interface Case {
   leaves: { node: string; tick: number; outcome: string; cause: string | null }[];
 }
 
-interface Listed {
-  path: string;
-  name: string;
-}
-
 export function RehearsePanel({ path, text, result, onResult, onNode }: { path: string; text: string; result: Rehearsal | null; onResult(found: Rehearsal | null): void; onNode(id: string): void }) {
-  const files = useCall<Listed[]>("files.list", { kind: "cases" });
+  const files = useCall<ListedFile[]>("files.list", { kind: "cases" });
   const usual = path.replace(/([^/]+)$/, "cases/$1");
   const [cases, setCases] = useState(usual);
   const [busy, setBusy] = useState(false);

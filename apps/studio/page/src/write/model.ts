@@ -1,6 +1,7 @@
 // What the server says of a mission's text, and the picture made of it. Places count in UTF-16 units: those of trees
 // from the beginning of the text, those of nodes and ports from the beginning of their tree.
 
+import type { PortEntry, SlotEntry } from "../records";
 import type { TreeNode } from "../tree/TreeView";
 
 export interface Port {
@@ -71,19 +72,6 @@ export interface TextFault {
   fix: Change | null;
 }
 
-export interface PortEntry {
-  key: string;
-  direction: "in" | "out";
-  type: string;
-  doc: string;
-  required: boolean;
-  default: string;
-  unit: string;
-  choices: string[];
-  names: string;
-  bounds: string;
-}
-
 export interface NodeEntry {
   id: string;
   kind: string;
@@ -91,7 +79,7 @@ export interface NodeEntry {
   summary: string;
   doc: string;
   ports: PortEntry[];
-  slots: { key: string; form: string; doc: string; required: boolean }[];
+  slots: SlotEntry[];
   include: string;
   wraps?: boolean;
 }
