@@ -19,7 +19,7 @@ from .truth import TrueBody
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ItemOrigin:
-    """What an item is, in a checkpoint."""
+    """Kind, colour and origin of an item, in a checkpoint."""
 
     kind: str
     colour: str
