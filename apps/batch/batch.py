@@ -266,9 +266,9 @@ class Batch:
         return order
 
     def _order(self, job: Job, attempt: int) -> JobOrder:
-        folder, limits = try_folder(self._place, job.id, attempt), self.plan.limits
+        folder, plan = try_folder(self._place, job.id, attempt), self.plan
         recipe = job.recipe_in(self._place)
-        return JobOrder(job.id, attempt, recipe, job.seed, folder, limits.wall, limits.memory, limits.disk)
+        return JobOrder(job.id, attempt, recipe, job.seed, folder, plan.wall_limit, plan.memory, plan.disk)
 
     def _take_in(self) -> None:
         """Record results that workers finished after the batch ended."""

@@ -8,11 +8,11 @@ import hashlib
 import json
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, cast, get_type_hints
 
 from pydantic import BeforeValidator, Field, Strict, TypeAdapter, ValidationError, WithJsonSchema
 
@@ -34,18 +34,6 @@ Keep: TypeAlias = Literal["all", "failures", "none"]
 
 
 @dataclass(frozen=True, slots=True)
-class JobLimits:
-    simulated: float = 3600.0
-    """Simulated time limit, s; the run then ends as `timeout`."""
-    wall: float = 3600.0
-    """Wall time limit, s; the job is then ended."""
-    memory: int = 4 << 30
-    """Limit of resident memory, bytes; the job is then ended."""
-    disk: int = 10 * 10**9
-    """Limit of written data, bytes; the job is then ended."""
-
-
-@dataclass(frozen=True, slots=True)
 class Variant:
     """One cell of the matrix, without a seed."""
 
@@ -58,138 +46,6 @@ class Variant:
     """Properties that distinguish this variant from the others of its plan."""
     robot: str | None = None
     """Robot that replaces the scene's; the path of a file is absolute. None: the scene's own."""
-
-
-@dataclass(frozen=True, slots=True)
-class BatchPlan:
-    """Requested batch. Paths are absolute."""
-
-    name: str
-    missions: tuple[Path, ...]
-    seeds: tuple[int, ...]
-    scenes: tuple[str | None, ...] = (None,)
-    faults: tuple[Path | None, ...] = (None,)
-    settings: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, "tuple[str, ...]"])
-    """Values to try, by parameter of the mission or port of its nodes."""
-    backend: Backend = "physics"
-    verify: bool = False
-    limits: JobLimits = JobLimits()
-    keep: Keep = "failures"
-    robots: tuple[str | None, ...] = (None,)
-
-    def variants(self) -> Iterator[Variant]:
-        """Yield every combination; the last list changes fastest."""
-        names = list(self.settings)
-        for mission, scene, robot, faults in product(self.missions, self.scenes, self.robots, self.faults):
-            for values in product(*self.settings.values()):
-                settings = dict(zip(names, values, strict=True))
-                variant = Variant(mission, scene, faults, settings, "", robot)
-                yield replace(variant, label=self._label(variant))
-
-    def _label(self, variant: Variant) -> str:
-        mission, scene, faults = variant.mission, variant.scene, variant.faults
-        words: list[str] = []
-        if len(self.missions) > 1:
-            words.append(mission.stem)
-        if len(self.scenes) > 1:
-            words.append(Path(scene).stem if scene else "own scene")
-        if len(self.robots) > 1:
-            words.append(Path(variant.robot).stem if variant.robot else "own robot")
-        if len(self.faults) > 1:
-            words.append(faults.stem if faults else "no faults")
-        words += [
-            f"{name}={value}" for name, value in variant.settings.items() if len(self.settings[name]) > 1
-        ]
-        return ", ".join(words) or mission.stem
-
-
-RECIPES = "recipes"
-"""Folder of a batch with the recipes of its jobs, one for each variant."""
-
-
-@dataclass(frozen=True, slots=True)
-class Job:
-    """Unit of work of one worker."""
-
-    id: str
-    """Hash over the content of the job's files, its settings, its seed and its options."""
-    number: int
-    """Index in the plan, from 0."""
-    variant: Variant
-    seed: int
-    recipe: str
-    """Hash over the same without the seed; it names the recipe's file."""
-
-    def recipe_in(self, folder: Path) -> Path:
-        """Return the recipe's file in the batch's `folder`."""
-        return folder / RECIPES / f"{self.recipe}.zip"
-
-
-def jobs_of(plan: BatchPlan, folder: Path) -> tuple[Job, ...]:
-    """Return every job of a checked plan, by variant, then seed; write their recipes into `folder`.
-
-    Raises FileError for a file that was edited since the check, PicktreeError when a recipe cannot be
-    written.
-    """
-    jobs: list[Job] = []
-    for variant in plan.variants():
-        recipe = run_recipe.read_recipe(_request(plan, variant))
-        content = _content(variant, recipe)
-        for seed in plan.seeds:
-            id_ = hashlib.sha256(f"{content} seed {seed}".encode()).hexdigest()[:16]
-            jobs.append(Job(id_, len(jobs), variant, seed, content[:16]))
-        run_recipe.write_recipe(recipe, jobs[-1].recipe_in(folder))
-    return tuple(jobs)
-
-
-def _content(variant: Variant, recipe: run_recipe.Recipe) -> str:
-    """Return a fingerprint of everything but the seed on which the outcome depends."""
-    said = {
-        "settings": dict(variant.settings),
-        "backend": recipe.backend,
-        "verify": recipe.verify,
-        "limit": recipe.limit,
-        "files": {
-            file.name: hashlib.sha256(file.data).hexdigest() for file in run_recipe.recipe_files(recipe)
-        },
-        "robot": {
-            name: word.partition(" ")[0] for name, word in run_recipe.installed_meshes(recipe.robot).items()
-        },
-    }
-    return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
-
-
-def _request(plan: BatchPlan, variant: Variant) -> RunRequest:
-    return RunRequest(
-        mission=variant.mission,
-        scene=variant.scene,
-        parameters=variant.settings,
-        robot=variant.robot,
-        faults=variant.faults,
-        backend=plan.backend,
-        verify=plan.verify,
-        limit=plan.limits.simulated,
-    )
-
-
-PLAN_FILE = "plan.json"
-_ADAPTER = TypeAdapter(BatchPlan)
-
-
-def write_plan(plan: BatchPlan, folder: Path) -> None:
-    """Write the plan. Raises PicktreeError when it cannot be written."""
-    with file_system.whole([folder / PLAN_FILE], folder / PLAN_FILE) as (beside,):
-        beside.write_bytes(_ADAPTER.dump_json(plan, indent=1))
-
-
-def read_plan(folder: Path) -> BatchPlan:
-    """Read the plan of a batch. Raises PicktreeError when there is none."""
-    try:
-        return _ADAPTER.validate_json((folder / PLAN_FILE).read_bytes())
-    except OSError:
-        raise PicktreeError(f"{folder}: no batch: there is no {PLAN_FILE} in it") from None
-    except ValidationError as error:
-        raise PicktreeError(f"{folder / PLAN_FILE}: no plan of a batch: {error.errors()[0]['msg']}") from None
 
 
 MOST_SEEDS = 100_000
@@ -281,27 +137,47 @@ Disk = Annotated[
 Seconds = Annotated[float, file_models.quantity("s", above=0)]
 
 
-class PlanFile(file_models.FileModel):
+def _faults(name: str) -> Path | None:
+    return None if name == NO_FAULTS else Path(name)
+
+
+def _settings(given: dict[str, str | list[str]]) -> dict[str, tuple[str, ...]]:
+    return {key: tuple(values) if isinstance(values, list) else (values,) for key, values in given.items()}
+
+
+def _own() -> tuple[None]:
+    return (None,)
+
+
+MissionPath = Annotated[Path, file_models.ReadAs(Text, Path)]
+Replacement = Annotated[str | None, file_models.ReadAs(Text, str)]
+"""Shipped name or path. None: the scene or robot that is named otherwise."""
+FaultsPath = Annotated[Path | None, file_models.ReadAs(Text, _faults)]
+
+
+@dataclass(frozen=True, slots=True)
+class BatchPlan(file_models.FileValue):
     """Batch of runs: every combination of missions, scenes, faults and settings, with each seed."""
 
-    name: Text | None = None
+    name: Annotated[str, file_models.ReadAs(Text | None, lambda name: name or ""), Field(default_factory=str)]
     """Name of the batch; the file's name unless given."""
-    missions: Annotated[list[Text], Field(min_length=1)]
+    missions: Annotated[tuple[MissionPath, ...], Field(min_length=1)]
     """Mission files; paths count from this file."""
-    scenes: list[Text] = Field(default_factory=list[str])
-    """Shipped scenes or scene files, each instead of the missions' own."""
-    robots: list[Text] = Field(default_factory=list[str])
-    """Shipped robots or robot files, each instead of the scenes' own."""
-    faults: list[Text] = Field(default_factory=list[str])
-    """Faults files; 'none' is a run without faults."""
     seeds: Seeds
     """0:100 is half open; 3,7 and lists of both are good, too."""
-    set: dict[str, SettingValue | list[SettingValue]] = Field(
-        default_factory=dict[str, str | list[str]],
-        description="Values to be tried, by parameter of the mission or port of its nodes "
-        "(SortOne/Grasp.force).",
-    )
-    backend: Literal["physics", "kinematic"] = "physics"
+    scenes: tuple[Replacement, ...] = field(default_factory=_own)
+    """Shipped scenes or scene files, each instead of the missions' own."""
+    robots: tuple[Replacement, ...] = field(default_factory=_own)
+    """Shipped robots or robot files, each instead of the scenes' own."""
+    faults: tuple[FaultsPath, ...] = field(default_factory=_own)
+    """Faults files; 'none' is a run without faults."""
+    settings: Annotated[
+        dict[str, tuple[str, ...]],
+        file_models.ReadAs(dict[str, SettingValue | list[SettingValue]], _settings),
+        Field(alias="set"),
+    ] = field(default_factory=dict[str, "tuple[str, ...]"])
+    """Values to be tried, by parameter of the mission or port of its nodes (SortOne/Grasp.force)."""
+    backend: Backend = "physics"
     """kinematic: objects follow the gripper, sensors have no noise."""
     verify: file_models.Flag = False
     """Judge every trajectory by the second collision checker."""
@@ -313,15 +189,134 @@ class PlanFile(file_models.FileModel):
     """Memory of a job, as 2 GB; then it is ended."""
     disk: Disk = 10 * 10**9
     """Data written by a job, as 2 GB; then it is ended."""
-    keep: Literal["all", "failures", "none"] = "failures"
+    keep: Keep = "failures"
     """Whose logs stay on the disk."""
+
+    def variants(self) -> Iterator[Variant]:
+        """Yield every combination; the last list changes fastest."""
+        names = list(self.settings)
+        for mission, scene, robot, faults in product(self.missions, self.scenes, self.robots, self.faults):
+            for values in product(*self.settings.values()):
+                settings = dict(zip(names, values, strict=True))
+                variant = Variant(mission, scene, faults, settings, "", robot)
+                yield replace(variant, label=self._label(variant))
+
+    def _label(self, variant: Variant) -> str:
+        parts: list[tuple[Collection[object], str]] = [
+            (self.missions, variant.mission.stem),
+            (self.scenes, Path(variant.scene).stem if variant.scene else "own scene"),
+            (self.robots, Path(variant.robot).stem if variant.robot else "own robot"),
+            (self.faults, variant.faults.stem if variant.faults else "no faults"),
+            *((self.settings[name], f"{name}={value}") for name, value in variant.settings.items()),
+        ]
+        words = [word for values, word in parts if len(values) > 1]
+        return ", ".join(words) or variant.mission.stem
+
+
+RECIPES = "recipes"
+"""Folder of a batch with the recipes of its jobs, one for each variant."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """Unit of work of one worker."""
+
+    id: str
+    """Hash over the content of the job's files, its settings, its seed and its options."""
+    number: int
+    """Index in the plan, from 0."""
+    variant: Variant
+    seed: int
+    recipe: str
+    """Hash over the same without the seed; it names the recipe's file."""
+
+    def recipe_in(self, folder: Path) -> Path:
+        """Return the recipe's file in the batch's `folder`."""
+        return folder / RECIPES / f"{self.recipe}.zip"
+
+
+def jobs_of(plan: BatchPlan, folder: Path) -> tuple[Job, ...]:
+    """Return every job of a checked plan, by variant, then seed; write their recipes into `folder`.
+
+    Raises FileError for a file that was edited since the check, PicktreeError when a recipe cannot be
+    written.
+    """
+    jobs: list[Job] = []
+    for variant in plan.variants():
+        recipe = run_recipe.read_recipe(_request(plan, variant))
+        content = _content(variant, recipe)
+        for seed in plan.seeds:
+            id_ = hashlib.sha256(f"{content} seed {seed}".encode()).hexdigest()[:16]
+            jobs.append(Job(id_, len(jobs), variant, seed, content[:16]))
+        run_recipe.write_recipe(recipe, jobs[-1].recipe_in(folder))
+    return tuple(jobs)
+
+
+def _content(variant: Variant, recipe: run_recipe.Recipe) -> str:
+    """Return a fingerprint of everything but the seed on which the outcome depends."""
+    said = {
+        "settings": dict(variant.settings),
+        "backend": recipe.backend,
+        "verify": recipe.verify,
+        "limit": recipe.limit,
+        "files": {
+            file.name: hashlib.sha256(file.data).hexdigest() for file in run_recipe.recipe_files(recipe)
+        },
+        "robot": {
+            name: word.partition(" ")[0] for name, word in run_recipe.installed_meshes(recipe.robot).items()
+        },
+    }
+    return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
+
+
+def _request(plan: BatchPlan, variant: Variant) -> RunRequest:
+    return RunRequest(
+        mission=variant.mission,
+        scene=variant.scene,
+        parameters=variant.settings,
+        robot=variant.robot,
+        faults=variant.faults,
+        backend=plan.backend,
+        verify=plan.verify,
+        limit=plan.limit,
+    )
+
+
+PLAN_FILE = "plan.json"
+_JOB_LIMITS = {"simulated": "limit", "wall": "wall_limit", "memory": "memory", "disk": "disk"}
+"""Fields of a plan by the keys under `limits` of older records."""
+
+
+def write_plan(plan: BatchPlan, folder: Path) -> None:
+    """Write the plan. Raises PicktreeError when it cannot be written."""
+    with file_system.whole([folder / PLAN_FILE], folder / PLAN_FILE) as (beside,):
+        beside.write_text(json.dumps(asdict(plan), default=str, indent=1, ensure_ascii=False), "utf-8")
+
+
+def read_plan(folder: Path) -> BatchPlan:
+    """Read the plan of a batch. Raises PicktreeError when there is none."""
+    try:
+        return _recorded(json.loads((folder / PLAN_FILE).read_bytes()))
+    except OSError:
+        raise PicktreeError(f"{folder}: no batch: there is no {PLAN_FILE} in it") from None
+    except ValidationError as error:
+        raise PicktreeError(f"{folder / PLAN_FILE}: no plan of a batch: {error.errors()[0]['msg']}") from None
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise PicktreeError(f"{folder / PLAN_FILE}: no plan of a batch: {error}") from None
+
+
+def _recorded(fields: dict[str, Any]) -> BatchPlan:
+    """Return the plan with these fields, as they are recorded."""
+    fields |= {_JOB_LIMITS[key]: limit for key, limit in fields.pop("limits", {}).items()}
+    kinds = get_type_hints(BatchPlan)
+    return BatchPlan(**{key: TypeAdapter(kinds[key]).validate_python(fields[key]) for key in fields})
 
 
 def plan_schema() -> Schema:
     """JSON Schema of plan files, for editors."""
     from picktree.authoring.schema import model_schema
 
-    return model_schema("plan", PlanFile)
+    return model_schema("plan", BatchPlan)
 
 
 def load_plan(path: Path) -> BatchPlan:
@@ -337,12 +332,12 @@ def plan_of(words: Mapping[str, object]) -> BatchPlan:
     """
     given = {key: value for key, value in words.items() if value not in (None, [])}
     try:
-        file = PlanFile.model_validate(given)
+        read = file_models.read_model(BatchPlan, given)
     except ValidationError as error:
         detail = error.errors(include_url=False)[0]
         option = str(detail["loc"][0]).replace("_", "-")
         raise PicktreeError(f"--{option}: {detail['msg'].removeprefix('Value error, ')}") from None
-    plan = _plan(file, Path(file.missions[0]), scenes_from=Path.cwd())
+    plan = _resolved(read, read.missions[0], scenes_from=Path.cwd())
     faults = list(check_files_of(plan))
     if faults:
         raise FileError(faults)
@@ -355,10 +350,10 @@ def plan_of(words: Mapping[str, object]) -> BatchPlan:
 def check_plan(document: Document) -> CheckedFile[BatchPlan]:
     """Check a document of kind `plan` completely; never raises for its content."""
     check = DocumentChecker(document)
-    file = check.read(PlanFile)
+    read = check.read(BatchPlan)
     if check.faults:
         return CheckedFile(None, tuple(check.faults))
-    plan = _plan(file, document.path)
+    plan = _resolved(read, document.path)
     faults = list(check_files_of(plan))
     if not faults:
         for name in plan.settings:
@@ -410,26 +405,23 @@ def _misfits(plan: BatchPlan, name: str) -> Iterator[str]:
                 return
 
 
-def _plan(file: PlanFile, source: Path, scenes_from: Path | None = None) -> BatchPlan:
-    """Return the plan. Paths count from the folder of `source`, of scenes and robots from `scenes_from`."""
+def _resolved(plan: BatchPlan, source: Path, scenes_from: Path | None = None) -> BatchPlan:
+    """Return the plan with a name and absolute paths, and with None for lists that are empty.
+
+    Paths count from the folder of `source`, of scenes and robots from `scenes_from` where it is given.
+    """
     folder = source.parent.absolute()
-    settings = {
-        name: tuple(values) if isinstance(values, list) else (values,) for name, values in file.set.items()
-    }
-    return BatchPlan(
-        name=file.name or source.stem,
-        missions=tuple(folder / mission for mission in file.missions),
-        seeds=file.seeds,
-        scenes=tuple(_found(name, scenes_from or folder, scene_loading.scene_names()) for name in file.scenes)
-        or (None,),
-        robots=tuple(_found(name, scenes_from or folder, robot_file.robot_names()) for name in file.robots)
-        or (None,),
-        faults=tuple(None if name == NO_FAULTS else folder / name for name in file.faults) or (None,),
-        settings=settings,
-        backend=file.backend,
-        verify=file.verify,
-        limits=JobLimits(file.limit, file.wall_limit, file.memory, file.disk),
-        keep=file.keep,
+
+    def found(names: tuple[str | None, ...], shipped: Collection[str]) -> tuple[str | None, ...]:
+        return tuple(name and _found(name, scenes_from or folder, shipped) for name in names) or (None,)
+
+    return replace(
+        plan,
+        name=plan.name or source.stem,
+        missions=tuple(folder / mission for mission in plan.missions),
+        scenes=found(plan.scenes, scene_loading.scene_names()),
+        robots=found(plan.robots, robot_file.robot_names()),
+        faults=tuple(path and folder / path for path in plan.faults) or (None,),
     )
 
 

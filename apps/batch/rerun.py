@@ -119,10 +119,10 @@ def _rerun(store: Store, job: Job, where: str, out: Path | None, executor: Execu
         else None
     )
     scratch = (out or folder / "jobs") / f".again-{job.id}"
-    limits = read_plan(folder).limits
+    plan = read_plan(folder)
     shutil.rmtree(scratch, ignore_errors=True)
     try:
-        order = JobOrder(job.id, 1, job.recipe_in(folder), job.seed, scratch, limits.wall, limits.memory)
+        order = JobOrder(job.id, 1, job.recipe_in(folder), job.seed, scratch, plan.wall_limit, plan.memory)
         event = _carried_out(order, executor)
         rows = JobRows.from_json(order.result.read_bytes(), order.result) if order.result.is_file() else None
         digest = rows.job.digest if rows else ""

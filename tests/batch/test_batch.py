@@ -82,7 +82,7 @@ def test_a_plan_file_says_all_of_it(tmp_path: Path) -> None:
         "seeds: [0:2, 7]\nset: {Grasp.force: [15 N, 30]}\nbackend: kinematic\nmemory: 2 GB\n"
     )
     loaded = load_plan(file)
-    assert (loaded.name, loaded.seeds, loaded.limits.memory) == ("night", (0, 1, 7), 2 * 10**9)
+    assert (loaded.name, loaded.seeds, loaded.memory) == ("night", (0, 1, 7), 2 * 10**9)
     assert [variant.label for variant in loaded.variants()] == [
         "sort_small, Grasp.force=15 N",
         "sort_small, Grasp.force=30",

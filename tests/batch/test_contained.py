@@ -9,7 +9,6 @@ import pytest
 
 from picktree.analysis import Run
 from picktree.apps.batch import Batch, BatchPlan, Executor, LocalExecutor
-from picktree.apps.batch.plan import JobLimits
 from picktree.session import RunRequest, Session
 
 from .trouble import troubled
@@ -49,8 +48,15 @@ FOUND = {
 @pytest.mark.slow
 def test_jobs_that_end_their_process_cost_themselves_alone(tmp_path: Path, workers: LocalExecutor) -> None:
     mission = troubled(tmp_path, ENDS, endless=11, picking=True)
-    limits = JobLimits(memory=700_000_000, disk=50_000_000, simulated=60.0)
-    asked = BatchPlan("trouble", (mission,), tuple(FOUND), backend="kinematic", limits=limits)
+    asked = BatchPlan(
+        "trouble",
+        (mission,),
+        tuple(FOUND),
+        backend="kinematic",
+        memory=700_000_000,
+        disk=50_000_000,
+        limit=60.0,
+    )
     seen = Remembering()
     with Batch.create(tmp_path / "batch", asked) as batch:
         assert batch.run(workers, seen)
@@ -78,7 +84,7 @@ def test_a_job_that_hangs_is_ended_and_says_where(tmp_path: Path, worker: Execut
     """Its second try gives what it gives alone; `test_jobs_that_end_their_process` has two lost tries."""
     hanging = 'if not (HERE / "hung").exists():\n    (HERE / "hung").touch()\n    time.sleep(600)'
     mission = troubled(tmp_path, {1: hanging})
-    asked = BatchPlan("trouble", (mission,), (1,), backend="kinematic", limits=JobLimits(wall=10.0))
+    asked = BatchPlan("trouble", (mission,), (1,), backend="kinematic", wall_limit=10.0)
     seen = Remembering()
     with Batch.create(tmp_path / "batch", asked) as batch:
         assert batch.run(worker, seen)

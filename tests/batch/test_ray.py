@@ -18,7 +18,6 @@ import pytest
 
 from picktree.analysis import Run
 from picktree.apps.batch import Batch, BatchPlan, Executor, LocalExecutor, RayExecutor, ray_executor
-from picktree.apps.batch.plan import JobLimits
 from picktree.apps.batch.ray_executor import Installation, difference, installed
 from picktree.apps.cli import answer
 from picktree.files import PicktreeError
@@ -85,7 +84,7 @@ def troubled(folder: Path, doing: str, seeds: tuple[int, ...], **limits: float) 
         seeds,
         backend="kinematic",
         keep="all",
-        limits=JobLimits(**limits),  # type: ignore[arg-type]
+        **limits,  # type: ignore[arg-type]
     )
 
 
@@ -182,7 +181,7 @@ def test_limits_hold_and_a_job_that_ends_its_process_costs_itself_alone(
             time.sleep(600)
         if seed == 3:
             os._exit(7)"""
-    plan = troubled(tmp_path, doing, (0, 1, 2, 3, 4), wall=15.0, memory=700_000_000)
+    plan = troubled(tmp_path, doing, (0, 1, 2, 3, 4), wall_limit=15.0, memory=700_000_000)
     run(plan, tmp_path / "batch", two)
     with Batch.resume(tmp_path / "batch") as batch:
         asked = "SELECT seed, status, attempts, message FROM jobs ORDER BY seed"
