@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import cast, get_args
@@ -16,7 +17,7 @@ from picktree.files import (
     suggest_name,
     where,
 )
-from picktree.files.yaml import Document, DocumentChecker, YamlNode
+from picktree.files.yaml import Document, DocumentChecker, YamlNode, file_models
 from picktree.trees import (
     MAIN,
     ConditionNode,
@@ -36,15 +37,18 @@ from .cases import (
     ANY_LEAVES,
     EMPTY_HAND,
     OUTCOMES,
+    BelievedObject,
     CaseFile,
+    Destination,
+    Effects,
     Expectation,
     ExpectedHandling,
     ExpectedStart,
-    LeafAnswer,
-    ObjectFile,
     Objects,
+    PlacedAnswer,
     RehearsalCase,
-    or_else,
+    entries,
+    numbered,
     read_cases,
 )
 from .leaf_roles import NodeRole, may_fail_with, roles_of
@@ -62,8 +66,9 @@ class CaseNames:
         self, check: DocumentChecker, mission: Mission | None, scene: SceneDescription | None
     ) -> None:
         self._check, self.mission, self.scene = check, mission, scene
-        self.fault, self._document = check.fault, check.document
+        self.fault, self.readable, self._document = check.fault, check.readable, check.document
         self.roles = roles_of(mission) if mission else None
+        self._object_names = _object_names(scene)
         self._fitting: dict[str, tuple[NodeRole, ...]] = {}
 
     def given(self, loc: Location) -> bool:
@@ -125,46 +130,31 @@ class CaseNames:
             self.fault(loc, f"no cause is called {name!r}", suggest_name(name, known), code="P705")
         return ()
 
-    # Scene.
-
-    @property
-    def bins(self) -> tuple[str, ...] | None:
-        return tuple(str(one.id) for one in self.scene.bins) if self.scene else None
-
-    @property
-    def holes(self) -> tuple[str, ...]:
-        return tuple(str(hole.id) for f in self.scene.fixtures for hole in f.holes) if self.scene else ()
-
-    @property
-    def destinations(self) -> tuple[str, ...] | None:
-        """Bins, fixtures with holes, and their holes; None when the scene is unknown."""
-        if self.scene is None or self.bins is None:
-            return None
-        return (*self.bins, *(str(f.id) for f in self.scene.fixtures if f.holes), *self.holes)
-
-    @property
-    def places(self) -> tuple[str, ...] | None:
-        return None if self.bins is None else (TABLE, HAND, world_facts.ASIDE, *self.bins, *self.holes)
-
-    def object(self, entry: ObjectFile, loc: Location) -> None:
+    def object(self, entry: BelievedObject, loc: Location) -> None:
         """Report the names in an object's entry that the scene does not have."""
-        kinds = (*(known.kind for known in self.scene.catalogue), UNKNOWN) if self.scene else None
-        for key, what, known in (
-            ("kind", "kind", kinds),
-            ("form", "form", (*get_args(Form), UNKNOWN)),
-            ("colour", "colour", (*ITEM_COLOURS, UNKNOWN)),
-            ("destination", "bin", self.destinations),
-            ("place", "place", self.places),
-        ):
-            self._name((*loc, key), or_else(lambda key=key: getattr(entry, key), None), what, known)
+        for key, (what, known) in self._object_names.items():
+            with self.readable():
+                value = getattr(entry, key)
+                name = value.name if isinstance(value, Destination) else value
+                if name is not None and name not in known:
+                    self.fault(
+                        (*loc, key), f"there is no {what} {name!r}", suggest_name(name, known), code="P712"
+                    )
 
-    def _name(self, loc: Location, value: str | None, what: str, known: Iterable[str] | None) -> None:
-        """Report a name that the scene does not have. `known` None: the scene's names are unknown."""
-        if value is None or known is None:
-            return
-        names = list(known)
-        if value not in names:
-            self.fault(loc, f"there is no {what} {value!r}", suggest_name(value, names), code="P712")
+
+def _object_names(scene: SceneDescription | None) -> dict[str, tuple[str, tuple[str, ...]]]:
+    """Return by key of an object what it names, and the valid names, as far as they are known."""
+    found = {"form": ("form", (*get_args(Form), UNKNOWN)), "colour": ("colour", (*ITEM_COLOURS, UNKNOWN))}
+    if scene is None:
+        return found
+    bins = tuple(str(one.id) for one in scene.bins)
+    holed = [fixture for fixture in scene.fixtures if fixture.holes]
+    holes = tuple(str(hole.id) for fixture in holed for hole in fixture.holes)
+    return found | {
+        "kind": ("kind", (*(known.kind for known in scene.catalogue), UNKNOWN)),
+        "destination": ("bin", (*bins, *(str(fixture.id) for fixture in holed), *holes)),
+        "place": ("place", (TABLE, HAND, world_facts.ASIDE, *bins, *holes)),
+    }
 
 
 _SET_BY_CLOCK = "time"
@@ -183,12 +173,14 @@ class CaseChecks:
         self._ids = [*_ids(case), *map(str, fixed)]
 
     def run(self) -> None:
-        loc = self._case.loc
+        loc, entry = self._case.loc, self._case.entry
         self._parameters()
-        self._facts(self._case.facts, loc)
-        self._objects(self._case.objects, loc)
+        self._facts(entry.facts, loc)
+        self._objects(entry.objects, loc)
         self._answers()
-        self._expectation(self._case.expect)
+        for check in (self._cause, self._starts, self._handling, self._never, self._end):
+            with self._known.readable():
+                check(entry.expect, (*loc, "expect"))
 
     # World.
 
@@ -207,7 +199,7 @@ class CaseChecks:
                 self._known.fault(loc, message, "", code="P711")
 
     def _objects(self, given: Objects, above: Location) -> None:
-        for name, entry in given.items():
+        for name, entry in entries(given).items():
             if entry is not None:
                 self._known.object(entry, self._place((*above, "objects", name)))
 
@@ -223,7 +215,7 @@ class CaseChecks:
         if self._known.mission is None:
             return
         ports = {port.key: port for port in self._known.mission.parameters}
-        given = cast("Mapping[str, Plain]", self._case.parameters)
+        given = cast("Mapping[str, Plain]", self._case.entry.parameters)
         for name, value in given.items():
             loc = self._place((*self._case.loc, "parameters", name))
             if name not in ports:
@@ -251,27 +243,37 @@ class CaseChecks:
 
     # Expectation.
 
-    def _expectation(self, expect: Expectation) -> None:
-        loc = expect.loc
+    def _cause(self, expect: Expectation, loc: Location) -> None:
         if expect.cause is not None:
             self._known.cause(expect.cause, (*loc, "cause"), family=True)
-        for turn in expect.order or ():
+
+    def _starts(self, expect: Expectation, loc: Location) -> None:
+        for number, turn in numbered(expect.order or ()):
             if turn.pattern != ANY_LEAVES:
-                self._turn(turn)
-        for taken_up in expect.handled:
-            self._taken_up(taken_up)
-        for number, pattern in enumerate(expect.never):
+                self._start(turn, (*loc, "order", number))
+
+    def _handling(self, expect: Expectation, loc: Location) -> None:
+        for number, wanted in numbered(expect.handled):
+            with self._known.readable():
+                self._handler(wanted, (*loc, "handled", number))
+
+    def _never(self, expect: Expectation, loc: Location) -> None:
+        for number, pattern in numbered(expect.never):
             self._known.nodes(pattern, (*loc, "never", number))
-        self._facts(expect.facts, loc, may_set=False)
-        self._objects(expect.objects, loc)
+
+    def _end(self, expect: Expectation, loc: Location) -> None:
+        with self._known.readable():
+            self._facts(expect.facts, loc, may_set=False)
+        with self._known.readable():
+            self._objects(expect.objects, loc)
         for key in expect.blackboard:
             self._key(key, (*loc, "blackboard", key))
 
-    def _turn(self, turn: ExpectedStart) -> None:
-        leaves = self._known.leaves(turn.pattern, turn.loc)
+    def _start(self, turn: ExpectedStart, loc: Location) -> None:
+        leaves = self._known.leaves(turn.pattern, loc)
         if not turn.outcome or turn.outcome in OUTCOMES:
             return
-        at = (*turn.loc, turn.pattern)
+        at = (*loc, turn.pattern)
         if "." not in turn.outcome and turn.outcome != "*":
             hint = suggest_name(turn.outcome, (*OUTCOMES, *(c for role in leaves for c in _causes(role))))
             self._known.fault(at, f"{turn.outcome!r} is neither an outcome nor a cause", hint, code="P714")
@@ -282,17 +284,17 @@ class CaseChecks:
             message = f"{turn.pattern} does not fail with {turn.outcome}"
             self._known.fault(at, message, f"it declares {declared}", code="P706")
 
-    def _taken_up(self, wanted: ExpectedHandling) -> None:
-        self._known.cause(wanted.cause, (*wanted.loc, "cause"), family=True)
+    def _handler(self, wanted: ExpectedHandling, loc: Location) -> None:
+        self._known.cause(wanted.cause, (*loc, "cause"), family=True)
         if self._known.roles is None:
             return
-        by = self._known.nodes(wanted.by, (*wanted.loc, "by")) if wanted.by else self._known.roles
+        by = self._known.nodes(wanted.by, (*loc, "by")) if wanted.by else self._known.roles
         labels = list(dict.fromkeys(label for role in by for label in _handlers(role)))
         if wanted.handler and by and wanted.handler not in labels:
             owner = wanted.by or "the mission"
             message = f"{owner} has no handler {wanted.handler!r}"
             hint = suggest_name(wanted.handler, labels) or "there are none"
-            self._known.fault((*wanted.loc, "handler"), message, hint, code="P718")
+            self._known.fault((*loc, "handler"), message, hint, code="P718")
 
     def _key(self, key: str, loc: Location) -> None:
         mission = self._known.mission
@@ -330,58 +332,60 @@ class CaseChecks:
                 self._known.fault(
                     script.loc, message, "put it first", code="P716", key=True, severity="warning"
                 )
-            for answer in script.everything:
-                self._answer(answer, left)
+            for given in script.everything:
+                with self._known.readable():
+                    self._answer(given, left)
             if script.answers:
                 answered.update(role.path for role in left)
 
-    def _answer(self, answer: LeafAnswer, roles: list[NodeRole]) -> None:
-        then: Location = (*answer.loc, "then")
-        self._facts(answer.then.facts, then)
-        self._objects(answer.then.objects, then)
-        if answer.then.hand not in (None, EMPTY_HAND):
-            self._objects_named(answer.then.hand, (*then, "hand"))
-        causes = self._known.cause(answer.cause, _at(answer, "cause")) if answer.cause else ()
+    def _answer(self, given: PlacedAnswer, roles: list[NodeRole]) -> None:
+        answer = given.answer
+        with self._known.readable():
+            self._effects(answer.effects, (*given.loc, "then"))
+        causes = self._known.cause(answer.cause, (*given.loc, "cause")) if answer.cause else ()
         said: set[tuple[object, ...]] = set()
         for role in roles:
             alike = (role.spec.node, role.causes)  # which may differ with the wiring
             if alike in said:
                 continue
             said.add(alike)
-            self._possible(answer, role, causes)
-            self._given_outputs(answer, role)
+            self._possible(given, role, causes)
+            self._given_outputs(given, role)
 
-    def _possible(self, answer: LeafAnswer, role: NodeRole, causes: tuple[Cause, ...]) -> None:
-        node, identity = role.spec.node, role.spec.id
+    def _effects(self, effects: Effects, loc: Location) -> None:
+        self._facts(effects.facts, loc)
+        self._objects(effects.objects, loc)
+        if effects.hand not in (None, EMPTY_HAND):
+            self._objects_named(effects.hand, (*loc, "hand"))
+
+    def _possible(self, given: PlacedAnswer, role: NodeRole, causes: tuple[Cause, ...]) -> None:
+        answer, node, identity = given.answer, role.spec.node, role.spec.id
         assert node is not None
         skill, condition = issubclass(node, Skill), issubclass(node, ConditionNode)
 
-        def impossible(key: str, message: str, hint: str = "") -> None:
-            self._known.fault(_at(answer, key), message, hint, code="P710")
+        def impossible(key: str, message: str, hint: str = "", *, code: str = "P710") -> None:
+            self._known.fault((*given.loc, key), message, hint, code=code)
 
-        if condition and (answer.status in ("RUNNING", "SKIPPED") or answer.ticks):
-            what = "it takes no ticks" if answer.ticks else f"it is never {answer.status}"
+        if condition and (answer.end in ("RUNNING", "SKIPPED") or answer.ticks):
+            what = "it takes no ticks" if answer.ticks else f"it is never {answer.end}"
             impossible("ticks" if answer.ticks else "status", f"{identity} is a condition: {what}")
-        if skill and answer.status == "SKIPPED":
+        if skill and answer.end == "SKIPPED":
             hint = "it is skipped by its '_skipIf' or '_while', which is asked in a rehearsal, too"
             impossible("status", f"{identity} is a skill, which does not skip itself", hint)
-        declared = role.causes
-        if skill and answer.status == "FAILURE" and not answer.cause:
-            names = ", ".join(map(str, declared))
-            hint = f"one of {names}" if names else "it declares none: it cannot fail"
+        declared = ", ".join(map(str, role.causes))
+        if skill and answer.end == "FAILURE" and not answer.cause:
+            hint = f"one of {declared}" if declared else "it declares none: it cannot fail"
             impossible("status", f"{identity} is a skill, which fails for a cause", hint)
-        allowed = (*may_fail_with(role), *_ALWAYS_POSSIBLE)
         for cause in causes:
-            if not any(matches(str(one), cause) for one in allowed):
-                names = ", ".join(map(str, declared)) or "none"
-                message = f"{identity} does not fail with {cause}"
-                self._known.fault(_at(answer, "cause"), message, f"it declares {names}", code="P706")
+            if not _may_fail(role, (cause,)):
+                hint = f"it declares {declared or 'none'}"
+                impossible("cause", f"{identity} does not fail with {cause}", hint, code="P706")
 
-    def _given_outputs(self, answer: LeafAnswer, role: NodeRole) -> None:
+    def _given_outputs(self, given: PlacedAnswer, role: NodeRole) -> None:
         assert role.spec.node is not None
         declaration = role.spec.node.declaration
-        for key, value in answer.outputs.items():
-            loc: Location = (*answer.loc, "outputs", key)
+        for key, value in given.answer.outputs.items():
+            loc: Location = (*given.loc, "outputs", key)
             port = declaration.port(key)
             if port is None or port.direction != "out":
                 known = [port.key for port in declaration.outputs]
@@ -399,10 +403,14 @@ class CaseChecks:
 
 
 def _ids(case: RehearsalCase) -> Iterator[str]:
-    yield from (name for name, entry in case.objects.items() if entry is not None)
+    """Yield the ids of all objects that are ever in the belief of a case."""
+    given = [case.entry.objects]
     for script in case.scripts:
-        for answer in script.everything:
-            yield from (name for name, entry in answer.then.objects.items() if entry is not None)
+        for placed in script.everything:
+            with suppress(file_models.UnreadPart):
+                given.append(placed.answer.effects.objects)
+    for objects in given:
+        yield from (name for name, entry in entries(objects).items() if entry is not None)
 
 
 def _is(value: object, kind: type) -> bool:
@@ -435,12 +443,8 @@ def _causes(role: NodeRole) -> Iterator[str]:
 
 
 def _may_fail(role: NodeRole, causes: tuple[Cause, ...]) -> bool:
-    declared = (*may_fail_with(role), "tree.missing_input", "world.unknown_object", "internal.error")
-    return any(matches(str(one), cause) for one in declared for cause in causes)
-
-
-def _at(answer: LeafAnswer, key: str) -> Location:
-    return (*answer.loc, key)
+    allowed = (*may_fail_with(role), *_ALWAYS_POSSIBLE)
+    return any(matches(str(one), cause) for one in allowed for cause in causes)
 
 
 @dataclass(frozen=True, slots=True)

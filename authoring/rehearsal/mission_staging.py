@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cache
-from typing import Any, ClassVar, TypeAlias, cast
+from typing import Any, TypeAlias, cast
 
 from picktree.files import Attributes, Expression
 from picktree.trees import (
@@ -26,7 +26,7 @@ from picktree.trees import (
 from picktree.world import Failure, Plain, cause_named
 from picktree.world.scene import SceneDescription, load_scene
 
-from .cases import LeafAnswer, RehearsalCase
+from .cases import LeafAnswer, PlacedAnswer, RehearsalCase
 from .leaf_roles import NodeRole, follows_from_belief, is_stubbed, roles_of
 from .rehearsal_world import Contradiction, MissingOutput, RehearsalWorld
 from .trace import ScriptedAnswers, Trace
@@ -41,17 +41,20 @@ class LeafStub(Node, abstract=True):
     The leaf's own code does not run, so that neither a robot nor a real scene is needed.
     """
 
-    stands_for: ClassVar[type[Node]]
-    _answer: LeafAnswer | None = None
+    _given: PlacedAnswer | None = None
     _ticks_left: int = 0
 
     def on_start(self) -> None:
-        self._answer = self._stage.prompter.answer(self.path)
+        self._given = self._stage.prompter.answer(self.path)
         self._ticks_left = self._answer.ticks if self._answer else 0
+
+    @property
+    def _answer(self) -> LeafAnswer | None:
+        return self._given and self._given.answer
 
     def on_tick(self) -> NodeStatus:
         answer = self._answer
-        if answer is not None and answer.status == "RUNNING":
+        if answer is not None and answer.end == "RUNNING":
             return NodeStatus.RUNNING
         if self._ticks_left > 0:
             self._ticks_left -= 1
@@ -83,22 +86,22 @@ class LeafStub(Node, abstract=True):
 
     def _end(self, answer: LeafAnswer) -> NodeStatus:
         belief = self._stage.belief
-        if answer.status == "SUCCESS":
+        if answer.end == "SUCCESS":
             state = self._succeed(answer)
-            belief.apply(answer.then)
+            belief.apply(answer.effects)
             return state
         self._write(answer)
         cause = cause_named(answer.cause) if answer.cause else None
         if cause is not None:
             belief.failed(cause)
-        belief.apply(answer.then)
+        belief.apply(answer.effects)
         if cause is not None:
             raise Failure(cause, answer.message or cause.sentence.rstrip("."))
-        return NodeStatus(answer.status)
+        return NodeStatus(answer.end)
 
     def _succeed(self, answer: LeafAnswer | None) -> NodeStatus:
         # A case that defines the hand's content overrides the leaf's declaration.
-        if answer is None or answer.then.hand is None:
+        if answer is None or answer.effects.hand is None:
             inputs = {port.key: self.input(port.key) for port in self.declaration.inputs}
             given = {key: references.Constant(value, None) for key, value in inputs.items()}
             hand, _ = self.declaration.hand_with({**self.wiring.ports, **given})
@@ -111,7 +114,7 @@ class LeafStub(Node, abstract=True):
         self._write(answer)
         for port in self.declaration.outputs:
             if port.key in self.wiring.ports and (answer is None or port.key not in answer.outputs):
-                self.output(port.key, self._believed(port, answer))
+                self.output(port.key, self._believed(port))
         return NodeStatus.SUCCESS
 
     def _write(self, answer: LeafAnswer | None) -> None:
@@ -120,9 +123,9 @@ class LeafStub(Node, abstract=True):
             if port is not None and key in self.wiring.ports:
                 self.output(key, convert_literal(value, port.type, port.unit, port.choices, port.within))
 
-    def _believed(self, port: PortDeclaration, answer: LeafAnswer | None) -> object:
+    def _believed(self, port: PortDeclaration) -> object:
         if not follows_from_belief(port, self.declaration.uses):
-            raise MissingOutput(self.declaration.id, port.key, answer)
+            raise MissingOutput(self.declaration.id, port.key, self._given)
         return self._stage.belief.to_do()
 
 
@@ -151,7 +154,7 @@ class NodeSpy(Node, abstract=True):
 @cache
 def leaf_stub(node: type[Node]) -> type[Node]:
     kept = {name: getattr(node, name) for name in ("declaration", "kind", "causes", "uses", "hand_after")}
-    return _node_class(node.__name__, (LeafStub,), {**kept, "stands_for": node})
+    return _node_class(node.__name__, (LeafStub,), kept)
 
 
 @cache
@@ -216,13 +219,13 @@ def play_case(staging: StubbedMission, case: RehearsalCase) -> tuple[BehaviourTr
     """
     played = (role.path for role in staging.roles if role.played)
     world = RehearsalWorld(staging.scene, ScriptedAnswers(case.scripts), Trace(played))
-    world.belief.change(case.objects)
-    world.belief.pin(case.facts)
-    tree = build(staging.mission, world, cast("Mapping[str, Plain]", case.parameters))
+    world.belief.change(case.entry.objects)
+    world.belief.pin(case.entry.facts)
+    tree = build(staging.mission, world, cast("Mapping[str, Plain]", case.entry.parameters))
     trace = world.trace
     tree.on_start.append(trace.begun)
     trace.writes = tree.blackboard.take_writes
-    most = min(case.expect.ticks or DEFAULT_MAX_TICKS, case.halt_after or DEFAULT_MAX_TICKS)
+    most = min(case.entry.expect.ticks or DEFAULT_MAX_TICKS, case.entry.halt_after or DEFAULT_MAX_TICKS)
     while True:
         trace.tick = world.clock.ticks + 1
         tree.step()

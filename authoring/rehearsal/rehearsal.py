@@ -200,6 +200,12 @@ class CaseResult:
     def passed(self) -> bool:
         return not self.differences
 
+    @property
+    def end(self) -> str:
+        """Last status of the mission with its cause, and the number of ticks."""
+        status = self.status + (f" {self.cause}" if self.cause else "")
+        return f"{status} after {self.ticks} tick" + ("" if self.ticks == 1 else "s")
+
 
 @dataclass(frozen=True, slots=True)
 class Rehearsal:
@@ -227,100 +233,72 @@ class Rehearsal:
 
 def to_json(rehearsal: Rehearsal) -> dict[str, Plain]:
     """Return the whole result, traces included."""
+    coverage, recovery = rehearsal.coverage, rehearsal.coverage.recovery
     return {
         "mission": rehearsal.mission,
         "file": str(rehearsal.file),
         "passed": rehearsal.passed,
         "complete": rehearsal.complete,
         "warnings": [
-            {"place": _place(w.mark), "code": w.code, "where": w.where, "message": w.message, "hint": w.hint}
-            for w in rehearsal.warnings
+            _fields(each, "mark", "code", "where", "message", "hint") for each in rehearsal.warnings
         ],
         "cases": [_case_json(case) for case in rehearsal.cases],
-        "coverage": _coverage_json(rehearsal.coverage),
+        "coverage": {
+            **_share(coverage),
+            "recovery": _share(recovery),
+            "missed": [_fields(point, "mark", "node", "kind", "missed") for point in coverage.missed],
+            "causes": [_fields(cause, "mark", "node", "cause", "raised") for cause in coverage.causes],
+        },
     }
+
+
+def _share(coverage: Coverage) -> dict[str, Plain]:
+    return {**_fields(coverage, "percent", "reached"), "total": len(coverage.points)}
 
 
 def _case_json(case: CaseResult) -> dict[str, Plain]:
     return {
-        "name": case.name,
-        "doc": case.doc,
-        "place": _place(case.mark),
-        "passed": case.passed,
-        "status": case.status,
-        "cause": case.cause or None,
-        "message": case.message,
-        "ticks": case.ticks,
-        "seconds": case.seconds,
-        "differences": [
-            {"place": _place(d.mark), "where": d.where, "message": d.message, "tick": d.tick}
-            for d in case.differences
-        ],
+        **_fields(case, "name", "doc", "mark", "passed", "status", "cause", "message", "ticks", "seconds"),
+        "differences": [_fields(each, "mark", "where", "message", "tick") for each in case.differences],
         "unused_answers": [_place(mark) for mark in case.unused],
-        "leaves": [
-            {
-                "node": run.path,
-                "tick": run.tick,
-                "last": run.last,
-                "outcome": run.outcome,
-                "cause": run.cause or None,
-                "message": run.message,
-            }
-            for run in case.runs
-        ],
-        "handled": [_handled(one) for one in case.handled],
+        "leaves": [_fields(run, "path", "tick", "last", "outcome", "cause", "message") for run in case.runs],
+        "handled": [_fields(one, *_HANDLED) for one in case.handled],
         "events": [_event(event) for event in case.events],
     }
 
 
-def _handled(one: FailureHandled) -> dict[str, Plain]:
-    return {
-        "tick": one.tick,
-        "cause": one.cause,
-        "failed": one.failed,
-        "by": one.by,
-        "handler": one.handler or None,
-    }
+_HANDLED = ("tick", "cause", "failed", "by", "handler")
+_KEYS = {"mark": "place", "path": "node", "missed": "message"}
+"""Keys in JSON of fields with another name."""
+
+
+def _fields(value: object, *names: str) -> dict[str, Plain]:
+    """Return fields of a value for JSON: marks as places, null for a cause or handler that is empty."""
+    found: dict[str, Plain] = {}
+    for name in names:
+        field = getattr(value, name)
+        absent = name in ("cause", "handler") and not field
+        found[_KEYS.get(name, name)] = None if absent else _place(field) if isinstance(field, Mark) else field
+    return found
 
 
 def _event(event: Event) -> dict[str, Plain]:
     match event:
-        case LeafStarted(tick, run):
-            return {"tick": tick, "kind": "started", "node": run.path}
-        case LeafEnded(tick, run):
-            ended = {"outcome": run.outcome, "cause": run.cause or None}
-            return {"tick": tick, "kind": "ended", "node": run.path, **ended}
-        case ConditionAnswered(tick, path, status):
-            return {"tick": tick, "kind": "answered", "node": path, "outcome": status.value}
-        case KeyWritten(tick, path, key, value):
-            return {"tick": tick, "kind": "wrote", "node": path, "key": key, "value": value}
-        case ControlFailed(tick, path, cause, message):
-            return {"tick": tick, "kind": "failed", "node": path, "cause": cause, "message": message}
+        case LeafStarted():
+            kind, found = "started", _fields(event.run, "path")
+        case LeafEnded():
+            kind, found = "ended", _fields(event.run, "path", "outcome", "cause")
+        case ConditionAnswered():
+            kind, found = "answered", {**_fields(event, "path"), "outcome": event.status.value}
+        case KeyWritten():
+            kind, found = "wrote", _fields(event, "path", "key", "value")
+        case ControlFailed():
+            kind, found = "failed", _fields(event, "path", "cause", "message")
         case FailureHandled():
-            return {"kind": "handled", **_handled(event)}
-        case NoteTaken(tick, path, kind, message):
-            return {"tick": tick, "kind": "noted", "node": path, "about": kind, "message": message}
-
-
-def _coverage_json(coverage: Coverage) -> dict[str, Plain]:
-    return {
-        "percent": coverage.percent,
-        "reached": coverage.reached,
-        "total": len(coverage.points),
-        "recovery": {
-            "percent": coverage.recovery.percent,
-            "reached": coverage.recovery.reached,
-            "total": len(coverage.recovery.points),
-        },
-        "missed": [
-            {"place": _place(p.mark), "node": p.node, "kind": p.kind, "message": p.missed}
-            for p in coverage.missed
-        ],
-        "causes": [
-            {"place": _place(c.mark), "node": c.node, "cause": c.cause, "raised": c.raised}
-            for c in coverage.causes
-        ],
-    }
+            kind, found = "handled", _fields(event, *_HANDLED)
+        case NoteTaken():
+            kind, found = "noted", {**_fields(event, "path", "message"), "about": event.kind}
+    return {"tick": event.tick, "kind": kind, **found}
 
 
 def _place(mark: Mark) -> dict[str, Plain]:
@@ -395,12 +373,12 @@ def rehearse_case(
 ) -> CaseResult:
     tree, world = play_case(staging, case)
     trace = world.trace
-    if trace.tick == case.halt_after and tree.status is NodeStatus.RUNNING:
+    if trace.tick == case.entry.halt_after and tree.status is NodeStatus.RUNNING:
         trace.flush(tree.halt().writes)
     reached.take(staging, trace)
     return CaseResult(
         name=case.name,
-        doc=case.doc,
+        doc=case.entry.doc,
         mark=document.key_mark(case.loc),
         status=tree.status.value,
         cause=tree.failure.cause.name if tree.failure else "",
@@ -511,9 +489,7 @@ def to_text(rehearsal: Rehearsal, *, quiet: bool = False, causes: bool = False) 
 
 
 def _case_lines(case: CaseResult, names: Mapping[str, str], *, quiet: bool) -> list[str]:
-    ticks = f"{case.ticks} tick" + ("" if case.ticks == 1 else "s")
-    end = case.status + (f" {case.cause}" if case.cause else "")
-    verdict = f"{'passed' if case.passed else 'FAILED'}  {case.name}: {end} after {ticks}, {case.seconds:g} s"
+    verdict = f"{'passed' if case.passed else 'FAILED'}  {case.name}: {case.end}, {case.seconds:g} s"
     below = [f"    {difference}" for difference in case.differences]
     below += [f"    {mark}: no leaf has given this answer" for mark in case.unused]
     if quiet:
@@ -587,9 +563,6 @@ def _junit_case(rehearsal: Rehearsal, case: CaseResult, group: str) -> JunitCase
     place = case.mark
     if case.passed:
         return JunitCase(group, case.name, case.seconds, output=case.doc, file=place.file, line=place.line)
-    differences = [str(difference) for difference in case.differences]
-    trace = "\n".join(trace_lines(case.events, rehearsal.names))
-    end = case.status + (f" {case.cause}" if case.cause else "")
     return JunitCase(
         group,
         case.name,
@@ -597,8 +570,8 @@ def _junit_case(rehearsal: Rehearsal, case: CaseResult, group: str) -> JunitCase
         "failure",
         case.cause or case.status,
         case.differences[0].message,
-        "\n".join([f"{end} after {case.ticks} ticks", *differences]),
-        trace,
+        "\n".join([case.end, *map(str, case.differences)]),
+        "\n".join(trace_lines(case.events, rehearsal.names)),
         place.file,
         place.line,
     )

@@ -33,7 +33,7 @@ from picktree.world import (
 from picktree.world import grasp as grasp_causes
 from picktree.world.scene import CatalogueEntry, SceneDescription, destinations
 
-from .cases import EMPTY_HAND, Effects, LeafAnswer, ObjectFile, Objects
+from .cases import EMPTY_HAND, BelievedObject, Effects, Objects, PlacedAnswer
 from .trace import ScriptedAnswers, Trace
 
 TABLE = "table"
@@ -41,6 +41,10 @@ HAND = "hand"
 UNKNOWN = "unknown"
 _DEFAULT_SHAPE = Box((0.04, 0.04, 0.04))
 """Shape of an object whose kind is in no catalogue; nothing is computed with it."""
+
+
+_COPIED = ("form", "colour", "role", "mass", "confidence", "last_seen", "sigma_position", "sigma_angle")
+"""Keys of an object in a case that become attributes of the belief as they are."""
 
 
 class Contradiction(Exception):
@@ -53,7 +57,7 @@ class Contradiction(Exception):
 class MissingOutput(Contradiction):
     """Success without an output that the mission reads; `answer`: None where the case gives none."""
 
-    def __init__(self, leaf: str, port: str, answer: LeafAnswer | None) -> None:
+    def __init__(self, leaf: str, port: str, answer: PlacedAnswer | None) -> None:
         super().__init__(f"{leaf} succeeds without its output {port!r}")
         self.port, self.answer = port, answer
 
@@ -235,7 +239,7 @@ class Belief:
     def _destination(self, belief: BeliefObject) -> ObjectId | None:
         return self._destinations[belief.id] if belief.id in self._destinations else self._rule(belief)
 
-    def _put(self, identity: ObjectId, entry: ObjectFile) -> None:
+    def _put(self, identity: ObjectId, entry: BelievedObject) -> None:
         known = self.scene.find(identity)
         belief = known or BeliefObject(
             UNKNOWN, UNKNOWN, _DEFAULT_SHAPE, UNKNOWN, Pose(), 0.0, 0.0, 1.0, 0.0, id=identity
@@ -243,22 +247,12 @@ class Belief:
         if entry.kind is not None:
             belief = _of_kind(belief, entry.kind, self._catalogue.get(entry.kind))
         changes: dict[str, Any] = {
-            name: value
-            for name in (
-                "form",
-                "colour",
-                "role",
-                "mass",
-                "confidence",
-                "last_seen",
-                "sigma_position",
-                "sigma_angle",
-            )
-            if (value := getattr(entry, name)) is not None
+            name: value for name in _COPIED if (value := getattr(entry, name)) is not None
         }
         belief = replace(belief, **changes)
-        if "destination" in entry.model_fields_set:
-            self._destinations[identity] = ObjectId(entry.destination) if entry.destination else None
+        if entry.destination is not None:
+            name = entry.destination.name
+            self._destinations[identity] = ObjectId(name) if name else None
         if entry.place == HAND and not belief.attached:
             self.let_go()
             belief = replace(belief, object_in_tcp=Pose(), place=HAND)

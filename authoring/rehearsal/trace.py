@@ -10,38 +10,30 @@ from picktree.files import Location, node_matches
 from picktree.trees import NodeStatus
 from picktree.world import BlackboardWrite, FailureReport, JournalEvent, Plain, event_types
 
-from .cases import LeafAnswer, LeafScript
-
-
-@dataclass(slots=True)
-class _Turns:
-    script: LeafScript
-    given: int = 0
+from .cases import LeafScript, PlacedAnswer
 
 
 class ScriptedAnswers:
     """Answers by start count of each pattern; the first pattern that matches a node counts."""
 
     def __init__(self, scripts: Iterable[LeafScript]) -> None:
-        self._turns = [_Turns(script) for script in scripts]
+        self._scripts = tuple(scripts)
+        self._starts = [0] * len(self._scripts)
 
-    def answer(self, path: str) -> LeafAnswer | None:
+    def answer(self, path: str) -> PlacedAnswer | None:
         """Return the next answer of the leaf at that path; None when the case gives none."""
-        turns = next((t for t in self._turns if node_matches(t.script.pattern, path)), None)
-        if turns is None or not turns.script.answers:
-            return None
-        number, turns.given = turns.given, turns.given + 1
-        if number < len(turns.script.answers):
-            return turns.script.answers[number]
-        return turns.script.otherwise or turns.script.answers[-1]
+        for index, script in enumerate(self._scripts):
+            if node_matches(script.pattern, path):
+                self._starts[index] += 1
+                return script.answer(self._starts[index])
+        return None
 
     def unused(self) -> tuple[Location, ...]:
         """Return the places of answers that no leaf has used."""
         return tuple(
-            answer.loc
-            for turns in self._turns
-            for number, answer in enumerate(turns.script.everything)
-            if number >= turns.given
+            placed.loc
+            for script, starts in zip(self._scripts, self._starts, strict=True)
+            for placed in script.everything[starts:]
         )
 
 

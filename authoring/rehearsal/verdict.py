@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise, takewhile
 from typing import cast
 
 from picktree.files import Location, Mark, node_matches, where
@@ -11,7 +12,15 @@ from picktree.files.yaml import Document
 from picktree.trees import BehaviourTree, Namespace, NodeStatus, references, runner, show
 from picktree.world import matches
 
-from .cases import ANY_LEAVES, OUTCOMES, Expectation, ExpectedHandling, ExpectedStart, RehearsalCase
+from .cases import (
+    ANY_LEAVES,
+    OUTCOMES,
+    Destination,
+    Expectation,
+    ExpectedHandling,
+    ExpectedStart,
+    RehearsalCase,
+)
 from .rehearsal_world import RehearsalWorld
 from .trace import LeafRun
 
@@ -28,97 +37,75 @@ class OrderMismatch:
 def compare_order(
     order: Sequence[ExpectedStart], runs: Sequence[LeafRun], loc: Location
 ) -> OrderMismatch | None:
-    """Return the first mismatch of the leaves' order; None when all entries match.
+    """Return the first mismatch of the leaves' order, which is at `loc`; None when all entries match.
 
     `...` stands for any number of leaves. Each stretch between two of them is searched from left to right,
     which finds a match whenever one exists.
     """
-    stretches = _stretches(order)
-    wrong = _first_wrong(stretches[0], runs, 0, loc, to_end=len(stretches) == 1)
-    if wrong is not None or len(stretches) == 1:
-        return wrong
-    position = len(stretches[0])
-    for stretch in stretches[1:-1]:
-        found = _find(stretch, runs, position)
-        if found is None:
-            return _nearest_miss(stretch, runs, position)
-        position = found + len(stretch)
-    return _at_end(stretches[-1], runs, position, loc)
+    return _Order(order, runs, loc).mismatch()
 
 
-def _stretches(order: Sequence[ExpectedStart]) -> list[tuple[ExpectedStart, ...]]:
-    """Return the entries before the first `...`, between two, and after the last; outer ones may be empty."""
-    parts: list[list[ExpectedStart]] = [[]]
-    for turn in order:
-        if turn.pattern == ANY_LEAVES:
-            parts.append([])
-        else:
-            parts[-1].append(turn)
-    inner = [part for part in parts[1:-1] if part]
-    outer = [parts[0], *inner, parts[-1]] if len(parts) > 1 else parts
-    return [tuple(part) for part in outer]
+class _Order:
+    """Comparison of runs with the entries of an order; a stretch is a range of entries, by number."""
 
+    def __init__(self, order: Sequence[ExpectedStart], runs: Sequence[LeafRun], loc: Location) -> None:
+        self._order, self._runs, self._loc = order, runs, loc
 
-def _first_wrong(
-    turns: Sequence[ExpectedStart], runs: Sequence[LeafRun], start: int, loc: Location, *, to_end: bool
-) -> OrderMismatch | None:
-    for number, turn in enumerate(turns):
-        run = runs[start + number] if start + number < len(runs) else None
-        if run is None or not _fits(turn, run):
-            return _wrong(turn, run)
-    rest = runs[start + len(turns) :]
-    if to_end and rest:
-        return OrderMismatch(loc, f"the order ends, but {rest[0].path} starts", rest[0].tick)
-    return None
+    def mismatch(self) -> OrderMismatch | None:
+        gaps = [number for number, turn in enumerate(self._order) if turn.pattern == ANY_LEAVES]
+        first, *others = (range(a + 1, b) for a, b in pairwise((-1, *gaps, len(self._order))))
+        wrong = self._first_wrong(first, 0, to_end=not others)
+        if wrong is not None or not others:
+            return wrong
+        *inner, last = others
+        position = len(first)
+        for stretch in inner:
+            begins = range(position, len(self._runs) - len(stretch) + 1)
+            found = next((begin for begin in begins if self._fitting(stretch, begin) == len(stretch)), None)
+            if found is None:
+                return self._nearest_miss(stretch, position)
+            position = found + len(stretch)
+        begin = len(self._runs) - len(last)
+        if not last or begin >= position:
+            return self._first_wrong(last, begin, to_end=True)
+        return self._nearest_miss(last, position)
 
+    def _fitting(self, stretch: range, begin: int) -> int:
+        """Return the number of entries that match the runs from `begin`, up to the first that does not."""
+        pairs = zip(stretch, self._runs[begin:], strict=False)
+        return sum(1 for _ in takewhile(lambda pair: _fits(self._order[pair[0]], pair[1]), pairs))
 
-def _find(turns: Sequence[ExpectedStart], runs: Sequence[LeafRun], start: int) -> int | None:
-    for begin in range(start, len(runs) - len(turns) + 1):
-        if all(_fits(turn, runs[begin + n]) for n, turn in enumerate(turns)):
-            return begin
-    return None
-
-
-def _at_end(
-    turns: Sequence[ExpectedStart], runs: Sequence[LeafRun], position: int, loc: Location
-) -> OrderMismatch | None:
-    if not turns:
+    def _first_wrong(self, stretch: range, begin: int, *, to_end: bool) -> OrderMismatch | None:
+        count = self._fitting(stretch, begin)
+        if count < len(stretch):
+            return self._wrong(stretch[count], begin + count)
+        rest = self._runs[begin + count :]
+        if to_end and rest:
+            return OrderMismatch(self._loc, f"the order ends, but {rest[0].path} starts", rest[0].tick)
         return None
-    begin = len(runs) - len(turns)
-    if begin >= position:
-        return _first_wrong(turns, runs, begin, loc, to_end=True)
-    return _nearest_miss(turns, runs, position)
 
-
-def _nearest_miss(turns: Sequence[ExpectedStart], runs: Sequence[LeafRun], position: int) -> OrderMismatch:
-    """Return the entry that fails where most entries before it match."""
-
-    def fitting(begin: int) -> int:
-        count = 0
-        while count < len(turns) and begin + count < len(runs) and _fits(turns[count], runs[begin + count]):
-            count += 1
-        return count
-
-    begin = max(range(position, len(runs) + 1), key=lambda b: (fitting(b), -b), default=position)
-    count = min(fitting(begin), len(turns) - 1)
-    if count == 0:
-        before = runs[position - 1] if position else None
+    def _nearest_miss(self, stretch: range, position: int) -> OrderMismatch:
+        """Return the entry that fails where most entries before it match."""
+        begins = range(position, len(self._runs) + 1)
+        begin = max(begins, key=lambda begin: (self._fitting(stretch, begin), -begin))
+        count = min(self._fitting(stretch, begin), len(stretch) - 1)
+        if count:
+            return self._wrong(stretch[count], begin + count)
+        before = self._runs[position - 1] if position else None
         after = f" after {before.path}" if before else ""
-        message = f"{_wanted(turns[0])} is expected{after}, but does not come"
-        return OrderMismatch(turns[0].loc, message, before.tick if before else None)
-    run = runs[begin + count] if begin + count < len(runs) else None
-    return _wrong(turns[count], run)
+        message = f"{_wanted(self._order[stretch[0]])} is expected{after}, but does not come"
+        return OrderMismatch((*self._loc, stretch[0]), message, before.tick if before else None)
 
-
-def _wrong(turn: ExpectedStart, run: LeafRun | None) -> OrderMismatch:
-    if run is None:
-        return OrderMismatch(turn.loc, f"{_wanted(turn)} is expected, but no further leaf starts", None)
-    if node_matches(turn.pattern, run.path):
-        ended = run.cause or run.outcome
-        return OrderMismatch(
-            turn.loc, f"{turn.outcome} is expected of {run.path}, which is {ended}", run.tick
-        )
-    return OrderMismatch(turn.loc, f"{_wanted(turn)} is expected, but {run.path} starts", run.tick)
+    def _wrong(self, number: int, index: int) -> OrderMismatch:
+        """Return the mismatch of an entry and the run of that index; there may be none."""
+        turn, loc = self._order[number], (*self._loc, number)
+        if index >= len(self._runs):
+            return OrderMismatch(loc, f"{_wanted(turn)} is expected, but no further leaf starts", None)
+        run = self._runs[index]
+        message = f"{_wanted(turn)} is expected, but {run.path} starts"
+        if node_matches(turn.pattern, run.path):
+            message = f"{turn.outcome} is expected of {run.path}, which is {run.cause or run.outcome}"
+        return OrderMismatch(loc, message, run.tick)
 
 
 def _fits(turn: ExpectedStart, run: LeafRun) -> bool:
@@ -160,30 +147,29 @@ class _Comparison:
         self, document: Document, case: RehearsalCase, tree: BehaviourTree, world: RehearsalWorld
     ) -> None:
         self._document, self._case, self._tree, self._world = document, case, tree, world
-        self._trace = world.trace
+        self._trace, self._loc = world.trace, (*case.loc, "expect")
 
     def all(self) -> Iterator[ExpectationMiss]:
-        expect, ticks = self._case.expect, self._trace.tick
+        expect, loc, ticks = self._case.entry.expect, self._loc, self._trace.tick
         for found in self._world.contradictions:
             yield self._at(self._case.loc, f"this cannot be: {found.path}: {found}", ticks)
         for sentence in dict.fromkeys(self._trace.faults):
             yield self._at(self._case.loc, f"a fault of the program: {sentence}", ticks)
         yield from self._end(expect)
         if expect.order is not None:
-            found = compare_order(expect.order, self._trace.runs, (*expect.loc, "order"))
+            found = compare_order(expect.order, self._trace.runs, (*loc, "order"))
             if found is not None:
                 yield self._at(found.loc, found.message + self._unknown_traits(), found.tick)
-        for wanted in expect.handled:
-            yield from self._handled(wanted)
+        for number, wanted in enumerate(expect.handled):
+            yield from self._handled(wanted, (*loc, "handled", number))
         for number, pattern in enumerate(expect.never):
             first = next((p for p in self._trace.started if node_matches(pattern, p)), None)
             if first is not None:
-                loc = (*expect.loc, "never", number)
-                yield self._at(loc, f"{first} has started", self._trace.started[first])
-        yield from self._facts(expect.facts, (*expect.loc, "facts"))
-        yield from self._objects(expect, (*expect.loc, "objects"))
+                yield self._at((*loc, "never", number), f"{first} has started", self._trace.started[first])
+        yield from self._facts(expect.facts, (*loc, "facts"))
+        yield from self._objects(expect, (*loc, "objects"))
         for key, value in expect.blackboard.items():
-            yield from self._blackboard(key, value, (*expect.loc, "blackboard", key))
+            yield from self._blackboard(key, value, (*loc, "blackboard", key))
 
     def _unknown_traits(self) -> str:
         """Return which item is still to be done because the case does not give what rules ask for."""
@@ -203,15 +189,15 @@ class _Comparison:
         if expect.status is not None and status.value != expect.status:
             why = f": {failure.cause} at {failure.node}: {failure.message}" if failure else ""
             message = f"{expect.status} is expected, but the mission is {status.value}{why}"
-            yield self._at((*expect.loc, "status"), message, ticks)
+            yield self._at((*self._loc, "status"), message, ticks)
         if expect.cause is not None and (failure is None or not matches(expect.cause, failure.cause)):
             got = f"it fails with {failure.cause}" if failure else f"it is {status.value}"
             got += " without a cause" if status is NodeStatus.FAILURE and failure is None else ""
-            yield self._at((*expect.loc, "cause"), f"{expect.cause} is expected, but {got}", ticks)
+            yield self._at((*self._loc, "cause"), f"{expect.cause} is expected, but {got}", ticks)
         if expect.ticks is not None and expect.status is None and status is NodeStatus.RUNNING:
-            yield self._at((*expect.loc, "ticks"), "the mission still runs", ticks)
+            yield self._at((*self._loc, "ticks"), "the mission still runs", ticks)
 
-    def _handled(self, wanted: ExpectedHandling) -> Iterator[ExpectationMiss]:
+    def _handled(self, wanted: ExpectedHandling, loc: Location) -> Iterator[ExpectationMiss]:
         of_cause = [h for h in self._trace.handled if matches(wanted.cause, h.cause)]
         found = [
             h
@@ -223,14 +209,14 @@ class _Comparison:
         by += f" with {wanted.handler!r}" if wanted.handler else ""
         if wanted.times is not None and len(found) != wanted.times:
             message = f"{wanted.cause} is taken up{by} {_times(len(found))}, not {_times(wanted.times)}"
-            yield self._at(wanted.loc, message, found[-1].tick if found else None)
+            yield self._at(loc, message, found[-1].tick if found else None)
         elif not found:
             other = of_cause[0] if of_cause else None
             got = "nobody takes it up"
             if other is not None:
                 got = f"{other.by} takes it up" + (f" with {other.handler!r}" if other.handler else "")
             message = f"{wanted.cause} is not taken up{by}: {got}"
-            yield self._at(wanted.loc, message, other.tick if other else None)
+            yield self._at(loc, message, other.tick if other else None)
 
     def _facts(self, wanted: Mapping[str, object], loc: Location) -> Iterator[ExpectationMiss]:
         facts = self._world.facts()
@@ -247,8 +233,10 @@ class _Comparison:
                     says = "is still in the belief" if known else "is not in the belief"
                     yield self._at((*loc, name), f"{name!r} {says}")
                 continue
-            for field in sorted(entry.model_fields_set):
+            given = cast("Mapping[str, object]", self._document.get((*loc, name)))
+            for field in sorted(given):
                 value, wanted = references.attribute(scene, name, field), getattr(entry, field)
+                wanted = wanted.name if isinstance(wanted, Destination) else wanted
                 if not _same(value, wanted):
                     yield self._at((*loc, name, field), f"it is {show(value)}, not {show(wanted)}")
 

@@ -7,8 +7,9 @@ import shutil
 from pathlib import Path
 
 from picktree.authoring.rehearsal import rehearse_files
-from picktree.authoring.rehearsal.cases import AnswerFile, ExpectFile
+from picktree.authoring.rehearsal.cases import Expectation, LeafAnswer
 from picktree.authoring.rehearsal.rehearsal import to_text
+from picktree.files.yaml import file_models
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "rehearsal.md").read_text(encoding="utf-8")
@@ -36,5 +37,5 @@ def test_its_python_runs() -> None:
 
 def test_it_names_all_that_may_be_expected_and_answered() -> None:
     expected = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \| ", PAGE, re.MULTILINE)
-    assert set(re.findall(r"\w+", " ".join(expected))) == set(ExpectFile.model_fields)
-    assert [name for name in AnswerFile.model_fields if f"`{name}`" not in PAGE] == []
+    assert set(re.findall(r"\w+", " ".join(expected))) == set(file_models.keys_of(Expectation))
+    assert [name for name in file_models.keys_of(LeafAnswer) if f"`{name}`" not in PAGE] == []

@@ -23,7 +23,7 @@ RUNS = [
 
 def first_wrong(order: str) -> str | None:
     """`Pick=grasp.*` is a turn with an outcome; the place of the wrong one, and what is wrong."""
-    turns = [ExpectedStart(("order", n), *word.partition("=")[::2]) for n, word in enumerate(order.split())]
+    turns = [ExpectedStart(*word.partition("=")[::2]) for word in order.split()]
     found = compare_order(turns, RUNS, ("order",))
     if found is None:
         return None
@@ -90,7 +90,7 @@ def test_the_first_that_does_not(order: str, wrong: str) -> None:
 )
 def test_it_is_the_match_of_a_regular_expression(order: list[str], started: list[str]) -> None:
     expression = "".join(".*" if word == "..." else word for word in order)
-    turns = [ExpectedStart((n,), word) for n, word in enumerate(order)]
+    turns = [ExpectedStart(word) for word in order]
     runs = [LeafRun(n + 1, f"Main/{name}", n + 1, "SUCCESS") for n, name in enumerate(started)]
     matches = re.fullmatch(expression, "".join(started)) is not None
     assert (compare_order(turns, runs, ()) is None) is matches
@@ -98,7 +98,7 @@ def test_it_is_the_match_of_a_regular_expression(order: list[str], started: list
 
 def test_no_leaf_at_all() -> None:
     assert compare_order([], [], ("order",)) is None
-    assert compare_order([ExpectedStart((0,), "...")], [], ("order",)) is None
+    assert compare_order([ExpectedStart("...")], [], ("order",)) is None
     found = compare_order([], RUNS, ("order",))
     assert found is not None
     assert found.message == "the order ends, but Main/Look starts"
