@@ -151,7 +151,7 @@ def _own() -> tuple[None]:
 
 MissionPath = Annotated[Path, file_models.ReadAs(Text, Path)]
 Replacement = Annotated[str | None, file_models.ReadAs(Text, str)]
-"""Shipped name or path. None: the scene or robot that is named otherwise."""
+"""Shipped name or path of a scene or robot. None: the mission's own scene, the scene's own robot."""
 FaultsPath = Annotated[Path | None, file_models.ReadAs(Text, _faults)]
 
 
@@ -290,7 +290,7 @@ _JOB_LIMITS = {"simulated": "limit", "wall": "wall_limit", "memory": "memory", "
 def write_plan(plan: BatchPlan, folder: Path) -> None:
     """Write the plan. Raises PicktreeError when it cannot be written."""
     with file_system.whole([folder / PLAN_FILE], folder / PLAN_FILE) as (beside,):
-        beside.write_text(json.dumps(asdict(plan), default=str, indent=1, ensure_ascii=False), "utf-8")
+        beside.write_text(json.dumps(asdict(plan), default=str, indent=1), "utf-8")
 
 
 def read_plan(folder: Path) -> BatchPlan:
@@ -301,8 +301,8 @@ def read_plan(folder: Path) -> BatchPlan:
         raise PicktreeError(f"{folder}: no batch: there is no {PLAN_FILE} in it") from None
     except ValidationError as error:
         raise PicktreeError(f"{folder / PLAN_FILE}: no plan of a batch: {error.errors()[0]['msg']}") from None
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise PicktreeError(f"{folder / PLAN_FILE}: no plan of a batch: {error}") from None
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise PicktreeError(f"{folder / PLAN_FILE}: no plan of a batch") from None
 
 
 def _recorded(fields: dict[str, Any]) -> BatchPlan:

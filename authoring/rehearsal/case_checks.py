@@ -143,7 +143,10 @@ class CaseNames:
 
 
 def _object_names(scene: SceneDescription | None) -> dict[str, tuple[str, tuple[str, ...]]]:
-    """Return by key of an object what it names, and the valid names, as far as they are known."""
+    """Return the word and the valid names of each key of an object that names something.
+
+    Without a scene only the keys whose names every scene has are there.
+    """
     found = {"form": ("form", (*get_args(Form), UNKNOWN)), "colour": ("colour", (*ITEM_COLOURS, UNKNOWN))}
     if scene is None:
         return found

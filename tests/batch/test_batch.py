@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 
 from picktree.apps.batch import Batch, BatchPlan, Executor, LocalExecutor, check_plan, load_plan
-from picktree.apps.batch.plan import jobs_of
+from picktree.apps.batch.plan import PLAN_FILE, jobs_of, read_plan, write_plan
 from picktree.files import FileError, PicktreeError
 from picktree.files.yaml import read_document
 from picktree.session import RunRequest, Session
@@ -73,6 +74,34 @@ def test_a_batch_is_run_by_one_process_at_a_time(tmp_path: Path) -> None:
         pytest.raises(PicktreeError, match="another process runs this batch"),
     ):
         Batch.resume(tmp_path / "batch")
+
+
+def test_a_recorded_plan_is_read_again(tmp_path: Path) -> None:
+    made = plan(
+        tmp_path, scenes=(None, "three_bins"), faults=(None, ONE_PICK), settings={"g": ("1",)}, limit=60.0
+    )
+    write_plan(made, tmp_path)
+    assert read_plan(tmp_path) == made
+    record = json.loads((tmp_path / PLAN_FILE).read_text())
+    limits = {"limit": "simulated", "wall_limit": "wall", "memory": "memory", "disk": "disk"}
+    record["limits"] = {old: record.pop(key) for key, old in limits.items()}
+    (tmp_path / PLAN_FILE).write_text(json.dumps(record))
+    assert read_plan(tmp_path) == made
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("{", ""),
+        ("{}", ""),
+        ('{"missions": 1}', ": Input should be a valid tuple"),
+    ],
+)
+def test_a_record_that_is_no_plan(tmp_path: Path, text: str, fault: str) -> None:
+    (tmp_path / PLAN_FILE).write_text(text)
+    with pytest.raises(PicktreeError) as raised:
+        read_plan(tmp_path)
+    assert str(raised.value) == f"{tmp_path / PLAN_FILE}: no plan of a batch{fault}"
 
 
 def test_a_plan_file_says_all_of_it(tmp_path: Path) -> None:
