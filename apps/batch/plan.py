@@ -17,7 +17,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, cast, get_
 from pydantic import BeforeValidator, Field, Strict, TypeAdapter, ValidationError, WithJsonSchema
 
 from picktree.authoring import MissionCheck, check_mission
-from picktree.files import CheckedFile, Diagnostic, FileError, PicktreeError, describe, file_system
+from picktree.files import (
+    CheckedFile,
+    Diagnostic,
+    FileError,
+    PicktreeError,
+    describe,
+    file_system,
+    suggest_name,
+)
 from picktree.files.yaml import Document, DocumentChecker, file_models, read_document
 from picktree.session import RunRequest, run_recipe
 from picktree.simulation import Backend, load_faults
@@ -354,6 +362,16 @@ def check_plan(document: Document) -> CheckedFile[BatchPlan]:
     if check.faults:
         return CheckedFile(None, tuple(check.faults))
     plan = _resolved(read, document.path)
+    for what, names, shipped in (
+        ("scene", plan.scenes, scene_loading.scene_names()),
+        ("robot", plan.robots, robot_file.robot_names()),
+    ):
+        for number, name in enumerate(names):
+            if name is not None and name not in shipped and not file_system.is_file(Path(name)):
+                hint = suggest_name(Path(name).name, shipped)
+                check.fault((f"{what}s", number), f"there is no {what} file {name}", hint, code="P801")
+    if check.faults:
+        return CheckedFile(None, tuple(check.faults))
     faults = list(check_files_of(plan))
     if not faults:
         for name in plan.settings:

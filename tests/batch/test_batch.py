@@ -9,7 +9,7 @@ import pytest
 
 from picktree.apps.batch import Batch, BatchPlan, Executor, LocalExecutor, check_plan, load_plan
 from picktree.apps.batch.plan import PLAN_FILE, jobs_of, read_plan, write_plan
-from picktree.files import FileError, PicktreeError
+from picktree.files import PicktreeError
 from picktree.files.yaml import read_document
 from picktree.session import RunRequest, Session
 
@@ -129,8 +129,13 @@ def test_a_plan_tries_robots_and_refuses_those_that_are_none(tmp_path: Path) -> 
     jobs = jobs_of(loaded, tmp_path / "batch")
     assert len({job.id for job in jobs}) == 2
     file.write_text(text.replace("iiwa", "iwaa"))
-    with pytest.raises(FileError, match=r"there is no robot file .*/iwaa"):
-        load_plan(file)
+    checked = check_plan(
+        read_document(file, "plan", text.replace("iiwa", "iwaa").replace("0\n", "0\nscenes: [x.yaml]\n"))
+    )
+    assert [str(fault).partition(" (")[0] for fault in checked.faults] == [
+        f"{file}:6:10: scenes[0]: there is no scene file {tmp_path}/x.yaml",
+        f"{file}:4:10: robots[0]: there is no robot file {tmp_path}/iwaa",
+    ]
 
 
 @pytest.mark.parametrize(
