@@ -118,13 +118,13 @@ class LeafAnswer(file_models.FileValue):
     cause: Text | None = None
     """Why it fails: one of the causes that the leaf declares."""
     ticks: Ticks = 0
-    """For how many ticks (0.05 s each) it is RUNNING before it ends."""
+    """Number of ticks (0.05 s each) for which it is RUNNING before it ends."""
     message: Text = ""
     """The sentence of the failure. Default: the cause's own."""
     outputs: dict[str, object] = field(default_factory=dict[str, object])
     """Values that it writes to its outputs, by port."""
     then: Effects | None = None
-    """What is otherwise in the world after it has ended."""
+    """Changes of the world after it has ended."""
 
     @property
     def end(self) -> AnswerStatus:
@@ -149,9 +149,9 @@ class AnswerTurns(file_models.FileValue):
     """Answers in turn, and the one that is given when they are used up."""
 
     answers: list[Answer]
-    """For the first start, the second, …"""
+    """Answers for the first start, the second, …"""
     else_: Annotated[Answer, Field(alias="else")] = None
-    """For every start after these. Default: the last answer again."""
+    """Answer for every start after these. Default: the last answer again."""
 
 
 Leaf = Annotated[
@@ -234,7 +234,7 @@ class Expectation(file_models.FileValue):
     facts: dict[str, object] = field(default_factory=dict[str, object])
     """Values that facts have at the end."""
     objects: Objects = field(default_factory=dict[str, "BelievedObject | None"])
-    """What is believed of objects at the end; null: there is no such object."""
+    """Beliefs about objects at the end; null: there is no such object."""
     blackboard: dict[str, object] = field(default_factory=dict[str, object])
     """Values on the blackboard at the end: items is Main's key, SortOne/count one of SortOne."""
 
@@ -244,11 +244,11 @@ class CaseEntry(file_models.FileValue):
     """One case: how the world is, how the leaves answer, what must come of it."""
 
     doc: Text = ""
-    """What the case is about, in a sentence."""
+    """Subject of the case, in a sentence."""
     parameters: dict[str, object] = field(default_factory=dict[str, object])
     """Values of the mission's parameters, the ports of Main."""
     objects: Objects = field(default_factory=dict[str, "BelievedObject | None"])
-    """What is in the belief when the mission begins, by id."""
+    """Objects in the belief when the mission begins, by id."""
     facts: dict[str, object] = field(default_factory=dict[str, object])
     """Facts (items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done) that have a
     value of the case's own; the others follow from the belief."""
@@ -258,7 +258,7 @@ class CaseEntry(file_models.FileValue):
     halt_after: Count | None = None
     """The tick after which the mission is halted."""
     expect: Expectation
-    """What must come of it."""
+    """Expected result."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -270,7 +270,7 @@ class CasesSettings(file_models.FileValue):
     parameters: dict[str, object] = field(default_factory=dict[str, object])
     """Values of the mission's parameters, the ports of Main. For all cases."""
     objects: Objects = field(default_factory=dict[str, "BelievedObject | None"])
-    """What is in the belief when the mission begins, by id. In all cases."""
+    """Objects in the belief when the mission begins, by id. In all cases."""
     facts: dict[str, object] = field(default_factory=dict[str, object])
     """Facts (items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done) that have a
     value of the case's own; the others follow from the belief."""
