@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise, takewhile
+from itertools import pairwise
 from typing import cast
 
 from picktree.files import Location, Mark, node_matches, where
@@ -72,8 +72,12 @@ class _Order:
 
     def _fitting(self, stretch: range, begin: int) -> int:
         """Return the number of entries that match the runs from `begin`, up to the first that does not."""
-        pairs = zip(stretch, self._runs[begin:], strict=False)
-        return sum(1 for _ in takewhile(lambda pair: _fits(self._order[pair[0]], pair[1]), pairs))
+        count = 0
+        for number, run in zip(stretch, self._runs[begin : begin + len(stretch)], strict=False):
+            if not _fits(self._order[number], run):
+                break
+            count += 1
+        return count
 
     def _first_wrong(self, stretch: range, begin: int, *, to_end: bool) -> OrderMismatch | None:
         count = self._fitting(stretch, begin)
