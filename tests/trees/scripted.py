@@ -16,6 +16,7 @@ from picktree.world import (
     Box,
     Entry,
     Failure,
+    FailureReport,
     Journal,
     JournalEvent,
     NodeState,
@@ -231,6 +232,12 @@ class Run:
     @property
     def trace(self) -> list[str]:
         return self.world.trace
+
+    @property
+    def failure(self) -> FailureReport:
+        """Failure of the mission, which has one."""
+        assert self.tree.failure is not None
+        return self.tree.failure
 
     def notes(self, kind: str) -> list[JournalEvent]:
         entries: tuple[Entry, ...] = self.world.journal.take()

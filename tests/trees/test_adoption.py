@@ -48,28 +48,6 @@ def sequence(*parts: str) -> str:
     return f"Main: {{Sequence: [{', '.join(parts)}]}}"
 
 
-@pytest.mark.parametrize("name", MISSIONS)
-def test_an_edit_that_changes_nothing_changes_nothing(name: str) -> None:
-    ticks = len(start(MISSIONS[name], FakeWorld()).to_end())
-    for tick in range(1, ticks):
-        live = start(MISSIONS[name], FakeWorld())
-        for _ in range(tick):
-            live.tick()
-        if not live.tree.quiescent:
-            continue
-        resumed = start(MISSIONS[name], FakeWorld())
-        resumed.world.clock.now = live.world.clock.now
-        resumed.world.trace.extend(live.world.trace)
-        adoption = resumed.tree.adopt(live.tree.save())
-        assert (adoption.fresh, adoption.gone) == ((), ())
-        assert resumed.tree.save() == live.tree.save()
-        while live.tree.status is NodeStatus.RUNNING:
-            live.tick()
-            resumed.tick()
-            assert resumed.report == live.report
-        assert resumed.trace == live.trace
-
-
 EDITS = {
     "nothing": (sequence(leaf("A"), rounds(), leaf("B")), "round round B"),
     "one more before": (sequence(leaf("new"), leaf("A"), rounds(), leaf("B")), "round round B"),

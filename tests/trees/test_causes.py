@@ -17,8 +17,7 @@ def leaf(name: str, script: str) -> str:
 def failed(body: str) -> tuple[Run, FailureReport]:
     started = start(body)
     assert started.to_end()[-1] is NodeStatus.FAILURE
-    report = started.tree.failure
-    assert report is not None
+    report = started.failure
     return started, report
 
 

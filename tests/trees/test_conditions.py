@@ -147,8 +147,7 @@ def test_a_sub_tree_assigns_in_its_caller() -> None:
 def test_a_postcondition_without_a_value_fails_a_success() -> None:
     run = start('Main: {AlwaysSuccess: {_onSuccess: "a := nothing + 1"}}')
     assert run.tick() is NodeStatus.FAILURE
-    failure = run.tree.failure
-    assert failure is not None
+    failure = run.failure
     assert (failure.cause.name, failure.message, failure.node) == (
         "tree.missing_input",
         "_onSuccess: the expression 'nothing + 1': unknown name 'nothing'; known: time",
@@ -159,8 +158,7 @@ def test_a_postcondition_without_a_value_fails_a_success() -> None:
 def test_a_postcondition_without_a_value_does_not_hide_a_failure() -> None:
     run = start('Main: {Scripted: {script: grasp.missed, _onFailure: "a := b", _post: "c := 1"}}')
     assert letters(run.to_end()) == "F"
-    failure = run.tree.failure
-    assert failure is not None
+    failure = run.failure
     assert (failure.cause.name, failure.message) == ("grasp.missed", "Scripted was told to")
     (attached,) = failure.attached
     assert attached.message == "_onFailure: the expression 'b': unknown name 'b'; known: time"
@@ -170,8 +168,7 @@ def test_a_postcondition_without_a_value_does_not_hide_a_failure() -> None:
 def test_a_no_with_a_wrong_postcondition_says_what_is_wrong() -> None:
     run = start('Main: {Condition: {if: "false", _post: "a := 1 / 0"}}')
     assert run.tick() is NodeStatus.FAILURE
-    failure = run.tree.failure
-    assert failure is not None
+    failure = run.failure
     assert failure.message == "_post: the expression '1 / 0': division by zero"
 
 
@@ -192,8 +189,7 @@ def test_a_wrong_postcondition_of_a_halted_node_is_noted_and_halts_the_others() 
 def test_a_key_that_is_not_there_is_made_by_colon_equals_only() -> None:
     run = start('Main: {AlwaysSuccess: {_onSuccess: "a = 1"}}')
     assert run.tick() is NodeStatus.FAILURE
-    assert run.tree.failure is not None
-    assert run.tree.failure.message == "_onSuccess: nothing has written 'a' yet; ':=' writes it anew"
+    assert run.failure.message == "_onSuccess: nothing has written 'a' yet; ':=' writes it anew"
     assert run.tree.blackboard.save() == {}
 
 

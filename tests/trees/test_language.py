@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import py_trees
 import pytest
 
 from picktree.files import PicktreeError
@@ -177,8 +178,7 @@ def test_an_expression_without_a_value_is_a_failure_that_says_why(
     run.tree.blackboard.write("Main/thing", "red_9", "test")
     run.tree.blackboard.write("Main/a", 3, "test")
     assert run.tick() is NodeStatus.FAILURE
-    assert run.tree.failure is not None
-    assert (str(run.tree.failure.cause), run.tree.failure.message) == (cause, message)
+    assert (str(run.failure.cause), run.failure.message) == (cause, message)
 
 
 def test_keys_of_the_blackboard_come_before_the_facts_of_the_world() -> None:
@@ -187,23 +187,6 @@ def test_keys_of_the_blackboard_come_before_the_facts_of_the_world() -> None:
     assert run.tick() is NodeStatus.FAILURE
     run.tree.blackboard.write("Main/holding", 3, "test")
     assert run.tick() is NodeStatus.SUCCESS
-
-
-@pytest.mark.parametrize(
-    ("precondition", "value", "statuses", "asked"),
-    [
-        ("_failureIf", True, "F", 0), ("_failureIf", False, "RS", 2),
-        ("_successIf", True, "S", 0), ("_successIf", False, "RS", 2),
-        ("_skipIf", True, "K", 0), ("_skipIf", False, "RS", 2),
-        ("_while", True, "RS", 2), ("_while", False, "K", 0),
-    ],
-)  # fmt: skip
-def test_preconditions(precondition: str, value: bool, statuses: str, asked: int) -> None:
-    run = start(f"Main: {{Answer: {{name: A, script: RS, {precondition}: flag}}}}")
-    run.world.known["flag"] = value
-    assert letters(run.to_end()) == statuses
-    assert len(run.trace) == asked
-    assert run.tree.failure is None
 
 
 def test_only_while_is_asked_of_a_running_node_and_halts_it() -> None:
@@ -231,6 +214,18 @@ def test_a_precondition_without_a_value_stops_a_running_node_too() -> None:
     del run.world.known["go"]
     assert run.tick() is NodeStatus.FAILURE
     assert run.trace == ["start A", "run A", "leave A"]
+
+
+def test_the_tools_of_py_trees_work_on_our_trees() -> None:
+    run = start("Main: {Sequence: [AlwaysSuccess, {Scripted: {name: arm, script: RR}}, AlwaysSuccess]}")
+    ticked = [node.name for node in run.tree.root.tick()]
+    assert ticked == ["AlwaysSuccess", "arm", "Sequence", "Main"]
+    shown = py_trees.display.unicode_tree(run.tree.root, show_status=True)
+    assert "arm" in shown and "AlwaysSuccess#2" in shown
+    assert run.tree.root.tip() is run.tree.root
+    run.tree.root.stop(py_trees.common.Status.INVALID)
+    assert run.trace[-1] == "leave arm"
+    assert run.tree.status is NodeStatus.IDLE
 
 
 def test_log_tells_the_journal() -> None:
@@ -303,8 +298,7 @@ def test_two_trees_share_nothing() -> None:
     second = start("Main: {Condition: {if: a == 1}}")
     first.tick()
     assert second.tick() is NodeStatus.FAILURE
-    assert second.tree.failure is not None
-    assert str(second.tree.failure.cause) == "tree.missing_input"
+    assert str(second.failure.cause) == "tree.missing_input"
 
 
 @pytest.mark.parametrize("text", ["{a}", "{@a}", "{a.colour}", "{@a_1.destination.kind}"])

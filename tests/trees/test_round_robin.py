@@ -33,8 +33,7 @@ def test_a_round_robin_fails_with_its_last_child_and_attaches_the_others() -> No
         """
     )
     assert letters(run.to_end()) == "RF"
-    report = run.tree.failure
-    assert report is not None
+    report = run.failure
     assert (str(report.cause), report.node) == ("control.timeout", "Main/RoundRobin/C")
     assert [str(other.cause) for other in report.attached] == ["grasp.missed", "grasp.slipped"]
 
@@ -42,8 +41,7 @@ def test_a_round_robin_fails_with_its_last_child_and_attaches_the_others() -> No
 def test_a_round_robin_whose_turns_are_over_says_so() -> None:
     run = start("Main: {RoundRobin: [{Scripted: {name: A}}]}")
     assert letters([run.tick(), run.tick()]) == "SF"
-    report = run.tree.failure
-    assert report is not None
+    report = run.failure
     assert (str(report.cause), report.message) == ("tree.attempts", "every child has had its turn")
     assert run.tick() is NodeStatus.SUCCESS
 

@@ -8,7 +8,9 @@ from textwrap import dedent, indent
 import pytest
 
 from picktree.files import FileError
+from picktree.trees import PortType, Range, convert_literal
 from picktree.trees.loading import NodeRegistry, parse_mission
+from picktree.trees.port_types import accept_value
 
 
 def faults(trees: str) -> list[str]:
@@ -54,6 +56,8 @@ def doc_of(node: str, key: str) -> str:
          f"P220 4:26: Main/Timeout: port 'msec': -5 s is less than 0 s ({doc_of('Timeout', 'msec')})"),
         ("GoTo: {pose: home, speed: 150 %}",
          f"P220 4:36: Main/GoTo: port 'speed': 150 % is more than 100 % ({doc_of('GoTo', 'speed')})"),
+        ("GoTo: {pose: home, speed: 0}",
+         f"P220 4:36: Main/GoTo: port 'speed': 0 is not more than 0 ({doc_of('GoTo', 'speed')})"),
         ("GoTo: {pose: home, speed: 50 mm}",
          f"P220 4:36: Main/GoTo: port 'speed': '50 mm' is not a number ({doc_of('GoTo', 'speed')})"),
         ("GoTo: {pose: home, speed: half %}",
@@ -92,6 +96,15 @@ def test_values_that_make_no_sense(node: str, fault: str) -> None:
 )
 def test_values_that_make_sense(node: str) -> None:
     assert faults(f"Main: {{{node}}}") == []
+
+
+def test_a_bound_holds_for_each_element_and_for_what_is_written_at_run_time() -> None:
+    share = Range(above=0, most=1)
+    with pytest.raises(ValueError, match="2 is more than 1"):
+        convert_literal([0.5, 2], PortType("float", many=True), None, None, share)
+    with pytest.raises(ValueError, match="0 is not more than 0"):
+        accept_value(0, PortType("float"), None, share)
+    assert accept_value(1, PortType("float"), None, share) == 1.0
 
 
 def test_cases_for_the_same_value() -> None:

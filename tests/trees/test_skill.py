@@ -137,8 +137,7 @@ def test_a_body_that_resists_halting_does_not_keep_its_siblings_from_it(name: st
 def test_a_crash_is_an_internal_error_with_its_traceback() -> None:
     run = begin("{Scripted: {script: R crash}}")
     assert letters(run.to_end()) == "RF"
-    report = run.tree.failure
-    assert report is not None
+    report = run.failure
     assert str(report.cause) == "internal.error"
     assert (
         report.message
@@ -163,8 +162,7 @@ def test_a_crash_is_an_internal_error_with_its_traceback() -> None:
 def test_a_skill_that_breaks_its_contract_is_an_internal_error(name: str, message: str) -> None:
     run = begin(name)
     assert run.to_end()[-1] is NodeStatus.FAILURE
-    assert run.tree.failure is not None
-    assert (str(run.tree.failure.cause), run.tree.failure.message) == ("internal.error", message)
+    assert (str(run.failure.cause), run.failure.message) == ("internal.error", message)
 
 
 def test_inputs_are_read_once_and_are_copies() -> None:
@@ -194,8 +192,7 @@ def test_a_missing_input_is_a_failure(value: str | None, message: str) -> None:
     if value != "unwritten":
         run.tree.blackboard.write("Main/n", value, "test")
     assert run.tick() is NodeStatus.FAILURE
-    report = run.tree.failure
-    assert report is not None
+    report = run.failure
     assert (str(report.cause), report.message) == ("tree.missing_input", message)
     assert report.evidence == {"port": "count", "reference": "{n}"}
 
@@ -242,6 +239,10 @@ def declared(**body: object) -> None:
         (
             {"a": port("x", default="b"), "__annotations__": {"a": "In[int]"}},
             "port Odd.a: its default: 'b' is not a whole number",
+        ),
+        (
+            {"a": port("x", default=2.0, most=1), "__annotations__": {"a": "In[float]"}},
+            "port Odd.a: its default: 2 is more than 1",
         ),
         (
             {"a": port("x"), "__annotations__": {"a": "In[Nowhere]"}},

@@ -50,8 +50,7 @@ def run(body: str) -> Run:
 def ended(one: Run) -> tuple[str, str, float]:
     """Cause, sentence and simulated time of the end."""
     assert one.to_end(400)[-1] is NodeStatus.FAILURE
-    report = one.tree.failure
-    assert report is not None
+    report = one.failure
     return str(report.cause), report.message, round(one.world.clock.now, 2)
 
 
@@ -62,8 +61,7 @@ def test_a_skill_that_yields_for_ever_is_ended_by_its_limit_and_closed() -> None
         "Endless still ran after 2 s, its longest time, and was stopped",
         2.1,
     )
-    assert one.tree.failure is not None
-    assert one.tree.failure.evidence == {"seconds": 2.05, "limit": 2.0}
+    assert one.failure.evidence == {"seconds": 2.05, "limit": 2.0}
     assert one.trace == ["closed"]
     assert one.notes("undeclared_cause") == []
 

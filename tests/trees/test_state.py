@@ -66,7 +66,7 @@ def fresh(name: str) -> Run:
 
 
 @pytest.mark.parametrize("name", MISSIONS)
-def test_a_tree_restored_at_any_quiet_moment_goes_on_tick_for_tick(name: str) -> None:
+def test_a_tree_restored_or_edited_into_itself_at_any_quiet_moment_goes_on_tick_for_tick(name: str) -> None:
     ticks = len(fresh(name).to_end())
     quiet = 0
     for tick in range(1, ticks):
@@ -77,18 +77,23 @@ def test_a_tree_restored_at_any_quiet_moment_goes_on_tick_for_tick(name: str) ->
             continue
         quiet += 1
         saved: dict[str, Plain] = json.loads(json.dumps(live.tree.save()))
-        resumed = fresh(name)
-        resumed.world.clock.now = live.world.clock.now
-        resumed.world.trace.extend(live.world.trace)
-        resumed.tree.restore(saved)
-        assert resumed.tree.save() == live.tree.save()
-        assert resumed.tree.failure == live.tree.failure
+        restored, edited = fresh(name), fresh(name)
+        for run in (restored, edited):
+            run.world.clock.now = live.world.clock.now
+            run.world.trace.extend(live.world.trace)
+        restored.tree.restore(saved)
+        adoption = edited.tree.adopt(saved)
+        assert (adoption.fresh, adoption.gone) == ((), ())
+        for run in (restored, edited):
+            assert run.tree.save() == live.tree.save()
+        assert restored.tree.failure == live.tree.failure
         while live.tree.status is NodeStatus.RUNNING:
             live.tick()
-            resumed.tick()
-            assert resumed.report == live.report
-            assert resumed.tree.failure == live.tree.failure
-        assert resumed.trace == live.trace
+            for run in (restored, edited):
+                run.tick()
+                assert run.report == live.report
+            assert restored.tree.failure == live.tree.failure
+        assert restored.trace == edited.trace == live.trace
     assert quiet >= 2
 
 
