@@ -244,9 +244,13 @@ class Run:
         return [e for e in entries if isinstance(e, JournalEvent) and e.kind == kind]
 
 
-def start(body: str, world: FakeWorld | None = None, **parameters: Plain) -> Run:
+def run_of(mission: Mission, world: FakeWorld | None = None, **parameters: Plain) -> Run:
     world = world or FakeWorld()
-    return Run(build(mission(body), cast("World", world), parameters), world)
+    return Run(build(mission, cast("World", world), parameters), world)
+
+
+def start(body: str, world: FakeWorld | None = None, **parameters: Plain) -> Run:
+    return run_of(mission(body), world, **parameters)
 
 
 def letters(statuses: list[NodeStatus]) -> str:

@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 from textwrap import indent
-from typing import cast
 
 import pytest
 
 from picktree.files import FileError
-from picktree.robot import World
-from picktree.trees import NodeStatus, build
+from picktree.trees import NodeStatus
 from picktree.world import remedy_of
 
-from .scripted import FakeWorld, Run
+from .scripted import run_of
 from .waving import WAVE, forgotten, mission
 
 LINE = 13
@@ -128,11 +126,10 @@ def test_what_the_text_does_not_show_fails_the_node_when_it_happens(
     tmp_path: Path, body: str, motion: str, ahead: int
 ) -> None:
     write(tmp_path, body)
-    world = FakeWorld()
-    run = Run(build(mission(tmp_path), cast("World", world)), world)
+    run = run_of(mission(tmp_path))
     assert run.to_end()[-1] is NodeStatus.FAILURE
-    report = run.tree.root.failure
-    assert report is not None and report.cause.name == "internal.error"
+    report = run.failure
+    assert report.cause.name == "internal.error"
     assert report.message == (
         f"UnstartedMotion while Wave was ticked: {motion} is called without 'yield from', so that it does "
         f"nothing (wave.py, line {LINE + ahead})"
@@ -141,11 +138,10 @@ def test_what_the_text_does_not_show_fails_the_node_when_it_happens(
 
 def test_an_unstarted_motion_of_another_name_is_named_with_the_line_that_uses_it(tmp_path: Path) -> None:
     write(tmp_path, "jog = self.lift\ndone = jog(world)\nif done.failure():\n    yield")
-    world = FakeWorld()
-    run = Run(build(mission(tmp_path), cast("World", world)), world)
+    run = run_of(mission(tmp_path))
     assert run.to_end()[-1] is NodeStatus.FAILURE
-    report = run.tree.root.failure
-    assert report is not None and report.evidence["plugin_line"] == f"wave.py, line {LINE + 2}"
+    report = run.failure
+    assert report.evidence["plugin_line"] == f"wave.py, line {LINE + 2}"
     assert report.message == (
         "AttributeError while Wave was ticked: 'generator' object has no attribute 'failure': a motion gives "
         f"its result to 'yield from' only (wave.py, line {LINE + 2})"
@@ -155,5 +151,4 @@ def test_an_unstarted_motion_of_another_name_is_named_with_the_line_that_uses_it
 
 def test_what_is_called_for_its_effect_goes_on(tmp_path: Path) -> None:
     write(tmp_path, "seen = []\nfor call in (seen.append, seen.append):\n    call(plain(world))\nyield")
-    world = FakeWorld()
-    assert Run(build(mission(tmp_path), cast("World", world)), world).to_end()[-1] is NodeStatus.SUCCESS
+    assert run_of(mission(tmp_path)).to_end()[-1] is NodeStatus.SUCCESS

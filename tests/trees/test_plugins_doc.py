@@ -9,19 +9,16 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import cast
 
 import pytest
 
 from picktree.apps.cli import answer
 from picktree.files.fault_codes import page
-from picktree.robot import World
 from picktree.skills import plugin
-from picktree.trees import build
 from picktree.trees.loading import NodeRegistry, load_mission
 from picktree.world import all_causes
 
-from .scripted import FakeWorld, Run, letters
+from .scripted import letters, run_of
 from .waving import forgotten
 
 ROOT = Path(__file__).parents[2]
@@ -102,8 +99,7 @@ trees:
       - Inverter: {Before: {time: 100 ms}}
 """)
     assert answer(["check", "shift.yaml"]) == 0
-    world = FakeWorld()
-    run = Run(build(load_mission(folder / "shift.yaml"), cast("World", world)), world)
+    run = run_of(load_mission(folder / "shift.yaml"))
     assert letters(run.to_end()) == "RRRS"
     assert [note.message for note in run.notes("log")] == ["turn: 1", "turn: 3"]
 

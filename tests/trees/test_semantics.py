@@ -15,11 +15,10 @@ import yaml
 
 from picktree import recovery
 from picktree.files.yaml import resolve
-from picktree.robot import World
-from picktree.trees import Mission, Node, NodeStatus, build, control_nodes
+from picktree.trees import Mission, Node, NodeStatus, control_nodes
 from picktree.trees.loading import NodeRegistry, parse_mission
 
-from .scripted import FILE, AnyFacts, FakeWorld, Run
+from .scripted import FILE, AnyFacts, FakeWorld, Run, run_of
 
 ANSWERS = {
     "S": NodeStatus.SUCCESS,
@@ -95,8 +94,7 @@ def ticks_of(name: str) -> list[str]:
 
 
 def started(name: str) -> Run:
-    world = ToldWorld(answers=" ".join(ticks_of(name)))
-    return Run(build(mission(name), cast("World", world)), world)
+    return run_of(mission(name), ToldWorld(answers=" ".join(ticks_of(name))))
 
 
 def step(run: Run, line: str) -> str:

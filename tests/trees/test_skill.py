@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Literal, cast
 import pytest
 
 from picktree.files import PicktreeError
-from picktree.trees import In, Node, NodeStatus, Out, Skill, Steps, build, port
+from picktree.trees import In, Node, NodeStatus, Out, Skill, Steps, port
 from picktree.trees.loading import NodeRegistry, parse_mission
 from picktree.world.event_types import InternalErrorEvent
 
-from .scripted import CRASH_LINE, FILE, NODES, FakeWorld, Run, letters, start
+from .scripted import CRASH_LINE, FILE, NODES, FakeWorld, Run, letters, run_of, start
 
 if TYPE_CHECKING:
     from picktree.robot import World
@@ -86,11 +86,9 @@ class Watcher(Skill):
 HERE: tuple[type[Node], ...] = (Stubborn, Exploding, Forgetful, Wrong, Plain, Watcher)
 
 
-def begin(body: str, world: FakeWorld | None = None) -> Run:
-    world = world or FakeWorld()
+def begin(body: str) -> Run:
     registry = NodeRegistry((*NODES, *HERE), installed=False)
-    mission = parse_mission(f"picktree: 1\nkind: mission\ntrees: {{Main: {body}}}", FILE, registry)
-    return Run(build(mission, cast("World", world)), world)
+    return run_of(parse_mission(f"picktree: 1\nkind: mission\ntrees: {{Main: {body}}}", FILE, registry))
 
 
 def test_each_yield_is_one_tick() -> None:

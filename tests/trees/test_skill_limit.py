@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, cast
 
 from picktree.skills import AwaitItems
-from picktree.trees import In, NodeStatus, Skill, Steps, build, port
+from picktree.trees import In, NodeStatus, Skill, Steps, port
 from picktree.trees.loading import NodeRegistry, parse_mission
 
-from .scripted import FILE, NODES, FakeWorld, Run
+from .scripted import FILE, NODES, FakeWorld, Run, run_of
 
 if TYPE_CHECKING:
     from picktree.robot import World
@@ -42,9 +42,7 @@ class Waiting(Skill):
 
 def run(body: str) -> Run:
     text = f"picktree: 1\nkind: mission\ntrees:\n  Main:\n    {body}\n"
-    world = FakeWorld()
-    registry = NodeRegistry((*NODES, Endless, Waiting), installed=False)
-    return Run(build(parse_mission(text, FILE, registry), cast("World", world)), world)
+    return run_of(parse_mission(text, FILE, NodeRegistry((*NODES, Endless, Waiting), installed=False)))
 
 
 def ended(one: Run) -> tuple[str, str, float]:
