@@ -20,6 +20,11 @@ def _registry() -> NodeRegistry:
     return registry
 
 
+def main(*nodes: str) -> str:
+    """Trees of a mission that does these one after the other; the first stands on line 4."""
+    return "trees:\n  Main:\n    Sequence:\n" + "".join(f"      - {node}\n" for node in nodes)
+
+
 def lint(text: str, *codes: str, head: str = MISSION, folder: Path = Path()) -> list[str]:
     """The findings of these codes, or all; lines count from the text's own first. Errors of the language
     raise."""

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from .linting import lint
+from .linting import lint, main
 
 HOME = "Fallback: [{GoTo: {pose: home}}, SafeRetreat]"
 HINT = "(a Recover around it, with a handler for it or 'otherwise')"
-
-
-def main(*nodes: str) -> str:
-    return "trees:\n  Main:\n    Sequence:\n" + "".join(f"      - {node}\n" for node in nodes)
 
 
 def test_each_source_is_named_with_its_causes() -> None:

@@ -6,14 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from .linting import lint
+from .linting import lint, main
 
 PICK = "{Grasp: {object: a}}, {Place: {object: a, into: red_bin}}"
 HINT = "(on the way out, place it, or let 'SafeRetreat: {hand: open}' see to it)"
-
-
-def main(*nodes: str) -> str:
-    return "trees:\n  Main:\n    Sequence:\n" + "".join(f"      - {node}\n" for node in nodes)
 
 
 def held(*nodes: str, rest: str = "") -> list[str]:

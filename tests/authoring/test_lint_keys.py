@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from .linting import lint
+from .linting import lint, main
 
 WRITE = 'SetBlackboard: {value: 1, output_key: "{x}"}'
 READ = 'Log: {message: a, value: "{x}"}'
 
 
-def sequence(*nodes: str) -> str:
-    return "trees:\n  Main:\n    Sequence:\n" + "".join(f"      - {node}\n" for node in nodes)
-
-
 def test_a_key_that_nothing_writes_is_an_error_with_the_nearest_name() -> None:
-    text = sequence(
+    text = main(
         'Observe: {camera: overhead, objects: "{items}"}',
         'ForEach: {in: "{itmes}", out: "{item}", do: {Log: {message: a, value: "{item}"}}}',
     )
@@ -23,14 +19,14 @@ def test_a_key_that_nothing_writes_is_an_error_with_the_nearest_name() -> None:
         "P301 5:23 Main/Sequence/ForEach: port 'in': nothing has written 'itmes' when it is read "
         "(did you mean 'items'?)"
     ]
-    assert lint(sequence(READ)) == [
+    assert lint(main(READ)) == [
         "P301 4:34 Main/Sequence/Log: port 'value': nothing has written 'x' when it is read "
         "(nothing in Main writes any key)"
     ]
 
 
 def test_a_key_that_is_written_further_down_is_an_error_and_said_once() -> None:
-    assert lint(sequence(READ, WRITE, READ)) == [
+    assert lint(main(READ, WRITE, READ)) == [
         "P301 4:34 Main/Sequence/Log: port 'value': nothing has written 'x' when it is read "
         "(SetBlackboard, line 7, writes it, further down)"
     ]
@@ -38,21 +34,21 @@ def test_a_key_that_is_written_further_down_is_an_error_and_said_once() -> None:
 
 def test_an_expression_at_a_port_reads_its_keys() -> None:
     computed = 'Log: {message: a, value: "{= [1, x][0]}"}'
-    assert lint(sequence(computed, WRITE)) == [
+    assert lint(main(computed, WRITE)) == [
         "P301 4:34 Main/Sequence/Log: port 'value': nothing has written 'x' when it is read "
         "(SetBlackboard, line 7, writes it, further down)"
     ]
-    assert lint(sequence(WRITE, computed)) == []
+    assert lint(main(WRITE, computed)) == []
     sub = "  Sub: {ports: {n: int}, Repeat: {num_cycles: '{n}', do: Observe}}\n"
-    assert lint(sequence("Sub: {n: '{= x + 1}'}", WRITE) + sub, "P301", "P302") == [
+    assert lint(main("Sub: {n: '{= x + 1}'}", WRITE) + sub, "P301", "P302") == [
         "P301 4:18 Main/Sequence/Sub: port 'n': nothing has written 'x' when it is read "
         "(SetBlackboard, line 7, writes it, further down)"
     ]
-    assert lint(sequence(WRITE, "Sub: {n: '{= x + 1}'}") + sub) == []
+    assert lint(main(WRITE, "Sub: {n: '{= x + 1}'}") + sub) == []
 
 
 def test_a_loop_does_not_make_a_read_succeed() -> None:
-    text = sequence(f"Repeat: {{while: items_left, num_cycles: 3, do: {{{READ}}}}}")
+    text = main(f"Repeat: {{while: items_left, num_cycles: 3, do: {{{READ}}}}}")
     assert lint(text, "P301", "P302") == [
         "P301 4:82 Main/Sequence/Repeat/Log: port 'value': nothing has written 'x' when it is read "
         "(nothing in Main writes any key)"
@@ -60,7 +56,7 @@ def test_a_loop_does_not_make_a_read_succeed() -> None:
 
 
 def test_a_loop_may_have_written_it_the_time_before() -> None:
-    text = sequence(f"Repeat: {{num_cycles: 3, do: {{Fallback: [{{{READ}}}, {{{WRITE}}}]}}}}")
+    text = main(f"Repeat: {{num_cycles: 3, do: {{Fallback: [{{{READ}}}, {{{WRITE}}}]}}}}")
     assert lint(text) == [
         "P302 4:75 Main/Sequence/Repeat/Fallback/Log: port 'value': perhaps nothing has written 'x' yet "
         "(SetBlackboard, line 6, writes it, further down)"
@@ -81,7 +77,7 @@ def test_a_loop_may_have_written_it_the_time_before() -> None:
     ],
 )
 def test_a_way_that_passes_the_writer_by(writer: str) -> None:
-    (only,) = lint(sequence(writer, READ), "P301", "P302")
+    (only,) = lint(main(writer, READ), "P301", "P302")
     assert only.startswith("P302 5:34 Main/Sequence/Log: port 'value': perhaps nothing has written 'x' yet (")
 
 
@@ -106,7 +102,7 @@ def test_a_way_that_passes_the_writer_by(writer: str) -> None:
     ],
 )
 def test_every_way_leads_over_a_writer(writer: str) -> None:
-    assert lint(sequence(writer, READ), "P301", "P302") == []
+    assert lint(main(writer, READ), "P301", "P302") == []
 
 
 def test_what_runs_once_has_run_in_every_later_round() -> None:
@@ -134,13 +130,13 @@ def test_beside_the_writer_in_a_parallel() -> None:
 
 def test_an_expression_reads_its_names_and_facts_are_always_there() -> None:
     late = "SetBlackboard: {value: 1, output_key: '{n}'}"
-    assert lint(sequence("Condition: {if: holding and n > 3}", late)) == [
+    assert lint(main("Condition: {if: holding and n > 3}", late)) == [
         "P301 4:25 Main/Sequence/Condition: port 'if': nothing has written 'n' when it is read "
         "(SetBlackboard, line 7, writes it, further down)"
     ]
-    found = lint(sequence("Log: {message: a, _skipIf: n > 3, _onSuccess: 'n = 1'}", late), "P301")
+    found = lint(main("Log: {message: a, _skipIf: n > 3, _onSuccess: 'n = 1'}", late), "P301")
     assert [finding.split(": nothing")[0] for finding in found] == ["P301 4:36 Main/Sequence/Log: _skipIf"]
-    assert lint(sequence("Condition: {if: items_left and not holding or time > 3}")) == []
+    assert lint(main("Condition: {if: items_left and not holding or time > 3}")) == []
 
 
 def test_the_ports_of_a_sub_tree_are_for_its_user_to_see_to() -> None:
@@ -211,11 +207,11 @@ def test_a_sub_tree_keeps_its_own_keys_from_one_use_to_the_next() -> None:
 
 
 def test_an_output_that_nothing_reads() -> None:
-    assert lint(sequence("Observe: {objects: '{items}'}")) == [
+    assert lint(main("Observe: {objects: '{items}'}")) == [
         "P303 4:28 Main/Sequence/Observe: objects: 'items' is written, and nothing in Main reads it "
         "(an output that nobody needs is left out)"
     ]
-    assert lint(sequence("Log: {message: a, _onSuccess: 'n := 1'}")) == [
+    assert lint(main("Log: {message: a, _onSuccess: 'n := 1'}")) == [
         "P303 4:39 Main/Sequence/Log: _onSuccess: 'n' is written, and nothing in Main reads it "
         "(an output that nobody needs is left out)"
     ]
@@ -234,7 +230,7 @@ def test_an_output_that_nothing_reads() -> None:
 def test_an_output_that_something_reads(reader: str) -> None:
     show = '  Show:\n    ports: {what: any}\n    Log: {message: a, value: "{what}"}'
     show = show if "Show" in reader else ""
-    assert lint(sequence("Observe: {objects: '{x}'}", reader) + show, "P303") == []
+    assert lint(main("Observe: {objects: '{x}'}", reader) + show, "P303") == []
 
 
 def test_an_output_of_the_tree_is_read_outside() -> None:

@@ -6,12 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from .linting import MISSION, lint
+from .linting import MISSION, lint, main
 
 
 def found(node: str, *codes: str) -> list[str]:
-    text = f"trees:\n  Main:\n    Sequence:\n      - {node}\n"
-    return [finding.replace("Main/Sequence/", "") for finding in lint(text, *codes)]
+    return [finding.replace("Main/Sequence/", "") for finding in lint(main(node), *codes)]
 
 
 @pytest.mark.parametrize(
@@ -150,8 +149,8 @@ def test_included_files_that_nothing_uses(tmp_path: Path) -> None:
     )
     head = f"{MISSION}include: [library/sorting, own.yaml]\n"
 
-    def unused(main: str) -> list[str]:
-        return lint(f"trees: {{Main: {main}}}", "P343", head=head, folder=tmp_path)
+    def unused(root: str) -> list[str]:
+        return lint(f"trees: {{Main: {root}}}", "P343", head=head, folder=tmp_path)
 
     sorting = "P343 0:11 include[0]: nothing uses a tree of 'library/sorting'"
     assert unused("AlwaysSuccess") == [sorting, "P343 0:28 include[1]: nothing uses a tree of 'own.yaml'"]

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from .linting import lint
+from .linting import lint, main
 
 
 def unreached(*nodes: str, rest: str = "") -> list[str]:
-    text = "trees:\n  Main:\n    Sequence:\n" + "".join(f"      - {node}\n" for node in nodes) + rest
-    found = [finding.replace("Main/Sequence/", "") for finding in lint(text, "P320")]
+    found = [finding.replace("Main/Sequence/", "") for finding in lint(main(*nodes) + rest, "P320")]
     return [finding.replace("it is never reached: ", "").split(" ", 2)[2] for finding in found]
 
 

@@ -43,8 +43,6 @@ def faults(case: str) -> list[str]:
         ("Grab: SUCCESS", "P703 6:7: cases.it.leaves.Grab: no node of the mission fits 'Grab' "
          "(known: Look, Pick, Put, Go, Ready, Weigh, Sequence, ForEach, SortOne, Recover, grasp.*, "
          "IfThenElse)"),
-        ("Pik: SUCCESS", "P703 6:7: cases.it.leaves.Pik: no node of the mission fits 'Pik' "
-         "(did you mean 'Pick'?)"),
         ("Main/Recover/Look: SUCCESS", "P703 6:7: cases.it.leaves.Main/Recover/Look: no node of the mission "
          "fits 'Main/Recover/Look' ('Look' stands at Main/Sequence/Look)"),
         ("'/': SUCCESS", "P703 6:7: cases.it.leaves./: the pattern is empty (as SortOne/Grasp)"),
@@ -58,10 +56,6 @@ def faults(case: str) -> list[str]:
         ("Pick: []", "P710 6:13: cases.it.leaves.Pick: the list of answers is empty"),
         ("Pick: {answers: SUCCESS}",
          "P710 6:14: cases.it.leaves.Pick.answers: 'answers' is a list of answers"),
-        ("Pick: {else: SUCCESS}", "P105 6:7: cases.it.leaves.Pick: 'answers' is missing"),
-        ("Pick: {answers: [SUCCESS], than: SUCCESS}",
-         "P104 6:34: cases.it.leaves.Pick.than: unknown key 'than' (known: answers, else)"),
-        ("Pick: {ticks: -1}", "P107 6:21: cases.it.leaves.Pick.ticks: at least 0 is wanted, not -1"),
         ("Pick: {cause: grasp.missed, status: SUCCESS}",
          "P710 6:43: cases.it.leaves.Pick.status: an answer with a cause is a FAILURE, not SUCCESS"),
         ("Pick: {message: oh}",
@@ -77,11 +71,6 @@ def faults(case: str) -> list[str]:
         ("Ready: {ticks: 2}",
          "P710 6:22: cases.it.leaves.Ready.ticks: Ready is a condition: it takes no ticks"),
         # Causes.
-        ("Pick: grasp.mised",
-         "P705 6:13: cases.it.leaves.Pick.cause: no cause is called 'grasp.mised' "
-         "(did you mean 'grasp.missed'?)"),
-        ("Pick: {cause: place.full}", "P706 6:21: cases.it.leaves.Pick.cause: Pick does not fail with "
-         "place.full (it declares grasp.missed, grasp.slipped, safety.*)"),
         ("Look: perception.not_found", "P706 6:13: cases.it.leaves.Look.cause: Look does not fail with "
          "perception.not_found (it declares none)"),
         # Outputs.
@@ -100,8 +89,6 @@ def faults(case: str) -> list[str]:
          "fact 'holds' (did you mean 'holding'?)"),
         ("Go: {then: {objects: {b: {place: bin}}}}", "P712 6:40: cases.it.leaves.Go.then.objects.b.place: "
          "there is no place 'bin' (did you mean 'red_bin'?)"),
-        ("Go: {then: {objects: {b: {clour: red}}}}", "P104 6:33: cases.it.leaves.Go.then.objects.b.clour: "
-         "unknown key 'clour' (did you mean 'colour'?)"),
     ],
 )  # fmt: skip
 def test_leaves(answer: str, fault: str) -> None:
@@ -125,13 +112,6 @@ def test_leaves(answer: str, fault: str) -> None:
 )  # fmt: skip
 def test_outputs_that_somebody_reads(weigh: str, fault: str) -> None:
     assert faults(f"leaves:\n  Weigh: {weigh}\nexpect: {{status: SUCCESS}}") == [fault]
-
-
-def test_an_output_that_somebody_reads_needs_an_answer() -> None:
-    assert faults("expect: {status: SUCCESS}") == [
-        "P709 4:3: cases.it: Main/Sequence/Weigh has no answer, but an output 'weight' that the mission uses "
-        "(as {outputs: {weight: …}}: what it weighs)"
-    ]
 
 
 def test_only_leaves_that_a_case_reaches_need_an_answer() -> None:
@@ -159,45 +139,31 @@ def test_a_pattern_after_others_that_fit_all_that_it_fits() -> None:
          "(known: pause)"),
         ("parameters: {pause: soon}", "P713 5:25: cases.it.parameters.pause: the mission's parameter "
          "'pause': 'soon' is not a time (as 500 ms)"),
-        ("objects: {a: {kind: blok}}",
-         "P712 5:25: cases.it.objects.a.kind: there is no kind 'blok' (did you mean 'block'?)"),
         ("objects: {a: {form: cube}}", "P712 5:25: cases.it.objects.a.form: there is no form 'cube' "
          "(known: box, cylinder, sphere, plate, mesh, unknown)"),
         ("objects: {a: {colour: rde}}", "P712 5:27: cases.it.objects.a.colour: there is no colour 'rde' "
          "(did you mean 'red'?)"),
         ("objects: {a: {destination: redbin}}", "P712 5:32: cases.it.objects.a.destination: there is no bin "
          "'redbin' (did you mean 'red_bin'?)"),
-        ("objects: {a: {role: thing}}", "P108 5:25: cases.it.objects.a.role: 'thing' is not known here "
-         "(known: item, obstacle)"),
         ("facts: {time: 3}", "P711 5:13: cases.it.facts.time: the time passes by itself, tick by tick "
          "(known: items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done)"),
         ("facts: {holding: 1}",
          "P711 5:22: cases.it.facts.holding: the fact 'holding' is true or false, not 1"),
         ("facts: {items_to_do: true}",
          "P711 5:26: cases.it.facts.items_to_do: the fact 'items_to_do' is a whole number, not true"),
-        ("halt_after: 0", "P107 5:17: cases.it.halt_after: at least 1 is wanted, not 0"),
-        ("leafs: {}", "P104 5:5: cases.it.leafs: unknown key 'leafs' (did you mean 'leaves'?)"),
-        ("leaves: [Go]", "P106 5:13: cases.it.leaves: a mapping is wanted, not a list "
-         "(its keys stand without a '-')"),
     ],
 )  # fmt: skip
 def test_the_world_of_a_case(line: str, fault: str) -> None:
-    weighed = "" if line.startswith("leaves") else f"leaves: {{{WEIGHED}}}\n"
-    found = faults(f"{line}\n{weighed}expect: {{status: SUCCESS}}")
-    assert [one for one in found if not one.startswith("P709")] == [fault]
+    assert faults(f"{line}\nleaves: {{{WEIGHED}}}\nexpect: {{status: SUCCESS}}") == [fault]
 
 
 @pytest.mark.parametrize(
     ("expect", "fault"),
     [
-        ("{}", "P714 5:5: cases.it.expect: nothing is expected: this case cannot fail "
-         "(as 'expect: {status: SUCCESS}')"),
         ("{never: [], handled: [], facts: {}}", "P714 5:5: cases.it.expect: nothing is expected: this case "
          "cannot fail (as 'expect: {status: SUCCESS}')"),
         ("{facts: {time: true}}",
          "P711 5:28: cases.it.expect.facts.time: the fact 'time' is a number, not true"),
-        ("{status: DONE}", "P108 5:22: cases.it.expect.status: 'DONE' is not known here "
-         "(known: SUCCESS, FAILURE, SKIPPED, RUNNING, IDLE)"),
         ("{status: SUCCESS, cause: grasp.missed}",
          "P714 5:38: cases.it.expect.cause: a mission that ends in SUCCESS has no cause"),
         ("{cause: grasp.gone}", "P705 5:21: cases.it.expect.cause: no cause is called 'grasp.gone' "
@@ -216,8 +182,6 @@ def test_the_world_of_a_case(line: str, fault: str) -> None:
          "place.full (it declares grasp.missed, grasp.slipped, safety.*)"),
         ("{order: [[Pick]]}", "P714 5:22: cases.it.expect.order[0]: an entry of 'order' is a leaf, or a leaf "
          "and how it ends (as Grasp, or {Grasp: grasp.missed}, or '...')"),
-        ("{never: [Gone]}", "P703 5:22: cases.it.expect.never[0]: no node of the mission fits 'Gone' "
-         "(did you mean 'Go'?)"),
         ("{handled: [grasp.lost]}", "P705 5:24: cases.it.expect.handled[0].cause: no cause is called "
          "'grasp.lost' (did you mean 'grasp.*'?)"),
         ("{handled: [{cause: grasp.missed, by: Recovery}]}", "P703 5:50: cases.it.expect.handled[0].by: "
@@ -225,15 +189,10 @@ def test_the_world_of_a_case(line: str, fault: str) -> None:
         ("{handled: [{cause: grasp.missed, handler: grasp.missed}]}",
          "P718 5:55: cases.it.expect.handled[0].handler: the mission has no handler 'grasp.missed' "
          "(did you mean 'grasp.*'?)"),
-        ("{handled: [{by: Recover}]}", "P105 5:24: cases.it.expect.handled[0]: 'cause' is missing"),
-        ("{facts: {done: true}}",
-         "P711 5:22: cases.it.expect.facts.done: there is no fact 'done' (known: items_left, items_to_do, "
-         "holding, held_object, stopped, feed_exhausted, items_done, time)"),
         ("{blackboard: {itms: []}}", "P715 5:27: cases.it.expect.blackboard.itms: Main has no key 'itms' "
          "(did you mean 'items'?)"),
         ("{blackboard: {Sort/item: a}}", "P715 5:27: cases.it.expect.blackboard.Sort/item: no sub-tree of "
          "the mission fits 'Sort' (did you mean 'SortOne'?)"),
-        ("{ticks: 0}", "P107 5:21: cases.it.expect.ticks: at least 1 is wanted, not 0"),
     ],
 )  # fmt: skip
 def test_expectations(expect: str, fault: str) -> None:

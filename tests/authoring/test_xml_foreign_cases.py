@@ -26,44 +26,12 @@ def exported(trees: str) -> list[str]:
     return [line.strip() for line in xml.partition("<TreeNodesModel>")[0].splitlines()]
 
 
-def test_cases_of_a_truth_value_go_out_as_numbers() -> None:
-    lines = exported(
-        '  Main:\n    Sequence:\n      - Script: {code: "n := 3; full := n > 2"}\n      - Switch:\n'
-        '          variable: "{full}"\n          cases: {"true": AlwaysSuccess, "false": AlwaysFailure}\n'
-        "          default: AlwaysFailure\n"
-    )
-    assert '<Switch2 variable="{full}" case_1="1" case_2="0">' in lines
-
-
-def test_texts_with_apostrophes_go_out_as_expressions() -> None:
-    lines = exported(
-        '  Main:\n    Sequence:\n      - Script: {code: "label := \\"operator\'s bin\\""}\n'
-        '      - Condition: {if: "label == \\"operator\'s bin\\""}\n'
-    )
-    assert [line.split()[0] for line in lines[4:6]] == ["<AssignExpressions", "<CheckExpression"]
-
-
 def test_joined_texts_go_out_as_joined_texts() -> None:
     text = "  Main:\n    Sequence:\n      - Script: {code: \"i := 2; label := 'box_' + i\"}\n"
     text += '      - Log: {message: x, value: "{label}"}\n'
     assert "<Script code=\"i := 2; label := 'box_' .. i\"/>" in exported(text)
     document = read_document(Path("m.yaml"), "mission", f"{HEAD}trees:\n{text}")
     assert check_mission(document, NodeRegistry()).faults == ()
-
-
-def test_comments_at_the_end_of_lists_trees_and_files_go_out() -> None:
-    text = (
-        "# head\npicktree: 1\n# about the kind\nkind: mission\ntrees:\n  Main:\n    Sequence:\n      - Sub\n"
-        "      # switched off\n  # above Sub\n  Sub:\n    Sequence:\n      - AlwaysSuccess\n"
-        "      # last line of Sub\n# end of the file\n"
-    )
-    lines = [line.strip() for line in mission_to_xml(parsed(text)).splitlines()]
-    assert [lines[lines.index(f"<!-- {said} -->") + 1] for said in ("switched off", "last line of Sub")] == [
-        "</Sequence>",
-        "</Sequence>",
-    ]
-    assert lines[lines.index("<!-- above Sub -->") + 1] == '<BehaviorTree ID="Sub">'
-    assert {"<!-- head -->", "<!-- about the kind -->", "<!-- end of the file -->"} <= set(lines)
 
 
 TWO = (

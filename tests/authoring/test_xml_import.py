@@ -48,9 +48,6 @@ BECOMES = {
     "a condition": (
         '<ScriptCondition code="!holding || 2 &lt; 3"/>', "  Main: {Condition: {if: not holding or 2 < 3}}\n"
     ),
-    "one assignment of a constant": (
-        '<Script code="n := -3" _sets="true"/>', '  Main: {SetBlackboard: {value: -3, output_key: "{n}"}}\n'
-    ),
     "a copy": (
         "<Sequence><Script code=\"a := 'x'\" _sets='true'/><Script code='b := a' _sets='true'/></Sequence>",
         '  Main:\n    Sequence:\n      - SetBlackboard: {value: x, output_key: "{a}"}\n'
@@ -60,10 +57,6 @@ BECOMES = {
         '<Script code="n := 3; n += 1"/>',
         '  Main: {Script: {code: "n := 3; n = n + 1"}}\n',
     ),
-    "assignments that scripts cannot say": (
-        '<AssignExpressions code="n := len([1, 2])"/>',
-        '  Main: {Script: {code: "n := len([1, 2])"}}\n',
-    ),
     "a key without braces": (
         '<WasEntryUpdated entry="n"/>',
         '  Main: {WasEntryUpdated: {entry: "{n}"}}\n',
@@ -72,7 +65,6 @@ BECOMES = {
         '<SetBlackboard value="4" output_key="n"/>',
         '  Main: {SetBlackboard: {value: 4, output_key: "{n}"}}\n',
     ),
-    "Sleep": ('<Sleep msec="250"/>', "  Main: {Sleep: {msec: 250}}\n"),
     "a Precondition": (
         '<Precondition if="1 &gt; 2" else="SKIPPED"><Take object="a"/></Precondition>',
         "  Main: {Take: {_skipIf: not 1 > 2, object: a}}\n",
@@ -108,29 +100,11 @@ BECOMES = {
         "  Main:\n    TryCatch:\n      catch_on_halt: true\n      do:\n"
         "        - AsyncSequence: [AlwaysSuccess]\n        - AlwaysFailure\n",
     ),
-    "a Switch": (
-        '<Switch2 variable="red" case_1="red" case_2="2">\n  <AlwaysSuccess/>\n  <AlwaysFailure/>\n'
-        '  <Sequence name="default">\n    <AlwaysSuccess/>\n  </Sequence>\n</Switch2>',
-        '  Main: {Switch: {variable: red, cases: {red: AlwaysSuccess, "2": AlwaysFailure}, '
-        "default: [AlwaysSuccess]}}\n",
-    ),
-    "a Recover": (
-        '<Recover attempts="2" when="grasp.*=1" otherwise="2">\n  <Take object="a"/>\n  <AlwaysSuccess/>\n'
-        "  <AlwaysFailure/>\n</Recover>",
-        "  Main:\n    Recover:\n      attempts: 2\n      do: {Take: {object: a}}\n"
-        "      when: {grasp.*: AlwaysSuccess}\n      otherwise: AlwaysFailure\n",
-    ),
     "numbers, texts and lists by the types of the ports": (
         '<Sequence>\n  <Take object="12" force="20" colour="true"/>\n  <Find ids="a;b" found="{found}"/>\n'
         '  <Log message="1" value="json:{&quot;a&quot;: [1]}"/>\n</Sequence>',
         '  Main:\n    Sequence:\n      - Take: {object: "12", force: 20, colour: "true"}\n'
         '      - Find: {ids: [a, b], found: "{found}"}\n      - Log: {message: "1", value: {a: [1]}}\n',
-    ),
-    "comments": (
-        "<Sequence>\n  <!-- look -->\n  <AlwaysSuccess/>\n  <!-- then -->\n  <!-- take -->\n"
-        '  <Take object="a"/>\n</Sequence>',
-        "  Main:\n    Sequence:\n      # look\n      - AlwaysSuccess\n      # then\n      # take\n"
-        "      - Take: {object: a}\n",
     ),
 }  # fmt: skip
 
