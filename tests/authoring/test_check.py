@@ -28,7 +28,7 @@ def test_a_mission_without_a_fault_is_given_back() -> None:
     assert checked.mission.scene == "three_bins"
 
 
-def test_a_camera_that_the_scene_does_not_have() -> None:
+def test_names_that_the_scene_does_not_have_are_said_beside_other_faults() -> None:
     text = """
     scene: three_bins
     trees:
@@ -37,6 +37,7 @@ def test_a_camera_that_the_scene_does_not_have() -> None:
           - Observe: {camera: overhed, objects: "{a}"}
           - GoTo: {pose: hme}
           - Place: {object: x, into: red}
+          - Gto
     """
     assert faults(text) == [
         "P240 7:27: Main/Sequence/Observe: port 'camera': the scene 'three_bins' has no camera 'overhed' "
@@ -45,12 +46,7 @@ def test_a_camera_that_the_scene_does_not_have() -> None:
         "(did you mean 'home'?)",
         "P240 9:34: Main/Sequence/Place: port 'into': the scene 'three_bins' has no bin 'red' "
         "(did you mean 'red_bin'?)",
-    ]
-
-
-def test_a_scene_that_is_not_there() -> None:
-    assert faults("scene: three_bin\ntrees: {Main: AlwaysSuccess}") == [
-        "P241 3:8: scene: unknown scene 'three_bin' (did you mean 'three_bins'?)"
+        "P207 10:9: Main/Sequence: unknown node 'Gto' (did you mean 'GoTo'?)",
     ]
 
 
@@ -61,15 +57,6 @@ def test_faults_of_the_scene_come_with_those_of_the_mission(tmp_path: Path) -> N
     assert [str(fault).removeprefix(f"{tmp_path}/") for fault in checked.faults] == [
         "cell.yaml:3:8: robot: unknown robot 'pandaa' (did you mean 'panda'?)",
         "mission.yaml:4:15: Main: unknown node 'GoT' (did you mean 'GoTo'?)",
-    ]
-
-
-def test_names_are_checked_in_a_mission_that_has_other_faults() -> None:
-    text = "scene: three_bins\ntrees: {Main: {Sequence: [{GoTo: {pose: hme}}, Gto]}}"
-    assert faults(text) == [
-        "P240 4:41: Main/Sequence/GoTo: port 'pose': the robot 'panda' has no pose 'hme' "
-        "(did you mean 'home'?)",
-        "P207 4:48: Main/Sequence: unknown node 'Gto' (did you mean 'GoTo'?)",
     ]
 
 

@@ -12,21 +12,15 @@ from typing import Any
 
 import pytest
 
-from picktree.authoring import chart, chart_of_file
+from picktree.authoring import chart
 from picktree.authoring.html_drawing import chart_json, html
-from picktree.authoring.mission_chart import Chart
 from picktree.authoring.svg_drawing import PAGE_FOLDER
 
 from ..needs import CHROMIUM, CHROMIUM_PROGRAM, NODE, needs, packages
 from ..trees.scripted import mission
+from .drawn import outside, overlaps, shift
 
-SHIFT = Path(__file__).parent / "shift.yaml"
 LIBRARIES = Path(__file__).parents[1] / "trees" / "node"
-
-
-@cache
-def shift() -> Chart:
-    return chart_of_file(SHIFT)
 
 
 @cache
@@ -99,8 +93,11 @@ def run_script(program: str) -> Any:
 
 
 @needs(NODE)
-@pytest.mark.parametrize("opened", ["openUpTo(root, 3000)", "openUpTo(root, 60)", ""])
-def test_nothing_overlaps_however_much_is_opened(opened: str) -> None:
+@pytest.mark.parametrize(
+    ("opened", "least", "most"),
+    [("openUpTo(root, 3000)", 430, 449), ("openUpTo(root, 60)", 30, 60), ("", 12, 12)],
+)
+def test_nothing_overlaps_however_much_is_opened(opened: str, least: int, most: int) -> None:
     found = run_script(
         f"""{opened};
 arrange(root);
@@ -117,23 +114,9 @@ const frames = [...root.shown()].filter((item) => item.isFrame).map((frame) => {
 console.log(JSON.stringify({{ frames, shown: [...root.shown()].length }}));"""
     )
     for frame in found["frames"]:
-        x, y, width, height = frame["size"]
-        for a in frame["rects"]:
-            inside = x <= a[0] and y <= a[1] and a[0] + a[2] <= x + width and a[1] + a[3] <= y + height
-            assert inside, (frame["path"], a)
-        pairs = [(a, b) for i, a in enumerate(frame["rects"]) for b in frame["rects"][:i]]
-        assert not [(a, b) for a, b in pairs if overlap(a, b)], frame["path"]
-    expected = {
-        "openUpTo(root, 3000)": range(430, 450),
-        "openUpTo(root, 60)": range(30, 61),
-        "": range(12, 13),
-    }
-    assert found["shown"] in expected[opened]
-
-
-def overlap(a: list[float], b: list[float]) -> bool:
-    beside = a[0] + a[2] <= b[0] or b[0] + b[2] <= a[0]
-    return not (beside or a[1] + a[3] <= b[1] or b[1] + b[3] <= a[1])
+        assert outside(frame["size"], frame["rects"]) == [], frame["path"]
+        assert overlaps(frame["rects"]) == [], frame["path"]
+    assert least <= found["shown"] <= most
 
 
 @needs(NODE)

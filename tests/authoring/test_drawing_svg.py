@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 import pytest
 
 from picktree.authoring import chart, chart_of_file, svg
-from picktree.authoring.mission_chart import Chart
 from picktree.authoring.tree_layout import (
     COLUMN_GAP,
     FRAME_GAP,
@@ -35,42 +31,18 @@ from picktree.authoring.tree_layout import (
 from picktree.trees import NodeStatus
 
 from ..trees.scripted import mission
+from .drawn import SHIFT, Rect, outside, overlaps, shift
 
-SHIFT = Path(__file__).parent / "shift.yaml"
 TAG = "{http://www.w3.org/2000/svg}"
 SIZES = {"id": (12.0, "bold"), "name": (12.0, "regular"), "key": (11.0, "regular"), "doc": (11.0, "regular")}
 
 
-@cache
-def shift() -> Chart:
-    return chart_of_file(SHIFT)
-
-
-@dataclass(frozen=True)
-class Rect:
-    x: float
-    y: float
-    width: float
-    height: float
-
-    def overlaps(self, other: Rect) -> bool:
-        beside = self.x + self.width <= other.x or other.x + other.width <= self.x
-        return not (beside or self.y + self.height <= other.y or other.y + other.height <= self.y)
-
-    def holds(self, other: Rect) -> bool:
-        return (
-            self.x <= other.x
-            and self.y <= other.y
-            and other.x + other.width <= self.x + self.width
-            and other.y + other.height <= self.y + self.height
-        )
-
-
-def tiles(frame: TreeFrame) -> Iterator[tuple[Rect, Rect | None]]:
+def tiles(frame: TreeFrame) -> Iterator[Rect]:
     """The body of each node and its label, in the frame's coordinates."""
     for tile in frame.tiles:
-        body = Rect(tile.body_x, tile.body_y, tile.body.width, tile.body.height)
-        yield body, tile.pill and Rect(tile.x, tile.y, tile.pill.width, tile.pill.height)
+        yield tile.body_x, tile.body_y, tile.body.width, tile.body.height
+        if tile.pill:
+            yield tile.x, tile.y, tile.pill.width, tile.pill.height
 
 
 def frames(frame: TreeFrame) -> Iterator[TreeFrame]:
@@ -86,10 +58,10 @@ def test_nothing_overlaps_in_a_picture_of_200_nodes(expand: bool) -> None:
     drawn = frames(expanded(shift())) if expand else map(frame_of, shift().trees)
     count = 0
     for frame in drawn:
-        rects = [rect for pair in tiles(frame) for rect in pair if rect is not None]
-        below = Rect(0, frame.header.height, frame.width, frame.height - frame.header.height)
-        assert all(below.holds(rect) for rect in rects), frame.tree.name
-        assert not any(a.overlaps(b) for a, b in itertools.combinations(rects, 2)), frame.tree.name
+        rects = list(tiles(frame))
+        below = (0, frame.header.height, frame.width, frame.height - frame.header.height)
+        assert outside(below, rects) == [], frame.tree.name
+        assert overlaps(rects) == [], frame.tree.name
         count += len(frame.tiles)
     assert count == (200 if not expand else written_out("Main"))
 

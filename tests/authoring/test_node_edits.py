@@ -242,8 +242,8 @@ def test_edits_of_shipped_missions_make_the_tree_that_is_meant(name: str, chance
     check_edit(CORPUS[name], chance)
 
 
-def test_edits_of_500_random_missions_make_the_tree_that_is_meant() -> None:
-    for seed in range(500):
+def test_edits_of_random_missions_make_the_tree_that_is_meant() -> None:
+    for seed in range(200):
         text = wild_texts(seed)
         editor = NodeEditor(text, wild)
         try:

@@ -74,158 +74,97 @@ def test_when_a_load_comes(written: str, read: object) -> None:
     assert table.total == (4 if isinstance(read, AtTimes) else None)
 
 
-REPLACED = [
-    (
-        "speed: 80 mm/s",
-        "speed: 80 mm",
-        "6:72: fixtures.belt.speed: '80 mm' is a length, not a speed (as 100 mm/s)",
-    ),
-    ("speed: 80 mm/s", "speed: 1 m/s", "6:72: fixtures.belt.speed: 1 m/s is more than 0.5 m/s"),
-    ("speed: 80 mm/s", "speed: 1 mm/s", "6:72: fixtures.belt.speed: 1 mm/s is less than 5 mm/s"),
-    (", speed: 80 mm/s", "", "6:3: fixtures.belt: 'speed' is missing (how fast the belt runs, as 80 mm/s)"),
-    (
-        ", eye: 0.3}",
-        "}",
-        "6:3: fixtures.belt: 'eye' is missing "
-        "(where the light barrier crosses the belt, from its middle, as 0.4 m)",
-    ),
-    (
-        "eye: 0.3",
-        "eye: 60 cm",
-        "6:86: fixtures.belt.eye: 60 cm from its middle is not on the belt (it reaches from -0.5 m to 0.5 m)",
-    ),
-    (
-        "eye: 0.3",
-        "eye: -0.45",
-        "6:86: fixtures.belt.eye: items are set down in the light barrier, or beyond it "
-        "(at -0.42 m or more they come to it)",
-    ),
-    ("yaw: 90 deg", "rpy: [0, 9 deg, 0]", "6:52: fixtures.belt.rpy: a belt lies level: give its 'yaw'"),
-    ("wall: 5 mm", "wall: 5 mm, eye: 0", "7:48: fixtures.bin_a.eye: only a belt has 'eye'"),
-    (
-        "at: [0.55, 0, 0]",
-        "at: [0.55, 0, 0], wall: 5 mm",
-        "6:52: fixtures.belt.wall: only a bin or tote has walls",
-    ),
-    (
-        "{box: [1.2, 1.6, 0.04], ",
-        "{",
-        "5:3: fixtures.table: 'box', 'bin', 'tote', 'belt' or 'marker' is missing",
-    ),
-    (
-        "exchange:",
-        "limits: {workspace: {min: [0, -0.2, 0], max: [0.8, 0.2, 1]}}\nexchange:",
-        "6:86: fixtures.belt.eye: the belt stops at x 0.55 m, y 0.30 m, outside of the workspace "
-        "(which is x 0 … 0.8 m, y -0.2 … 0.2 m)",
-    ),
-    (
-        "{block: 2}",
-        "{blok: 2}",
-        "12:11: feed[0].of.blok: the catalogue has no 'blok' (did you mean 'block'?)",
-    ),
-    (
-        "colours: [red],",
-        "colours: [rad],",
-        "12:32: feed[0].colours[0]: 'rad' is no colour that an item may have (did you mean 'red'?)",
-    ),
-    (
-        "max: [0.4, 0.2]",
-        "max: [0.2, 0.2]",
-        "12:44: feed[0].area: the area is empty: 'max' must be greater than 'min' along x and y",
-    ),
-    (
-        "max: [0.4, 0.2]",
-        "max: [0.4, 0.9]",
-        "12:44: feed[0].area: the area is not over a level fixture (items stand on a table)",
-    ),
-    (
-        "{block: 2}",
-        "{block: 40}",
-        "12:45: feed[0].area: 40 items with gaps of 25 mm do not fit: they need 0.169 m², and the area with "
-        "its rim has 0.087 m² (enlarge the area, or ask for fewer items or smaller gaps)",
-    ),
-    (
-        "when: {every: 45 s}",
-        "when: often",
-        "12:87: feed[0].when: 'often' is no time for a load "
-        "(it is clear, {every: 45 s} or {at: [10 s, 60 s]})",
-    ),
-    ("{every: 45 s}", "{every: 0 s}", "12:95: feed[0].when.every: 0 s is less than 1 s"),
-    ("{every: 45 s}", "{}", "12:81: feed[0].when: 'every' or 'at' is missing"),
-    (
-        "{every: 45 s}",
-        "{every: 45 s, at: [1]}",
-        "12:81: feed[0].when: 'every' and 'at' exclude each other (give one of them)",
-    ),
-    ("{every: 45 s}", "{at: []}", "12:92: feed[0].when.at: at least 1 is wanted, not 0"),
-    (
-        "{every: 45 s}",
-        "{at: [2 s, 9 s, 3 s]}",
-        "12:103: feed[0].when.at[2]: 3 s does not come after the load before it (times ascend)",
-    ),
-    (
-        "{every: 45 s}",
-        "{at: [2 s, 9 s]}, total: 5",
-        "12:112: feed[0].total: 5 items do not come in 2 loads of 2 "
-        "(give more times, or leave the total out)",
-    ),
-    ("total: 60", "total: 0", "13:87: feed[1].total: at least 1 is wanted, not 0"),
-    ("total: 60", "total: 1.5", "13:87: feed[1].total: a whole number is wanted, not 1.5"),
-    ("belt: belt", "belt: bolt", "13:58: feed[1].belt: there is no belt 'bolt' (did you mean 'belt'?)"),
-    ("belt: belt", "belt: bin_a", "13:58: feed[1].belt: there is no belt 'bin_a' (known: belt)"),
-    (
-        "belt: belt",
-        "belt: belt, area: {min: [0, 0], max: [1, 1]}",
-        "13:5: feed[1]: 'area' and 'belt' exclude each other (give one of them)",
-    ),
-    ("belt: belt, ", "", "13:5: feed[1]: 'area', 'belt' or 'into' is missing"),
-    (
-        "belt: belt",
-        "belt: belt, when: {every: 3 s}",
-        "13:64: feed[1].when: items on a belt come one by one (a belt runs whenever the robot is ready)",
-    ),
-    (
-        "belt: belt",
-        "belt: belt, gap: 3 cm",
-        "13:64: feed[1].gap: items on a belt come one by one (give its 'spacing')",
-    ),
-    (
-        "when: {every: 45 s}",
-        "spacing: 3 cm",
-        "12:81: feed[0].spacing: only items on a belt have a spacing",
-    ),
-    (
-        "spacing: 20 cm",
-        "spacing: 8 cm",
-        "13:73: feed[1].spacing: items that are 57 mm across would touch on the belt "
-        "(a spacing of at least 89 mm)",
-    ),
-    (
-        "[1.0, 0.2, 0.05]",
-        "[1.0, 0.05, 0.05]",
-        "13:11: feed[1].of.block: a block is 57 mm across, and the belt is 50 mm wide",
-    ),
-    ("{takes: 6 s}", "{takes: 0 s}", "14:19: exchange.takes: 0 s is not positive"),
-    ("{takes: 6 s}", "{take: 6 s}", "14:1: exchange: 'takes' is missing"),
-    (
-        "exchange:",
-        "  - {of: {can: 1}, colours: [red], belt: belt}\nexchange:",
-        "14:42: feed[2].belt: feed[1] comes on the belt 'belt' already "
-        "(one entry says what comes on a belt: a mixture)",
-    ),
-]
-
-
-@pytest.mark.parametrize(("old", "new", "message"), REPLACED)
-def test_a_fault_is_named(old: str, new: str, message: str) -> None:
-    assert old in SCENE
-    assert faults(SCENE.replace(old, new, 1)).removeprefix("scene.yaml:").startswith(message)
-
-
-def warnings(text: str) -> list[str]:
-    found = check_scene(read_document(HERE, "scene", text))
-    assert found.value is not None
-    return [str(fault) for fault in found.faults]
+REPLACED = {  # by the text that is replaced and the one in its place
+    "speed: 80 mm/s": {"speed: 1 m/s": "6:72: fixtures.belt.speed: 1 m/s is more than 0.5 m/s"},
+    ", speed: 80 mm/s": {
+        "": "6:3: fixtures.belt: 'speed' is missing (how fast the belt runs, as 80 mm/s)",
+    },
+    ", eye: 0.3}": {
+        "}": (
+            "6:3: fixtures.belt: 'eye' is missing "
+            "(where the light barrier crosses the belt, from its middle, as 0.4 m)"
+        ),
+    },
+    "eye: 0.3": {
+        "eye: 60 cm": (
+            "6:86: fixtures.belt.eye: 60 cm from its middle is not on the belt "
+            "(it reaches from -0.5 m to 0.5 m)"
+        ),
+        "eye: -0.45": (
+            "6:86: fixtures.belt.eye: items are set down in the light barrier, or beyond it "
+            "(at -0.42 m or more they come to it)"
+        ),
+    },
+    "yaw: 90 deg": {"rpy: [0, 9 deg, 0]": "6:52: fixtures.belt.rpy: a belt lies level: give its 'yaw'"},
+    "wall: 5 mm": {"wall: 5 mm, eye: 0": "7:48: fixtures.bin_a.eye: only a belt has 'eye'"},
+    "{box: [1.2, 1.6, 0.04], ": {
+        "{": "5:3: fixtures.table: 'box', 'bin', 'tote', 'belt' or 'marker' is missing",
+    },
+    "exchange:": {
+        "limits: {workspace: {min: [0, -0.2, 0], max: [0.8, 0.2, 1]}}\nexchange:": (
+            "6:86: fixtures.belt.eye: the belt stops at x 0.55 m, y 0.30 m, outside of the workspace "
+            "(which is x 0 … 0.8 m, y -0.2 … 0.2 m)"
+        ),
+        "  - {of: {can: 1}, colours: [red], belt: belt}\nexchange:": (
+            "14:42: feed[2].belt: feed[1] comes on the belt 'belt' already "
+            "(one entry says what comes on a belt: a mixture)"
+        ),
+    },
+    "{block: 2}": {
+        "{blok: 2}": "12:11: feed[0].of.blok: the catalogue has no 'blok' (did you mean 'block'?)",
+        "{block: 40}": (
+            "12:45: feed[0].area: 40 items with gaps of 25 mm do not fit: they need 0.169 m², and the area "
+            "with its rim has 0.087 m² (enlarge the area, or ask for fewer items or smaller gaps)"
+        ),
+    },
+    "max: [0.4, 0.2]": {
+        "max: [0.4, 0.9]": (
+            "12:44: feed[0].area: the area is not over a level fixture (items stand on a table)"
+        ),
+    },
+    "when: {every: 45 s}": {
+        "when: often": (
+            "12:87: feed[0].when: 'often' is no time for a load "
+            "(it is clear, {every: 45 s} or {at: [10 s, 60 s]})"
+        ),
+        "spacing: 3 cm": "12:81: feed[0].spacing: only items on a belt have a spacing",
+    },
+    "{every: 45 s}": {
+        "{every: 0 s}": "12:95: feed[0].when.every: 0 s is less than 1 s",
+        "{}": "12:81: feed[0].when: 'every' or 'at' is missing",
+        "{every: 45 s, at: [1]}": (
+            "12:81: feed[0].when: 'every' and 'at' exclude each other (give one of them)"
+        ),
+        "{at: [2 s, 9 s, 3 s]}": (
+            "12:103: feed[0].when.at[2]: 3 s does not come after the load before it (times ascend)"
+        ),
+        "{at: [2 s, 9 s]}, total: 5": (
+            "12:112: feed[0].total: 5 items do not come in 2 loads of 2 "
+            "(give more times, or leave the total out)"
+        ),
+    },
+    "belt: belt": {
+        "belt: bolt": "13:58: feed[1].belt: there is no belt 'bolt' (did you mean 'belt'?)",
+        "belt: belt, area: {min: [0, 0], max: [1, 1]}": (
+            "13:5: feed[1]: 'area' and 'belt' exclude each other (give one of them)"
+        ),
+        "belt: belt, when: {every: 3 s}": (
+            "13:64: feed[1].when: items on a belt come one by one (a belt runs whenever the robot is ready)"
+        ),
+        "belt: belt, gap: 3 cm": ("13:64: feed[1].gap: items on a belt come one by one (give its 'spacing')"),
+    },
+    "belt: belt, ": {"": "13:5: feed[1]: 'area', 'belt' or 'into' is missing"},
+    "spacing: 20 cm": {
+        "spacing: 8 cm": (
+            "13:73: feed[1].spacing: items that are 57 mm across would touch on the belt "
+            "(a spacing of at least 89 mm)"
+        ),
+    },
+    "[1.0, 0.2, 0.05]": {
+        "[1.0, 0.05, 0.05]": ("13:11: feed[1].of.block: a block is 57 mm across, and the belt is 50 mm wide"),
+    },
+    "{takes: 6 s}": {"{takes: 0 s}": "14:19: exchange.takes: 0 s is not positive"},
+}
 
 
 TOTE = """\
@@ -236,6 +175,46 @@ feed:
   - {of: {assortment: 12}, colours: [red, blue], into: tote, total: 120}
 exchange: {takes: 6 s}
 """
+REPLACED_OF_TOTE = {
+    "into: tote": {
+        "into: tot": "5:56: feed[0].into: there is no tote 'tot' (did you mean 'tote'?)",
+        "area: {min: [0.4, -0.1], max: [0.5, 0.1]}": (
+            "5:11: feed[0].of.assortment: the catalogue has no 'assortment'"
+        ),
+    },
+    "total: 120": {
+        "when: {every: 45 s}": (
+            "5:62: feed[0].when: items come with their tote "
+            "(a tote comes full when it is exchanged, and its items lie anywhere)"
+        ),
+    },
+    "exchange:": {
+        "  - {of: {assortment: 3}, colours: [red], into: tote}\nexchange:": (
+            "6:49: feed[1].into: feed[0] comes into the tote 'tote' already "
+            "(one entry says what a full tote holds: a mixture)"
+        ),
+    },
+}
+
+
+@pytest.mark.parametrize(
+    ("scene", "old", "new", "message"),
+    [
+        (scene, old, new, message)
+        for scene, replaced in ((SCENE, REPLACED), (TOTE, REPLACED_OF_TOTE))
+        for old, table in replaced.items()
+        for new, message in table.items()
+    ],
+)
+def test_a_fault_is_named(scene: str, old: str, new: str, message: str) -> None:
+    assert old in scene
+    assert faults(scene.replace(old, new, 1)).removeprefix("scene.yaml:").startswith(message)
+
+
+def warnings(text: str) -> list[str]:
+    found = check_scene(read_document(HERE, "scene", text))
+    assert found.value is not None
+    return [str(fault) for fault in found.faults]
 
 
 def test_a_feed_of_totes_is_read() -> None:
@@ -244,35 +223,6 @@ def test_a_feed_of_totes_is_read() -> None:
     assert (delivery.load.into, delivery.load.drop, delivery.total) == ("tote", "heap", 120)
     assert delivery.area == spawn.area
     assert replace(scene, spawn=()).heaped, "what comes in totes needs physics, too"
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("into: tote", "into: tot", "5:56: feed[0].into: there is no tote 'tot' (did you mean 'tote'?)"),
-        ("into: tote", "into: red_bin", "5:56: feed[0].into: there is no tote 'red_bin'"),
-        (
-            "total: 120",
-            "when: {every: 45 s}",
-            "5:62: feed[0].when: items come with their tote "
-            "(a tote comes full when it is exchanged, and its items lie anywhere)",
-        ),
-        (
-            "into: tote",
-            "area: {min: [0.4, -0.1], max: [0.5, 0.1]}",
-            "5:11: feed[0].of.assortment: the catalogue has no 'assortment'",
-        ),
-        (
-            "exchange:",
-            "  - {of: {assortment: 3}, colours: [red], into: tote}\nexchange:",
-            "6:49: feed[1].into: feed[0] comes into the tote 'tote' already "
-            "(one entry says what a full tote holds: a mixture)",
-        ),
-    ],
-)
-def test_a_fault_of_a_feed_of_totes_is_named(old: str, new: str, message: str) -> None:
-    assert old in TOTE
-    assert faults(TOTE.replace(old, new, 1)).removeprefix("scene.yaml:").startswith(message)
 
 
 def test_a_tote_that_nobody_exchanges_is_told() -> None:
