@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.files import FileError, PicktreeError
+from picktree.files import FileError
 from picktree.simulation import parse_faults
 from picktree.world.robot_model import parse_robot
 from picktree.world.robot_model.robot_file import SHIPPED as ROBOTS
 from picktree.world.scene import parse_scene
 from picktree.world.scene.scene_loading import SHIPPED as SCENES
+
+from ..authoring.mistakes import paths
 
 SCENE = SCENES / "three_bins.yaml"
 FED = (
@@ -54,22 +58,10 @@ VALUES = st.recursive(
 )
 
 
-def places(value: object, here: tuple[str | int, ...] = ()) -> list[tuple[str | int, ...]]:
-    """Every place in plain data, the root left out."""
-    found = [here] if here else []
-    match value:
-        case dict():
-            return found + [p for key, inner in value.items() for p in places(inner, (*here, str(key)))]
-        case list():
-            return found + [p for n, inner in enumerate(value) for p in places(inner, (*here, n))]
-        case _:
-            return found
-
-
 def changed(text: str, data: st.DataObject) -> str:
     root = yaml.safe_load(text)
     for _ in range(data.draw(st.integers(1, 3))):
-        *above, last = data.draw(st.sampled_from(places(root)))
+        *above, last = data.draw(st.sampled_from([place for place in paths(root) if place]))
         parent = root
         for part in above:
             parent = parent[part]
@@ -87,30 +79,19 @@ def test_the_scene_with_a_feed_is_one() -> None:
     assert len(parse_scene(FED, SCENE).deliveries) == 3
 
 
-@settings(max_examples=40)
+SOURCES: dict[Path, tuple[Callable[[str, Path], object], list[str]]] = {
+    SCENE: (parse_scene, [SCENE.read_text(), FED]),
+    ROBOT: (parse_robot, [ROBOT.read_text()]),
+    Path("f.yaml"): (parse_faults, [FAULTS]),
+}
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.stem)
+@settings(max_examples=30)
 @given(st.data())
-def test_scenes(data: st.DataObject) -> None:
+def test_a_changed_file_is_read_or_has_faults(path: Path, data: st.DataObject) -> None:
+    parse, texts = SOURCES[path]
     try:
-        parse_scene(changed(data.draw(st.sampled_from([SCENE.read_text(), FED])), data), SCENE)
+        parse(changed(data.draw(st.sampled_from(texts)), data), path)
     except FileError as error:
         assert all(str(fault) for fault in error.faults)
-
-
-@settings(max_examples=20)
-@given(st.data())
-def test_robots(data: st.DataObject) -> None:
-    try:
-        parse_robot(changed(ROBOT.read_text(), data), ROBOT)
-    except FileError as error:
-        assert all(str(fault) for fault in error.faults)
-
-
-@settings(max_examples=40)
-@given(st.data())
-def test_fault_files(data: st.DataObject) -> None:
-    try:
-        parse_faults(changed(FAULTS, data), Path("f.yaml"))
-    except FileError as error:
-        assert all(str(fault) for fault in error.faults)
-    except PicktreeError as error:
-        raise AssertionError("a faults file names no other file") from error
