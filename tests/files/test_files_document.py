@@ -91,18 +91,12 @@ def test_aliases_repeat_a_value() -> None:
 
 
 FAULTY = [
-    ("", "m.yaml:1:1: the file is empty (it begins with 'picktree: 1')"),
     ("# only a comment\n", "m.yaml:1:1: the file is empty (it begins with 'picktree: 1')"),
     ("- a", "m.yaml:1:1: a file is a mapping that begins with 'picktree: 1'"),
     (
         "a: 1",
         "m.yaml:1:1: 'picktree: 1' is missing (every file begins with it)\n"
         "m.yaml:1:1: 'kind:' is missing (one of mission, scene, robot, faults, cases, plan)",
-    ),
-    (
-        "picktree: 2\nkind: scen",
-        "m.yaml:1:11: picktree: format 2 is newer than 1, which this picktree reads (upgrade picktree)\n"
-        "m.yaml:2:7: kind: unknown kind 'scen' (did you mean 'scene'?)",
     ),
     (
         "picktree: true\nkind: [a]",
@@ -117,41 +111,14 @@ FAULTY = [
         'm.yaml:6:5: d[0]: {x} without quotes is a YAML mapping (write "{x}")',
     ),
     (
-        HEAD + "a: 1\nb: {c: 1, c: 2}\na: 2\n",
-        "m.yaml:4:11: b.c: the key 'c' is given twice (first on line 4)\n"
-        "m.yaml:5:1: a: the key 'a' is given twice (first on line 3)",
-    ),
-    (
-        HEAD + "c: *y",
-        "m.yaml:3:4: c: *y names no finished value "
-        "(its anchor stands before it; a text that begins with * is quoted)",
-    ),
-    (
         HEAD + "a: &a [*a]",
         "m.yaml:3:8: a[0]: *a names no finished value "
         "(its anchor stands before it; a text that begins with * is quoted)",
     ),
-    (HEAD + "a: !!str 1", "m.yaml:3:4: a: the tag '!!str' is not read (leave it out)"),
-    (
-        HEAD + "a: !!python/object/apply:os.system [ls]",
-        "m.yaml:3:4: a: the tag '!!python/object/apply:os.system' is not read (leave it out)",
-    ),
     (HEAD + "a: b: c", "m.yaml:3:5: not valid YAML: a ':' does not fit here (quote the text, or indent it)"),
-    (
-        HEAD + "a:\n\t- b",
-        "m.yaml:4:1: not valid YAML: a tab cannot indent (use spaces)",
-    ),
-    (
-        HEAD + "a: '",
-        "m.yaml:3:4: not valid YAML: the quote that opens here is never closed "
-        "(close it, or double a quote inside)",
-    ),
     (HEAD + "? [1]\n: 2", 'm.yaml:3:3: a key is a word, not […] (a reference is quoted: "{item}")'),
     (HEAD + "{a}: 2", 'm.yaml:3:1: a key is a word, not {…} (a reference is quoted: "{item}")'),
-    (HEAD + "a: 1\n---\nb: 2", "m.yaml:4:1: a second document in one file (a file for each)"),
-    (HEAD + "a: x\x00y", "m.yaml:3:5: the character U+0000 may not stand in a text file"),
     (HEAD + "a: " + "9" * 5000, "m.yaml:3:4: a: the number has too many digits"),
-    (HEAD + "<<: {a: 1}", "m.yaml:3:1: merge keys (<<) are not part of YAML 1.2 (write the keys out)"),
     (HEAD + "'': 1", "m.yaml:3:1: a key is missing before ':'"),
     (
         HEAD + "a: " + "[" * 5000,
