@@ -293,9 +293,6 @@ def test_a_page_is_printed_as_it_is_written(capsys: pytest.CaptureFixture[str]) 
     assert out.endswith("limits: {force: 50 N}\n```\n")
 
 
-def test_an_unknown_code(capsys: pytest.CaptureFixture[str]) -> None:
-    said = "there is no code 'P1044' (did you mean 'P104'?)\n"
-    assert explain(capsys, "P1044") == (2, "", said)
 
 
 def test_all_codes_are_listed(capsys: pytest.CaptureFixture[str]) -> None:

@@ -20,9 +20,9 @@ from picktree.files import Diagnostic, Mark
 from picktree.files.fault_rendering import as_github
 from picktree.files.file_checks import check_files, to_sarif
 
+from .faulty_files import FAULTY, faulty_report
 from .sarif_schema import SARIF
 
-FAULTY = Path(__file__).parent / "faulty"
 WRONG = "picktree: 1\nkind: scene\nrobot: panda\ngoal: sorted = total\n"
 
 
@@ -65,7 +65,7 @@ def test_sarif_of_one_fault(
 
 
 def test_sarif_of_all_kinds_of_faults() -> None:
-    report = check_files([FAULTY], CHECKS)
+    report = faulty_report()
     (run,) = checked(to_sarif(report, "1.2.3", FAULTY.parent))["runs"]
     assert len(run["results"]) == len(report.faults) > 100
     rules = [rule["id"] for rule in run["tool"]["driver"]["rules"]]
@@ -123,11 +123,8 @@ def test_a_workflow_command_reads_back(file: str, message: str, hint: str) -> No
     )
 
 
-def test_workflow_commands_of_all_faulty_files(capsys: pytest.CaptureFixture[str]) -> None:
-    answer(["check", str(FAULTY), "--format", "github"])
-    *lines, last = capsys.readouterr().out.splitlines()
-    read = [annotation(line) for line in lines]
-    assert f"{sum(each.command == 'error' for each in read)} errors" in last
+def test_workflow_commands_of_all_faulty_files() -> None:
+    read = [annotation(as_github(fault)) for fault in faulty_report().faults]
     assert {each.command for each in read} == {"error", "warning"}
     assert all(Path(each.properties["file"]).is_file() for each in read)
 
