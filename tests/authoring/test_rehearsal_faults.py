@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
-from textwrap import dedent
+from textwrap import dedent, indent
 
 import pytest
 
@@ -31,64 +32,59 @@ WEIGHED = "Weigh: {outputs: {weight: 1, sort: light}}"
 
 
 def faults(case: str) -> list[str]:
-    """Of one case whose text begins on line 5, after two blanks."""
-    text = "cases:\n  it:\n" + "\n".join(f"    {line}" for line in dedent(case).strip().splitlines())
-    return faults_of(text, mission_of(MISSION, "scene: three_bins\n"))
+    """Of one case whose text begins on line 5, each with its place below `leaves`, `expect` or the case."""
+    text = "cases:\n  it:\n" + indent(dedent(case).strip(), "    ")
+    found = faults_of(text, mission_of(MISSION, "scene: three_bins\n"))
+    return [re.sub(r"cases\.it\.(leaves\.|expect\.)?", "", fault, count=1) for fault in found]
 
 
 @pytest.mark.parametrize(
     ("answer", "fault"),
     [
         # Patterns.
-        ("Grab: SUCCESS", "P703 6:7: cases.it.leaves.Grab: no node of the mission fits 'Grab' "
-         "(known: Look, Pick, Put, Go, Ready, Weigh, Sequence, ForEach, SortOne, Recover, grasp.*, "
-         "IfThenElse)"),
-        ("Main/Recover/Look: SUCCESS", "P703 6:7: cases.it.leaves.Main/Recover/Look: no node of the mission "
-         "fits 'Main/Recover/Look' ('Look' stands at Main/Sequence/Look)"),
-        ("'/': SUCCESS", "P703 6:7: cases.it.leaves./: the pattern is empty (as SortOne/Grasp)"),
-        ("Recover: SUCCESS", "P704 6:7: cases.it.leaves.Recover: 'Recover' is a node of the language "
-         "(Recover), which answers for itself (known: Look, Pick, Put, Go, Ready, Weigh)"),
+        ("Grab: SUCCESS", "P703 6:7: Grab: no node of the mission fits 'Grab' (known: Look, Pick, Put, Go, "
+         "Ready, Weigh, Sequence, ForEach, SortOne, Recover, grasp.*, IfThenElse)"),
+        ("Main/Recover/Look: SUCCESS", "P703 6:7: Main/Recover/Look: no node of the mission fits "
+         "'Main/Recover/Look' ('Look' stands at Main/Sequence/Look)"),
+        ("'/': SUCCESS", "P703 6:7: /: the pattern is empty (as SortOne/Grasp)"),
+        ("Recover: SUCCESS", "P704 6:7: Recover: 'Recover' is a node of the language (Recover), which "
+         "answers for itself (known: Look, Pick, Put, Go, Ready, Weigh)"),
         # Answers.
-        ("Pick: 3", "P710 6:13: cases.it.leaves.Pick: an answer is a status, a cause or a mapping, not 3 "
-         "(as SUCCESS, or {cause: grasp.missed, ticks: 3})"),
-        ("Pick: SUCESS", "P710 6:13: cases.it.leaves.Pick: 'SUCESS' is neither a status nor a cause "
-         "(did you mean 'SUCCESS'?)"),
-        ("Pick: []", "P710 6:13: cases.it.leaves.Pick: the list of answers is empty"),
-        ("Pick: {answers: SUCCESS}",
-         "P710 6:14: cases.it.leaves.Pick.answers: 'answers' is a list of answers"),
+        ("Pick: 3", "P710 6:13: Pick: an answer is a status, a cause or a mapping, not 3 (as SUCCESS, or "
+         "{cause: grasp.missed, ticks: 3})"),
+        ("Pick: SUCESS",
+         "P710 6:13: Pick: 'SUCESS' is neither a status nor a cause (did you mean 'SUCCESS'?)"),
+        ("Pick: []", "P710 6:13: Pick: the list of answers is empty"),
+        ("Pick: {answers: SUCCESS}", "P710 6:14: Pick.answers: 'answers' is a list of answers"),
         ("Pick: {cause: grasp.missed, status: SUCCESS}",
-         "P710 6:43: cases.it.leaves.Pick.status: an answer with a cause is a FAILURE, not SUCCESS"),
-        ("Pick: {message: oh}",
-         "P710 6:14: cases.it.leaves.Pick.message: only a failure with a cause has a message"),
+         "P710 6:43: Pick.status: an answer with a cause is a FAILURE, not SUCCESS"),
+        ("Pick: {message: oh}", "P710 6:14: Pick.message: only a failure with a cause has a message"),
         ("Pick: {status: RUNNING, then: {hand: empty}}",
-         "P710 6:31: cases.it.leaves.Pick.then: what never ends has no 'then'"),
-        ("Pick: FAILURE", "P710 6:13: cases.it.leaves.Pick.status: Pick is a skill, which fails for a cause "
-         "(one of grasp.missed, grasp.slipped, safety.*)"),
-        ("Pick: [SUCCESS, SKIPPED]", "P710 6:23: cases.it.leaves.Pick[1].status: Pick is a skill, which does "
-         "not skip itself (it is skipped by its '_skipIf' or '_while', which is asked in a rehearsal, too)"),
-        ("Ready: RUNNING",
-         "P710 6:14: cases.it.leaves.Ready.status: Ready is a condition: it is never RUNNING"),
-        ("Ready: {ticks: 2}",
-         "P710 6:22: cases.it.leaves.Ready.ticks: Ready is a condition: it takes no ticks"),
+         "P710 6:31: Pick.then: what never ends has no 'then'"),
+        ("Pick: FAILURE", "P710 6:13: Pick.status: Pick is a skill, which fails for a cause (one of "
+         "grasp.missed, grasp.slipped, safety.*)"),
+        ("Pick: [SUCCESS, SKIPPED]", "P710 6:23: Pick[1].status: Pick is a skill, which does not skip "
+         "itself (it is skipped by its '_skipIf' or '_while', which is asked in a rehearsal, too)"),
+        ("Ready: RUNNING", "P710 6:14: Ready.status: Ready is a condition: it is never RUNNING"),
+        ("Ready: {ticks: 2}", "P710 6:22: Ready.ticks: Ready is a condition: it takes no ticks"),
         # Causes.
-        ("Look: perception.not_found", "P706 6:13: cases.it.leaves.Look.cause: Look does not fail with "
-         "perception.not_found (it declares none)"),
+        ("Look: perception.not_found",
+         "P706 6:13: Look.cause: Look does not fail with perception.not_found (it declares none)"),
         # Outputs.
-        ("Look: {outputs: {object: [a]}}", "P707 6:24: cases.it.leaves.Look.outputs.object: Look has no "
-         "output 'object' (did you mean 'objects'?)"),
-        ("Go: {outputs: {x: 1}}",
-         "P707 6:22: cases.it.leaves.Go.outputs.x: Go has no output 'x' (it has none)"),
-        ("Look: {outputs: {objects: a}}", "P708 6:33: cases.it.leaves.Look.outputs.objects: output 'objects' "
-         "of Look: 'a' is not a list, each an object's id (what is to be done)"),
-        ("Look: {outputs: {objects: [a, c]}}", "P717 6:33: cases.it.leaves.Look.outputs.objects: "
-         "no object 'c' is in the belief of this case (known: a, table, red_bin, green_bin, blue_bin)"),
+        ("Look: {outputs: {object: [a]}}",
+         "P707 6:24: Look.outputs.object: Look has no output 'object' (did you mean 'objects'?)"),
+        ("Go: {outputs: {x: 1}}", "P707 6:22: Go.outputs.x: Go has no output 'x' (it has none)"),
+        ("Look: {outputs: {objects: a}}", "P708 6:33: Look.outputs.objects: output 'objects' of Look: 'a' "
+         "is not a list, each an object's id (what is to be done)"),
+        ("Look: {outputs: {objects: [a, c]}}", "P717 6:33: Look.outputs.objects: no object 'c' is in the "
+         "belief of this case (known: a, table, red_bin, green_bin, blue_bin)"),
         # What follows from an answer.
-        ("Go: {then: {hand: b}}", "P717 6:25: cases.it.leaves.Go.then.hand: no object 'b' is in the belief "
-         "of this case (known: a, table, red_bin, green_bin, blue_bin)"),
-        ("Go: {then: {facts: {holds: true}}}", "P711 6:27: cases.it.leaves.Go.then.facts.holds: there is no "
-         "fact 'holds' (did you mean 'holding'?)"),
-        ("Go: {then: {objects: {b: {place: bin}}}}", "P712 6:40: cases.it.leaves.Go.then.objects.b.place: "
-         "there is no place 'bin' (did you mean 'red_bin'?)"),
+        ("Go: {then: {hand: b}}", "P717 6:25: Go.then.hand: no object 'b' is in the belief of this case "
+         "(known: a, table, red_bin, green_bin, blue_bin)"),
+        ("Go: {then: {facts: {holds: true}}}",
+         "P711 6:27: Go.then.facts.holds: there is no fact 'holds' (did you mean 'holding'?)"),
+        ("Go: {then: {objects: {b: {place: bin}}}}",
+         "P712 6:40: Go.then.objects.b.place: there is no place 'bin' (did you mean 'red_bin'?)"),
     ],
 )  # fmt: skip
 def test_leaves(answer: str, fault: str) -> None:
@@ -100,14 +96,14 @@ def test_leaves(answer: str, fault: str) -> None:
 @pytest.mark.parametrize(
     ("weigh", "fault"),
     [
-        ("SUCCESS", "P709 6:14: cases.it.leaves.Weigh: Weigh succeeds without its output 'weight', "
-         "used at Main/Sequence/Weigh (as {outputs: {weight: …}}: what it weighs)"),
-        ("{outputs: {weight: 1}}", "P709 6:14: cases.it.leaves.Weigh: Weigh succeeds without its output "
-         "'sort', used at Main/Sequence/Weigh (as {outputs: {sort: …}}: of what sort it is)"),
-        ("{outputs: {weight: 1 m, sort: light}}", "P708 6:33: cases.it.leaves.Weigh.outputs.weight: output "
-         "'weight' of Weigh: '1 m' is a length, not a force (as 20 N) (what it weighs)"),
-        ("{outputs: {weight: 1, sort: lite}}", "P708 6:42: cases.it.leaves.Weigh.outputs.sort: output 'sort' "
-         "of Weigh: 'lite' is none of the choices; did you mean 'light'? (of what sort it is)"),
+        ("SUCCESS", "P709 6:14: Weigh: Weigh succeeds without its output 'weight', used at "
+         "Main/Sequence/Weigh (as {outputs: {weight: …}}: what it weighs)"),
+        ("{outputs: {weight: 1}}", "P709 6:14: Weigh: Weigh succeeds without its output 'sort', used at "
+         "Main/Sequence/Weigh (as {outputs: {sort: …}}: of what sort it is)"),
+        ("{outputs: {weight: 1 m, sort: light}}", "P708 6:33: Weigh.outputs.weight: output 'weight' of "
+         "Weigh: '1 m' is a length, not a force (as 20 N) (what it weighs)"),
+        ("{outputs: {weight: 1, sort: lite}}", "P708 6:42: Weigh.outputs.sort: output 'sort' of Weigh: "
+         "'lite' is none of the choices; did you mean 'light'? (of what sort it is)"),
     ],
 )  # fmt: skip
 def test_outputs_that_somebody_reads(weigh: str, fault: str) -> None:
@@ -125,32 +121,29 @@ def test_a_pattern_after_others_that_fit_all_that_it_fits() -> None:
     case = f"leaves:\n  '*': {{outputs: {{}}}}\n  Pick: SUCCESS\n  {WEIGHED}\nexpect: {{status: SUCCESS}}"
     found = [fault for fault in faults(case) if fault.startswith("P716")]
     assert found == [
-        "P716 7:7: cases.it.leaves.Pick: 'Pick' is never used: patterns before it fit all that it fits "
-        "(put it first)",
-        "P716 8:7: cases.it.leaves.Weigh: 'Weigh' is never used: patterns before it fit all that it fits "
-        "(put it first)",
+        "P716 7:7: Pick: 'Pick' is never used: patterns before it fit all that it fits (put it first)",
+        "P716 8:7: Weigh: 'Weigh' is never used: patterns before it fit all that it fits (put it first)",
     ]
 
 
 @pytest.mark.parametrize(
     ("line", "fault"),
     [
-        ("parameters: {wait: 1}", "P713 5:18: cases.it.parameters.wait: the mission has no parameter 'wait' "
-         "(known: pause)"),
-        ("parameters: {pause: soon}", "P713 5:25: cases.it.parameters.pause: the mission's parameter "
-         "'pause': 'soon' is not a time (as 500 ms)"),
-        ("objects: {a: {form: cube}}", "P712 5:25: cases.it.objects.a.form: there is no form 'cube' "
-         "(known: box, cylinder, sphere, plate, mesh, unknown)"),
-        ("objects: {a: {colour: rde}}", "P712 5:27: cases.it.objects.a.colour: there is no colour 'rde' "
-         "(did you mean 'red'?)"),
-        ("objects: {a: {destination: redbin}}", "P712 5:32: cases.it.objects.a.destination: there is no bin "
-         "'redbin' (did you mean 'red_bin'?)"),
-        ("facts: {time: 3}", "P711 5:13: cases.it.facts.time: the time passes by itself, tick by tick "
-         "(known: items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done)"),
-        ("facts: {holding: 1}",
-         "P711 5:22: cases.it.facts.holding: the fact 'holding' is true or false, not 1"),
+        ("parameters: {wait: 1}",
+         "P713 5:18: parameters.wait: the mission has no parameter 'wait' (known: pause)"),
+        ("parameters: {pause: soon}",
+         "P713 5:25: parameters.pause: the mission's parameter 'pause': 'soon' is not a time (as 500 ms)"),
+        ("objects: {a: {form: cube}}", "P712 5:25: objects.a.form: there is no form 'cube' (known: box, "
+         "cylinder, sphere, plate, mesh, unknown)"),
+        ("objects: {a: {colour: rde}}",
+         "P712 5:27: objects.a.colour: there is no colour 'rde' (did you mean 'red'?)"),
+        ("objects: {a: {destination: redbin}}",
+         "P712 5:32: objects.a.destination: there is no bin 'redbin' (did you mean 'red_bin'?)"),
+        ("facts: {time: 3}", "P711 5:13: facts.time: the time passes by itself, tick by tick (known: "
+         "items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done)"),
+        ("facts: {holding: 1}", "P711 5:22: facts.holding: the fact 'holding' is true or false, not 1"),
         ("facts: {items_to_do: true}",
-         "P711 5:26: cases.it.facts.items_to_do: the fact 'items_to_do' is a whole number, not true"),
+         "P711 5:26: facts.items_to_do: the fact 'items_to_do' is a whole number, not true"),
     ],
 )  # fmt: skip
 def test_the_world_of_a_case(line: str, fault: str) -> None:
@@ -160,39 +153,36 @@ def test_the_world_of_a_case(line: str, fault: str) -> None:
 @pytest.mark.parametrize(
     ("expect", "fault"),
     [
-        ("{never: [], handled: [], facts: {}}", "P714 5:5: cases.it.expect: nothing is expected: this case "
+        ("{never: [], handled: [], facts: {}}", "P714 5:5: expect: nothing is expected: this case "
          "cannot fail (as 'expect: {status: SUCCESS}')"),
-        ("{facts: {time: true}}",
-         "P711 5:28: cases.it.expect.facts.time: the fact 'time' is a number, not true"),
+        ("{facts: {time: true}}", "P711 5:28: facts.time: the fact 'time' is a number, not true"),
         ("{status: SUCCESS, cause: grasp.missed}",
-         "P714 5:38: cases.it.expect.cause: a mission that ends in SUCCESS has no cause"),
-        ("{cause: grasp.gone}", "P705 5:21: cases.it.expect.cause: no cause is called 'grasp.gone' "
-         "(did you mean 'grasp.double'?)"),
-        ("{status: RUNNING}",
-         "P714 5:22: cases.it.expect.status: RUNNING needs 'ticks': after how many it must still run"),
-        ("{status: IDLE}", "P714 5:22: cases.it.expect.status: a mission is IDLE only when it was halted "
-         "(say so with 'halt_after')"),
-        ("{order: [Pick, Puts]}", "P703 5:28: cases.it.expect.order[1]: no node of the mission fits 'Puts' "
-         "(did you mean 'Put'?)"),
-        ("{order: [Recover]}", "P704 5:22: cases.it.expect.order[0]: 'Recover' is a node of the language "
-         "(Recover), which answers for itself (known: Look, Pick, Put, Go, Ready, Weigh)"),
-        ("{order: [{Pick: missed}]}", "P714 5:29: cases.it.expect.order[0].Pick: 'missed' is neither an "
-         "outcome nor a cause (did you mean 'grasp.missed'?)"),
-        ("{order: [{Pick: place.full}]}", "P706 5:29: cases.it.expect.order[0].Pick: Pick does not fail with "
-         "place.full (it declares grasp.missed, grasp.slipped, safety.*)"),
-        ("{order: [[Pick]]}", "P714 5:22: cases.it.expect.order[0]: an entry of 'order' is a leaf, or a leaf "
-         "and how it ends (as Grasp, or {Grasp: grasp.missed}, or '...')"),
-        ("{handled: [grasp.lost]}", "P705 5:24: cases.it.expect.handled[0].cause: no cause is called "
-         "'grasp.lost' (did you mean 'grasp.*'?)"),
-        ("{handled: [{cause: grasp.missed, by: Recovery}]}", "P703 5:50: cases.it.expect.handled[0].by: "
-         "no node of the mission fits 'Recovery' (did you mean 'Recover'?)"),
-        ("{handled: [{cause: grasp.missed, handler: grasp.missed}]}",
-         "P718 5:55: cases.it.expect.handled[0].handler: the mission has no handler 'grasp.missed' "
-         "(did you mean 'grasp.*'?)"),
-        ("{blackboard: {itms: []}}", "P715 5:27: cases.it.expect.blackboard.itms: Main has no key 'itms' "
-         "(did you mean 'items'?)"),
-        ("{blackboard: {Sort/item: a}}", "P715 5:27: cases.it.expect.blackboard.Sort/item: no sub-tree of "
-         "the mission fits 'Sort' (did you mean 'SortOne'?)"),
+         "P714 5:38: cause: a mission that ends in SUCCESS has no cause"),
+        ("{cause: grasp.gone}",
+         "P705 5:21: cause: no cause is called 'grasp.gone' (did you mean 'grasp.double'?)"),
+        ("{status: RUNNING}", "P714 5:22: status: RUNNING needs 'ticks': after how many it must still run"),
+        ("{status: IDLE}",
+         "P714 5:22: status: a mission is IDLE only when it was halted (say so with 'halt_after')"),
+        ("{order: [Pick, Puts]}",
+         "P703 5:28: order[1]: no node of the mission fits 'Puts' (did you mean 'Put'?)"),
+        ("{order: [Recover]}", "P704 5:22: order[0]: 'Recover' is a node of the language (Recover), which "
+         "answers for itself (known: Look, Pick, Put, Go, Ready, Weigh)"),
+        ("{order: [{Pick: missed}]}", "P714 5:29: order[0].Pick: 'missed' is neither an outcome nor a cause "
+         "(did you mean 'grasp.missed'?)"),
+        ("{order: [{Pick: place.full}]}", "P706 5:29: order[0].Pick: Pick does not fail with place.full (it "
+         "declares grasp.missed, grasp.slipped, safety.*)"),
+        ("{order: [[Pick]]}", "P714 5:22: order[0]: an entry of 'order' is a leaf, or a leaf and how it "
+         "ends (as Grasp, or {Grasp: grasp.missed}, or '...')"),
+        ("{handled: [grasp.lost]}",
+         "P705 5:24: handled[0].cause: no cause is called 'grasp.lost' (did you mean 'grasp.*'?)"),
+        ("{handled: [{cause: grasp.missed, by: Recovery}]}",
+         "P703 5:50: handled[0].by: no node of the mission fits 'Recovery' (did you mean 'Recover'?)"),
+        ("{handled: [{cause: grasp.missed, handler: grasp.missed}]}", "P718 5:55: handled[0].handler: the "
+         "mission has no handler 'grasp.missed' (did you mean 'grasp.*'?)"),
+        ("{blackboard: {itms: []}}",
+         "P715 5:27: blackboard.itms: Main has no key 'itms' (did you mean 'items'?)"),
+        ("{blackboard: {Sort/item: a}}", "P715 5:27: blackboard.Sort/item: no sub-tree of the mission fits "
+         "'Sort' (did you mean 'SortOne'?)"),
     ],
 )  # fmt: skip
 def test_expectations(expect: str, fault: str) -> None:
@@ -201,7 +191,7 @@ def test_expectations(expect: str, fault: str) -> None:
 
 def test_a_halted_mission_may_not_take_less_ticks_than_it_is_given() -> None:
     assert faults(f"halt_after: 9\nexpect: {{ticks: 3}}\nleaves: {{{WEIGHED}}}") == [
-        "P714 6:21: cases.it.expect.ticks: the mission is halted after 9 ticks, which is more"
+        "P714 6:21: ticks: the mission is halted after 9 ticks, which is more"
     ]
 
 

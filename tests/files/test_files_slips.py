@@ -45,10 +45,9 @@ LEAVE_OUT = "leave it out, or put a text with it in quotes"
          'P127 1:28 curly quotes are letters in YAML (write "{items}")'),
         (" Main:\n  Log:\n   message: „fertig“",
          'P127 3:13 curly quotes are letters in YAML (write "fertig")'),
-        (" Main:\n  “GoTo”: {pose: home}",
-         'P127 2:3 curly quotes are letters in YAML (write "GoTo")'),
+        (" Main:\n  “GoTo”: {pose: home}", 'P127 2:3 curly quotes are letters in YAML (write "GoTo")'),
         (' Main: {Log: {message: "all, done”}}',
-         "P127 1:24 one of the two quotes is a curly one (write \"all, done\")"),
+         'P127 1:24 one of the two quotes is a curly one (write "all, done")'),
         # Other blanks.
         (f" Main: {{GoTo: {{pose: home{THIN}}}}}",
          f"P127 1:26 {no_blank('thin space U+2009')} ({BLANK})"),
@@ -66,8 +65,7 @@ LEAVE_OUT = "leave it out, or put a text with it in quotes"
          "P128 4:10 a blank is missing behind the ':' of 'speed' (write 'speed: 0.5')"),
         (" Main:\n  GoTo:\n   pose:home",
          "P230 3:4 the ports of GoTo are a mapping (a blank is missing behind the ':': write 'pose: home')"),
-        (" Main:\n  Sequence:\n   SafeRetreat\n   Observe",
-         "P208 3:4 'SafeRetreat Observe' is not an ID "
+        (" Main:\n  Sequence:\n   SafeRetreat\n   Observe", "P208 3:4 'SafeRetreat Observe' is not an ID "
          "(each node of a list begins with a '-': write '- SafeRetreat')"),
         (" Main:\n  Sequence:\n   – SafeRetreat",
          "P208 3:4 '– SafeRetreat' is not an ID (the '–' is no '-': write '- SafeRetreat')"),

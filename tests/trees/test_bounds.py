@@ -57,8 +57,8 @@ def test_no_more_nodes_are_read_than_can_be_built() -> None:
          f"P220 3:31: Main/Log: port 'message': {'[' + '1, ' * 18}1,... is not a text "
          "(the sentence for the record)"),
         ("trees: {Main: " + "{Inverter: " * 130 + "AlwaysSuccess" + "}" * 130 + "}",
-         "P236 3:9: trees.Main: with its sub-trees written out the mission has 131 nodes, 131 deep "
-         "(at most 10000 nodes, 120 deep)"),
+         "P236 3:9: trees.Main: with its sub-trees written out the mission has 131 nodes, 131 deep (at "
+         "most 10000 nodes, 120 deep)"),
         ("trees: {Main: {Condition: {if: '" + "(" * 900 + "'}}}",
          "P225 3:73: Main/Condition: port 'if': the expression is nested more than 40 deep"),
         ("trees: {Main: {AlwaysSuccess: {_post: '" + ";" * 5000 + "'}}}",

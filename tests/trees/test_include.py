@@ -89,28 +89,24 @@ def test_a_tree_that_is_given_twice(tmp_path: Path) -> None:
     [
         ("a.yaml", "P242 m.yaml:3:10: include: 'include' is a list of files beside the mission and of the "
          "library (as '[common.yaml, library/recovery]')"),
-        ("[3]", "P242 m.yaml:3:11: include[0]: an included file is named by a text "
-         "(as 'common.yaml' or 'library/recovery')"),
-        ("[b.yaml]", "P243 m.yaml:3:11: include[0]: there is no file 'b.yaml' beside the mission"),
-        ("[common]", "P242 m.yaml:3:11: include[0]: 'common' is no YAML file "
-         "('common.yaml', or 'library/common' for one of the library)"),
-        ("[library/recovry]", "P243 m.yaml:3:11: include[0]: the library has no 'recovry' "
-         "(did you mean 'recovery'?)"),
-        ("[library/../m.yaml]", "P243 m.yaml:3:11: include[0]: the files include each other in a circle: "
-         "m.yaml → m.yaml"),
-        ("[library/a/b]", "P243 m.yaml:3:11: include[0]: the library has no 'library/a/b'"),
-        ("[/etc/passwd]", "P243 m.yaml:3:11: include[0]: '/etc/passwd' is no path below the mission's folder "
-         "(as 'common.yaml' or 'parts/bins.yaml')"),
-        ("['C:\\a.yaml']", "P243 m.yaml:3:11: include[0]: 'C:\\\\a.yaml' is no path below the mission's "
-         "folder (as 'common.yaml' or 'parts/bins.yaml')"),
-        ("[../a.yaml]", "P243 m.yaml:3:11: include[0]: '../a.yaml' lies outside of the mission's folder"),
-        ("[a/../../a.yaml]", "P243 m.yaml:3:11: include[0]: 'a/../../a.yaml' lies outside of the mission's "
-         "folder"),
-        ("[plain.yaml]", "P243 m.yaml:3:11: include[0]: 'plain.yaml' is not meant for inclusion "
-         "(a file with sub-trees only says 'library: true' at the top)"),
-        ("[one.yaml]", "P243 two.yaml:4:11: include[0]: the files include each other in a circle: "
-         "one.yaml → two.yaml → one.yaml"),
-        ("[broken.yaml]", "broken.yaml:4:1: "),
+        ("[3]", "P242 an included file is named by a text (as 'common.yaml' or 'library/recovery')"),
+        ("[b.yaml]", "P243 there is no file 'b.yaml' beside the mission"),
+        ("[common]",
+         "P242 'common' is no YAML file ('common.yaml', or 'library/common' for one of the library)"),
+        ("[library/recovry]", "P243 the library has no 'recovry' (did you mean 'recovery'?)"),
+        ("[library/../m.yaml]", "P243 the files include each other in a circle: m.yaml → m.yaml"),
+        ("[library/a/b]", "P243 the library has no 'library/a/b'"),
+        ("[/etc/passwd]",
+         "P243 '/etc/passwd' is no path below the mission's folder (as 'common.yaml' or 'parts/bins.yaml')"),
+        ("['C:\\a.yaml']", "P243 'C:\\\\a.yaml' is no path below the mission's folder (as 'common.yaml' or "
+         "'parts/bins.yaml')"),
+        ("[../a.yaml]", "P243 '../a.yaml' lies outside of the mission's folder"),
+        ("[a/../../a.yaml]", "P243 'a/../../a.yaml' lies outside of the mission's folder"),
+        ("[plain.yaml]", "P243 'plain.yaml' is not meant for inclusion (a file with sub-trees only says "
+         "'library: true' at the top)"),
+        ("[one.yaml]", "P243 two.yaml:4:11: include[0]: the files include each other in a circle: one.yaml "
+         "→ two.yaml → one.yaml"),
+        ("[broken.yaml]", "P101 broken.yaml:4:1: not valid YAML: a value is missing here"),
     ],
 )  # fmt: skip
 def test_what_may_not_be_included(tmp_path: Path, include: str, fault: str) -> None:
@@ -122,11 +118,7 @@ def test_what_may_not_be_included(tmp_path: Path, include: str, fault: str) -> N
         two="library: true\ninclude: [one.yaml]\ntrees: {Two: AlwaysSuccess}",
         broken="a: [",
     )
-    assert len(found) == 1
-    if "broken" in include:
-        assert found[0].split(" ", 1)[1].startswith("broken.yaml:")
-    else:
-        assert found == [fault]
+    assert [each.replace("m.yaml:3:11: include[0]: ", "", 1) for each in found] == [fault]
 
 
 def test_a_symbolic_link_does_not_lead_out(tmp_path: Path) -> None:

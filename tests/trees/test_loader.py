@@ -33,13 +33,12 @@ def faults(text: str) -> list[str]:
         (f"trees: {{Main: {{Repeat: {{num_cycles: {10**30}, do: AlwaysSuccess}}}}}}",
          "3:37: Main/Repeat: port 'num_cycles': the number is too large (how often; -1 for without end)"),
         ("trees: {Main: {SetBlackboard: {value: [1, .nan], output_key: '{a}'}}}",
-         "3:39: Main/SetBlackboard: port 'value': nan is not a finite number "
-         "(the value, or a reference to another)"),
+         "3:39: Main/SetBlackboard: port 'value': nan is not a finite number (the value, or a reference "
+         "to another)"),
         ("trees: {Main: {Find: {ids: red_1, found: '{x}'}}}",
          "3:28: Main/Find: port 'ids': 'red_1' is not a list, each a text (write [red_1])"),
-        ("trees: {Main: {Take: {object: '{the item}'}}}",
-         "3:31: Main/Take: port 'object': '{the item}' is not a reference "
-         '(a reference is "{key}" or "{key.attribute}")'),
+        ("trees: {Main: {Take: {object: '{the item}'}}}", "3:31: Main/Take: port 'object': '{the item}' is "
+         'not a reference (a reference is "{key}" or "{key.attribute}")'),
         ("trees: {Main: {Find: {ids: [], found: '{a.id}'}}}",
          "3:39: Main/Find: port 'found' is an output: {a.id} cannot be written"),
         ("trees: {Main: {AlwaysSuccess: {_skipIf: 'f(3)'}}}",
@@ -58,8 +57,8 @@ def faults(text: str) -> list[str]:
         ("trees: {Main: {AlwaysSuccess: 3}}",
          "3:31: Main/AlwaysSuccess: the ports of AlwaysSuccess are a mapping (as '{port: value}')"),
         ("trees:\n  Main:\n    Sequence:\n      - Take: {object: a}\n        force: 3",
-         "6:9: Main/Sequence: a node is a mapping with one key, its ID; here are 2: 'Take', 'force' "
-         "(what belongs to 'Take' is indented under it)"),
+         "6:9: Main/Sequence: a node is a mapping with one key, its ID; here are 2: 'Take', 'force' (what "
+         "belongs to 'Take' is indented under it)"),
         ("trees: {Main: {Sequence: [3]}}",
          "3:27: Main/Sequence: here a node must stand (as 'Grasp: {object: \"{item}\"}' or a bare ID)"),
         ("trees: {Main: {AlwaysSuccess: {name: a/b}}}",
@@ -77,7 +76,8 @@ def faults(text: str) -> list[str]:
         ("trees: {Main: {Sub: {n: a}}, Sub: {ports: {n: {type: int}}, AlwaysSuccess: {}}}",
          "3:25: Main/Sub: port 'n': 'a' is not a whole number"),
         ("trees: {Main: A, A: {Sequence: [AlwaysSuccess, B]}, B: {Inverter: A}}",
-         "3:48: trees.A: the sub-trees call each other in a circle: A → B → A (a loop is Repeat or ForEach)"),
+         "3:48: trees.A: the sub-trees call each other in a circle: A → B → A (a loop is Repeat or "
+         "ForEach)"),
         ("tress: {}\ntrees: {Main: AlwaysSuccess}",
          "3:1: tress: a mission has no key 'tress' (did you mean 'trees'?)"),
         ("goal: sortde == 4\ntrees: {Main: AlwaysSuccess}",

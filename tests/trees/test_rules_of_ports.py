@@ -32,54 +32,48 @@ def doc_of(node: str, key: str) -> str:
 @pytest.mark.parametrize(
     ("node", "fault"),
     [
-        ("Parallel: {success_count: 3, do: [AlwaysSuccess, AlwaysFailure]}",
-         "P234 4:36: Main/Parallel: port 'success_count': 3 of 2 children cannot be counted "
-         "(1 to 2, or -1 to -2)"),
-        ("Parallel: {failure_count: 0, do: [AlwaysSuccess, AlwaysFailure]}",
-         "P234 4:36: Main/Parallel: port 'failure_count': 0 of 2 children cannot be counted "
-         "(1 to 2, or -1 to -2)"),
-        ("Parallel: {success_count: -3, do: [AlwaysSuccess, AlwaysFailure]}",
-         "P234 4:36: Main/Parallel: port 'success_count': -3 of 2 children cannot be counted "
-         "(1 to 2, or -1 to -2)"),
-        ("RetryUntilSuccessful: {num_attempts: 0, do: AlwaysFailure}",
-         "P234 4:47: Main/RetryUntilSuccessful: port 'num_attempts': with 0 attempts the child never runs "
-         "(at least 1, or -1)"),
+        ("Parallel: {success_count: 3, do: [AlwaysSuccess, AlwaysFailure]}", "P234 4:36: Parallel: port "
+         "'success_count': 3 of 2 children cannot be counted (1 to 2, or -1 to -2)"),
+        ("Parallel: {failure_count: 0, do: [AlwaysSuccess, AlwaysFailure]}", "P234 4:36: Parallel: port "
+         "'failure_count': 0 of 2 children cannot be counted (1 to 2, or -1 to -2)"),
+        ("Parallel: {success_count: -3, do: [AlwaysSuccess, AlwaysFailure]}", "P234 4:36: Parallel: port "
+         "'success_count': -3 of 2 children cannot be counted (1 to 2, or -1 to -2)"),
+        ("RetryUntilSuccessful: {num_attempts: 0, do: AlwaysFailure}", "P234 4:47: RetryUntilSuccessful: "
+         "port 'num_attempts': with 0 attempts the child never runs (at least 1, or -1)"),
         ("RetryUntilSuccessful: {num_attempts: -2, do: AlwaysFailure}",
-         "P220 4:47: Main/RetryUntilSuccessful: port 'num_attempts': -2 is less than -1 "
+         "P220 4:47: RetryUntilSuccessful: port 'num_attempts': -2 is less than -1 "
          f"({doc_of('RetryUntilSuccessful', 'num_attempts')})"),
         ("Recover: {attempts: 0, do: AlwaysSuccess, otherwise: SafeRetreat}",
-         "P220 4:30: Main/Recover: port 'attempts': 0 is less than 1 (how often `do` may run)"),
+         "P220 4:30: Recover: port 'attempts': 0 is less than 1 (how often `do` may run)"),
         ("ForEach: {in: [a], out: '{x}', most: 0, do: AlwaysSuccess}",
-         "P234 4:47: Main/ForEach: port 'most': of 0 elements the child never runs "
-         "(at least 1, or -1 for all)"),
+         "P234 4:47: ForEach: port 'most': of 0 elements the child never runs (at least 1, or -1 for all)"),
         ("Timeout: {msec: -5 s, do: AlwaysSuccess}",
-         f"P220 4:26: Main/Timeout: port 'msec': -5 s is less than 0 s ({doc_of('Timeout', 'msec')})"),
+         f"P220 4:26: Timeout: port 'msec': -5 s is less than 0 s ({doc_of('Timeout', 'msec')})"),
         ("GoTo: {pose: home, speed: 150 %}",
-         f"P220 4:36: Main/GoTo: port 'speed': 150 % is more than 100 % ({doc_of('GoTo', 'speed')})"),
+         f"P220 4:36: GoTo: port 'speed': 150 % is more than 100 % ({doc_of('GoTo', 'speed')})"),
         ("GoTo: {pose: home, speed: 0}",
-         f"P220 4:36: Main/GoTo: port 'speed': 0 is not more than 0 ({doc_of('GoTo', 'speed')})"),
+         f"P220 4:36: GoTo: port 'speed': 0 is not more than 0 ({doc_of('GoTo', 'speed')})"),
         ("GoTo: {pose: home, speed: 50 mm}",
-         f"P220 4:36: Main/GoTo: port 'speed': '50 mm' is not a number ({doc_of('GoTo', 'speed')})"),
+         f"P220 4:36: GoTo: port 'speed': '50 mm' is not a number ({doc_of('GoTo', 'speed')})"),
         ("GoTo: {pose: home, speed: half %}",
-         "P220 4:36: Main/GoTo: port 'speed': 'half %' is not a number without a unit (as 0.5) "
+         "P220 4:36: GoTo: port 'speed': 'half %' is not a number without a unit (as 0.5) "
          f"({doc_of('GoTo', 'speed')})"),
         ("Observe: {objects: '{= items}'}",
-         "P223 4:29: Main/Observe: port 'objects' is an output: it needs a key to write to (as \"{key}\")"),
-        ("Place: {object: a}",
-         "P234 4:10: Main/Place: one of 'into' and 'at' must be given, and not both"),
+         "P223 4:29: Observe: port 'objects' is an output: it needs a key to write to (as \"{key}\")"),
+        ("Place: {object: a}", "P234 4:10: Place: one of 'into' and 'at' must be given, and not both"),
         ("Place: {object: a, into: red_bin, at: [0.5, 0, 0]}",
-         "P234 4:10: Main/Place: one of 'into' and 'at' must be given, and not both"),
+         "P234 4:10: Place: one of 'into' and 'at' must be given, and not both"),
         ("Place: {object: a, at: [0.5, 0]}",
-         "P234 4:33: Main/Place: port 'at': three numbers x, y, z are wanted, not 2"),
+         "P234 4:33: Place: port 'at': three numbers x, y, z are wanted, not 2"),
         ("Repeat: {do: AlwaysSuccess}",
-         "P234 4:10: Main/Repeat: one of 'num_cycles' and 'while' must be given, or it would never end"),
-        ("Recover: {do: AlwaysSuccess}",
-         "P234 4:10: Main/Recover: without `when`, `otherwise` or `instead` nothing is recovered; use "
-         "RetryUntilSuccessful to retry"),
+         "P234 4:10: Repeat: one of 'num_cycles' and 'while' must be given, or it would never end"),
+        ("Recover: {do: AlwaysSuccess}", "P234 4:10: Recover: without `when`, `otherwise` or `instead` "
+         "nothing is recovered; use RetryUntilSuccessful to retry"),
     ],
 )  # fmt: skip
 def test_values_that_make_no_sense(node: str, fault: str) -> None:
-    assert faults(f"Main: {{{node}}}") == [fault]
+    (found,) = faults(f"Main: {{{node}}}")
+    assert found.replace(": Main/", ": ", 1) == fault
 
 
 @pytest.mark.parametrize(
