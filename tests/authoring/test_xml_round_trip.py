@@ -39,7 +39,7 @@ def test_examples_and_library_survive(path: Path) -> None:
 
 
 @given(missions())
-@settings(max_examples=30)
+@settings(max_examples=20)
 def test_any_mission_survives(text: str) -> None:
     first = parsed(text)
     xml = mission_to_xml(first)

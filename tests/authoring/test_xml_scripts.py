@@ -6,7 +6,7 @@ from dataclasses import fields, is_dataclass
 from typing import Literal, cast
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from picktree.authoring.xml.scripts import (
@@ -209,13 +209,11 @@ everything = st.recursive(names | literals | st.just(LiteralValue(0, None)), our
 
 
 @given(everything)
-@settings(max_examples=100)
 def test_the_text_of_any_expression_parses_to_the_same(part: Part) -> None:
     assert without_places(Expression.parse(expression_text(part)).root) == without_places(part)
 
 
 @given(sayable)
-@settings(max_examples=100)
 def test_a_script_reads_back_as_the_same_expression(part: Part) -> None:
     theirs = script(Expression("", frozenset(), frozenset(), part))
     back = Expression.parse(expression_text(read_expression(theirs)))
@@ -223,7 +221,6 @@ def test_a_script_reads_back_as_the_same_expression(part: Part) -> None:
 
 
 @given(st.text("ab 01.'\"&|!<>=:?;+-*/()@~^xX", max_size=25))
-@settings(max_examples=100)
 def test_no_script_is_too_strange_to_be_refused(text: str) -> None:
     try:
         ours = expression_text(read_expression(text))

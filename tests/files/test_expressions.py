@@ -210,7 +210,7 @@ PIECES = [
 ]  # fmt: skip
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(st.one_of(st.lists(st.sampled_from(PIECES), max_size=40).map("".join), st.text(max_size=60)))
 def test_any_text_has_a_value_or_an_expression_error(text: str) -> None:
     try:

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from picktree.files import FileError, Mark, suggest_name, where
@@ -192,7 +192,6 @@ def test_hints() -> None:
 YAMLISH = st.text(st.sampled_from(list("ab01:-?[]{},#&*!|>'\"%@` \n\t.~<é\x85\u2028")), max_size=60)
 
 
-@settings(max_examples=150)
 @given(st.one_of(YAMLISH, YAMLISH.map(lambda t: f"{HEAD}a: {t}\n"), st.text(max_size=40)))
 def test_any_text_is_read_or_refused(text: str) -> None:
     try:
@@ -205,7 +204,6 @@ def test_any_text_is_read_or_refused(text: str) -> None:
         assert document.data["picktree"] == 1
 
 
-@settings(max_examples=100)
 @given(st.binary(max_size=60))
 def test_any_bytes_are_read_or_refused(tmp_path_factory: pytest.TempPathFactory, raw: bytes) -> None:
     path = tmp_path_factory.mktemp("f") / "f.yaml"

@@ -293,14 +293,6 @@ def test_a_key_of_the_root_is_the_same_in_all_trees() -> None:
     assert again.tick() is NodeStatus.SUCCESS
 
 
-def test_two_trees_share_nothing() -> None:
-    first = start("Main: {SetBlackboard: {value: 1, output_key: '{a}'}}")
-    second = start("Main: {Condition: {if: a == 1}}")
-    first.tick()
-    assert second.tick() is NodeStatus.FAILURE
-    assert str(second.failure.cause) == "tree.missing_input"
-
-
 @pytest.mark.parametrize("text", ["{a}", "{@a}", "{a.colour}", "{@a_1.destination.kind}"])
 def test_a_reference_reads_back_as_written(text: str) -> None:
     assert str(Reference.parse(text)) == text

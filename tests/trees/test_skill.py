@@ -91,12 +91,6 @@ def begin(body: str) -> Run:
     return run_of(parse_mission(f"picktree: 1\nkind: mission\ntrees: {{Main: {body}}}", FILE, registry))
 
 
-def test_each_yield_is_one_tick() -> None:
-    run = begin("{Scripted: {script: RRR S}}")
-    assert letters(run.to_end()) == "RRRS"
-    assert run.trace == ["start Scripted", "run Scripted", "run Scripted", "run Scripted", "end Scripted"]
-
-
 @pytest.mark.parametrize("ticks", [1, 2, 3])
 def test_halting_closes_the_body_at_any_tick(ticks: int) -> None:
     run = begin("{Scripted: {script: RRRR S}}")
@@ -271,18 +265,3 @@ def test_a_declaration_that_cannot_be_is_refused_when_the_class_is_made(
     with pytest.raises(PicktreeError) as caught:
         declared(**body)
     assert str(caught.value) == message
-
-
-def test_the_declaration_holds_what_the_class_says() -> None:
-    take = next(n for n in NODES if n.__name__ == "Take").declaration
-    assert (take.id, take.kind, [str(c) for c in take.causes], take.uses) == (
-        "Take", "action", ["grasp.*"], ("arm",),
-    )  # fmt: skip
-    assert [(p.key, p.direction, str(p.type), p.unit, p.required) for p in take.ports] == [
-        ("object", "in", "object", None, True),
-        ("force", "in", "float", "N", False),
-        ("colour", "in", "string", None, False),
-        ("hand", "in", "string", None, False),
-    ]
-    assert [p.choices for p in Watcher.declaration.ports][3] == ("left", "right")
-    assert str(next(n for n in NODES if n.__name__ == "Find").declaration.outputs[0].type) == "list of object"
