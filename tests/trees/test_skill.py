@@ -210,58 +210,27 @@ def test_start_hooks_hear_of_each_start_before_the_inputs_are_read() -> None:
     assert heard == ["Main", "Main/RetryUntilSuccessful", "Main/RetryUntilSuccessful/Take"]
 
 
-def declared(**body: object) -> None:
-    namespace = {"__doc__": "A node.", "__module__": __name__, **body}
-    type("Odd", (Skill,), namespace)
-
-
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        (
-            {"status": port("x"), "__annotations__": {"status": "In[str]"}},
-            "node Odd: 'status' would hide an attribute that every node has; use another attribute, "
-            "and key='status' if the file must say 'status'",
-        ),
-        ({"a": port("x"), "__annotations__": {"a": "str"}}, "port Odd.a: annotate it as In[...] or Out[...]"),
-        (
-            {"a": port("x"), "__annotations__": {"a": "In[dict[str, int]]"}},
-            "port Odd.a: dict[str, int] cannot be the type of a port",
-        ),
-        (
-            {"a": port("x", default="b"), "__annotations__": {"a": "In[int]"}},
-            "port Odd.a: its default: 'b' is not a whole number",
-        ),
-        (
-            {"a": port("x", default=2.0, most=1), "__annotations__": {"a": "In[float]"}},
-            "port Odd.a: its default: 2 is more than 1",
-        ),
-        (
-            {"a": port("x"), "__annotations__": {"a": "In[Nowhere]"}},
-            "node Odd: the type of a port cannot be read: name 'Nowhere' is not defined",
-        ),
-        (
-            {
-                "a": port("x", key="c"),
-                "b": port("x", key="c"),
-                "__annotations__": {"a": "In[int]", "b": "In[int]"},
-            },
-            "node Odd: the key 'c' is declared twice",
-        ),
-        (
-            {"a": port("x", key="name"), "__annotations__": {"a": "In[int]"}},
-            "port Odd.a: 'name' cannot be a key",
-        ),
-        ({"__doc__": None}, "node Odd: it needs a docstring, which people read in the reference"),
-        (
-            {"node_id": "Two words"},
-            "node 'Two words': an ID is a letter or '_', then letters, digits and '_'",
-        ),
+        ("status: In[str] = port('x')",
+         "node Odd: 'status' would hide an attribute that every node has; use another attribute, "
+         "and key='status' if the file must say 'status'"),
+        ("a: str = port('x')", "port Odd.a: annotate it as In[...] or Out[...]"),
+        ("a: In[dict[str, int]] = port('x')", "port Odd.a: dict[str, int] cannot be the type of a port"),
+        ("a: In[int] = port('x', default='b')", "port Odd.a: its default: 'b' is not a whole number"),
+        ("a: In[float] = port('x', default=2.0, most=1)", "port Odd.a: its default: 2 is more than 1"),
+        ("a: In[Nowhere] = port('x')",
+         "node Odd: the type of a port cannot be read: name 'Nowhere' is not defined"),
+        ("a: In[int] = port('x', key='c')\n    b: In[int] = port('x', key='c')",
+         "node Odd: the key 'c' is declared twice"),
+        ("a: In[int] = port('x', key='name')", "port Odd.a: 'name' cannot be a key"),
+        ("__doc__ = None", "node Odd: it needs a docstring, which people read in the reference"),
+        ("node_id = 'Two words'",
+         "node 'Two words': an ID is a letter or '_', then letters, digits and '_'"),
     ],
-)
-def test_a_declaration_that_cannot_be_is_refused_when_the_class_is_made(
-    body: dict[str, object], message: str
-) -> None:
+)  # fmt: skip
+def test_a_declaration_that_cannot_be_is_refused_when_the_class_is_made(body: str, message: str) -> None:
     with pytest.raises(PicktreeError) as caught:
-        declared(**body)
+        exec(f"class Odd(Skill):\n    'A node.'\n    {body}", dict(globals()))
     assert str(caught.value) == message
