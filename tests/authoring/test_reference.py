@@ -80,17 +80,6 @@ def test_page_in_the_docs_is_up_to_date() -> None:
     assert (ROOT / "docs/nodes.md").read_text(encoding="utf-8") == made, "renew it: make docs"
 
 
-def test_links_of_the_page_lead_to_headings() -> None:
-    def anchors(name: str) -> list[str]:
-        text = (ROOT / "docs" / name).read_text(encoding="utf-8")
-        return [h.lower().replace(" ", "-") for h in re.findall(r"^#+ (.+)$", text, re.MULTILINE)]
-
-    text = (ROOT / "docs/nodes.md").read_text(encoding="utf-8")
-    links = re.findall(r"\]\(([a-z-]*\.?m?d?)#([a-z_-]+)\)", text)
-    assert len(links) > 80
-    missing = [(file, anchor) for file, anchor in links if anchor not in anchors(file or "nodes.md")]
-    assert missing == []
-    assert len(set(anchors("nodes.md"))) == len(anchors("nodes.md"))
 
 
 def test_every_word_of_a_declaration_is_there() -> None:

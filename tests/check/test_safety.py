@@ -139,38 +139,37 @@ def test_a_file_that_may_not_be_read(tmp_path: Path) -> None:
     assert said_of(tmp_path / "mine.yaml") == "P124 the file cannot be read: permission denied"
 
 
+@pytest.fixture
+def here(tmp_path: Path) -> Path:
+    """A folder with pipes, and files that are too large or no meshes."""
+    for name in ("pipe.yaml", "pipe.stl", "pipe.urdf"):
+        os.mkfifo(tmp_path / name)
+    (tmp_path / "large.obj").write_bytes(b"#" * 1_000_001)
+    (tmp_path / "large.urdf").write_bytes(b" " * 5_000_001)
+    (tmp_path / "noise.stl").write_bytes(bytes(range(256)) * 4)
+    return tmp_path
+
+
+def nut(mesh: str) -> str:
+    return f"robot: panda\ncatalogue: {{nut: {{mesh: {mesh}, mass: 1, friction: 1}}}}"
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (HEAD.format("scene") + "robot: /dev/zero/x.yaml\n", "P401 there is no robot file /dev/zero/x.yaml"),
-        (HEAD.format("scene") + "robot: pipe.yaml\n", "P401 there is no robot file {here}/pipe.yaml"),
-        (HEAD.format("scene") + 'robot: "a\\0.yaml"\n', "P401 'a\\x00.yaml' is no name of a robot"),
-        (HEAD.format("scene") + "base: pipe.yaml\n", "P402 there is no scene file {here}/pipe.yaml"),
-        (
-            SCENE + "catalogue: {nut: {mesh: pipe.stl, mass: 1, friction: 1}}\n",
-            "P409 {here}/pipe.stl: this is a pipe, not a file",
-        ),
-        (
-            SCENE + "catalogue: {nut: {mesh: /etc/passwd, mass: 1, friction: 1}}\n",
-            "P409 passwd is no mesh file that is read here",
-        ),
-        (
-            SCENE + "catalogue: {nut: {mesh: large.obj, mass: 1, friction: 1}}\n",
-            "P409 {here}/large.obj: the file is larger than 1 MB",
-        ),
-        (
-            SCENE + "catalogue: {nut: {mesh: noise.stl, mass: 1, friction: 1}}\n",
-            "P409 the mesh file is damaged, or of another format than its name says",
-        ),
+        ("robot: /dev/zero/x.yaml", "P401 there is no robot file /dev/zero/x.yaml"),
+        ("robot: pipe.yaml", "P401 there is no robot file {here}/pipe.yaml"),
+        ('robot: "a\\0.yaml"', "P401 'a\\x00.yaml' is no name of a robot"),
+        ("base: pipe.yaml", "P402 there is no scene file {here}/pipe.yaml"),
+        (nut("pipe.stl"), "P409 {here}/pipe.stl: this is a pipe, not a file"),
+        (nut("/etc/passwd"), "P409 passwd is no mesh file that is read here"),
+        (nut("large.obj"), "P409 {here}/large.obj: the file is larger than 1 MB"),
+        (nut("noise.stl"), "P409 the mesh file is damaged, or of another format than its name says"),
     ],
 )
-def test_files_that_a_scene_names(text: str, said: str, tmp_path: Path) -> None:
-    for name in ("pipe.yaml", "pipe.stl"):
-        os.mkfifo(tmp_path / name)
-    (tmp_path / "large.obj").write_bytes(b"#" * 1_000_001)
-    (tmp_path / "noise.stl").write_bytes(bytes(range(256)) * 4)
-    (tmp_path / "scene.yaml").write_text(text)
-    assert said_of(tmp_path / "scene.yaml") == said.format(here=tmp_path)
+def test_files_that_a_scene_names(text: str, said: str, here: Path) -> None:
+    (here / "scene.yaml").write_text(HEAD.format("scene") + text + "\n")
+    assert said_of(here / "scene.yaml") == said.format(here=here)
 
 
 @pytest.mark.parametrize(
@@ -191,14 +190,12 @@ def test_files_that_a_scene_names(text: str, said: str, tmp_path: Path) -> None:
         ("page.urdf", "P502 {here}/page.urdf: the outermost element is <html>, not <robot>"),
     ],
 )
-def test_urdfs(urdf: str, said: str, tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe.urdf")
-    (tmp_path / "large.urdf").write_bytes(b" " * 5_000_001)
-    (tmp_path / "page.urdf").write_text("<html/>")
-    (tmp_path / "deep.urdf").write_text("<robot>" * 300_000 + "</robot>" * 300_000)
-    (tmp_path / "bomb.urdf").write_text(
+def test_urdfs(urdf: str, said: str, here: Path) -> None:
+    (here / "page.urdf").write_text("<html/>")
+    (here / "deep.urdf").write_text("<robot>" * 300_000 + "</robot>" * 300_000)
+    (here / "bomb.urdf").write_text(
         '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]><robot>&b;</robot>'
     )
-    (tmp_path / "robot.yaml").write_text(HEAD.format("robot") + f"urdf: {urdf}\n")
-    found = [f for f in check_files([tmp_path / "robot.yaml"], CHECKS).faults if f.code.startswith("P5")]
-    assert [f"{f.code} {f.message}" for f in found] == [said.format(here=tmp_path)]
+    (here / "robot.yaml").write_text(HEAD.format("robot") + f"urdf: {urdf}\n")
+    found = [f for f in check_files([here / "robot.yaml"], CHECKS).faults if f.code.startswith("P5")]
+    assert [f"{f.code} {f.message}" for f in found] == [said.format(here=here)]

@@ -9,8 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from picktree.trees.loading import parse_mission
-
 from ..pages import Block, Reader, blocks, typed
 from ..rooms import ROOT
 
@@ -56,10 +54,6 @@ def test_it_names_every_verb_of_the_makefile_and_every_shipped_example() -> None
     assert set(verbs) - shown - {"dev", "page", "atlas"} == set()
     missing = [file.name for file in (ROOT / "examples").glob("*.yaml") if f"`{file.name}`" not in TEXT]
     assert missing == []
-
-
-def test_its_mission_loads() -> None:
-    assert parse_mission(MISSION.text, Path("first.yaml")).name == "first mission"
 
 
 @pytest.mark.slow
