@@ -37,7 +37,6 @@ _ATTRIBUTE = re.compile(r"""([^\s=<>/]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 _WORDS = ("root", "BehaviorTree", "SubTree", "include", "TreeNodesModel")
 _KINDS = ("Action", "Condition", "Control", "Decorator")
 _WAYS = ("input_port", "output_port", "inout_port")
-_STRUCTURE = ("MetadataFields", "Metadata", "description", *_WAYS)
 
 
 @dataclass

@@ -105,19 +105,6 @@ def test_every_way_leads_over_a_writer(writer: str) -> None:
     assert lint(main(writer, READ), "P301", "P302") == []
 
 
-def test_what_runs_once_has_run_in_every_later_round() -> None:
-    text = """
-    trees:
-      Main:
-        Repeat:
-          num_cycles: 5
-          do:
-            - RunOnce: {SetBlackboard: {value: 1, output_key: "{x}"}}
-            - Log: {message: a, value: "{x}"}
-    """
-    assert lint(text) == []
-
-
 def test_beside_the_writer_in_a_parallel() -> None:
     text = "trees:\n  Main:\n    Parallel:\n      - %s\n      - Log: {message: a, value: '{x}'}"
     (finding,) = lint(text % "Observe: {objects: '{x}'}", "P302")

@@ -80,8 +80,6 @@ def test_page_in_the_docs_is_up_to_date() -> None:
     assert (ROOT / "docs/nodes.md").read_text(encoding="utf-8") == made, "renew it: make docs"
 
 
-
-
 def test_every_word_of_a_declaration_is_there() -> None:
     for node in NODES:
         assert node.doc.strip(), node.id

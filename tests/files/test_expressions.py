@@ -153,6 +153,7 @@ def test_refused(text: str, message: str | None, offset: int | None) -> None:
         ("flag and x / 0", "division by zero", 11),
         ("-colour", "'-' does not work on a text", 0),
         ("3 in x", "'in' does not work on a number and a number", 2),
+        ("x not in colour", "'not in' does not work on a number and a text", 2),
         ("len(x)", "'len' does not work on a number", 0),
         ("min()", "'min' does not work on nothing", 0),
         ("1 + max(items, x)", "'max' does not work on a list and a number", 4),
