@@ -1,17 +1,24 @@
-"""The missions and sub-trees that come with picktree, rehearsed: every branch of them is reached."""
+"""The missions and sub-trees that come with picktree, rehearsed, and the page on rehearsals."""
 
 from __future__ import annotations
 
+import re
+import shutil
 from pathlib import Path
 
 import pytest
 
 from picktree.authoring.rehearsal import Rehearsal, rehearse, rehearse_files
+from picktree.authoring.rehearsal.cases import Expectation, LeafAnswer
+from picktree.authoring.rehearsal.rehearsal import to_text
+from picktree.files.yaml import file_models
 from picktree.trees.loading import load_mission
 
 from ..trees.rehearsing import case_file
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
+PAGE = (ROOT / "docs" / "rehearsal.md").read_text(encoding="utf-8")
 MISSIONS = [f for f in sorted(EXAMPLES.glob("*.yaml")) if "\nkind: mission\n" in f.read_text("utf-8")]
 
 
@@ -82,3 +89,29 @@ def test_cures_of_the_library(tmp_path: Path) -> None:
     assert {case.name: case.differences for case in rehearsal.failed} == {}
     assert rehearsal.cases[0].ticks == 9
     assert missed(rehearsal) == []
+
+
+def block(language: str) -> str:
+    found = re.search(rf"^```{language}\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
+    assert found is not None
+    return found[1]
+
+
+def test_the_case_of_the_page_passes_and_prints_what_it_shows(tmp_path: Path) -> None:
+    shutil.copy(EXAMPLES / "sort_by_colour.yaml", tmp_path)
+    (tmp_path / "cases.yaml").write_text(block("yaml"), encoding="utf-8")
+    rehearsal = rehearse_files(tmp_path / "sort_by_colour.yaml", tmp_path / "cases.yaml")
+    assert rehearsal.passed
+    assert to_text(rehearsal).startswith(block("text") + "\ncoverage ")
+
+
+def test_the_python_of_the_page_runs() -> None:
+    names: dict[str, object] = {"Path": lambda name: EXAMPLES / name}
+    exec(block("python"), names)
+    assert "rehearsal" in names
+
+
+def test_the_page_names_all_that_may_be_expected_and_answered() -> None:
+    expected = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \| ", PAGE, re.MULTILINE)
+    assert set(re.findall(r"\w+", " ".join(expected))) == set(file_models.keys_of(Expectation))
+    assert [name for name in file_models.keys_of(LeafAnswer) if f"`{name}`" not in PAGE] == []

@@ -17,13 +17,14 @@ from picktree.world import (
     Pose,
     RandomStreams,
     all_causes,
+    facts,
     grasp,
     internal,
     matches,
     register_cause,
 )
 from picktree.world.scene import Bin, Fixture
-from picktree.world.world_facts import AttemptMemory
+from picktree.world.world_facts import FACTS, AttemptMemory
 
 TABLE = Fixture(ObjectId("table"), Box((1.0, 1.0, 0.04)), Pose((0.5, 0.0, -0.02)))
 BIN = Bin(ObjectId("red_bin"), (0.2, 0.2, 0.1), 0.005, Pose((0.5, 0.4, 0.0)))
@@ -234,3 +235,10 @@ def test_small_thoughts_add_up_to_whole_ticks() -> None:
     assert ticks * 0.05 + account.owed == pytest.approx(0.2)
     assert account.owed < 0.05
     assert account.total == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("looked", [True, False])
+def test_names_and_types_are_as_declared(looked: bool) -> None:
+    found = facts(PlanningScene((), ()), looked=looked, stopped=False, exhausted=True, done=3, now=1.5)
+    assert {name: type(value) for name, value in found.items()} == FACTS
+    assert found["items_left"] is not looked
