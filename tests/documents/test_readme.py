@@ -17,7 +17,7 @@ TEXT = PAGE.read_text(encoding="utf-8")
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 SHELL = blocks(PAGE, "sh")
 (MISSION,) = blocks(PAGE, "yaml")
-FEWER = {"0:20": "0:5", "items=40": "items=4"}
+FEWER = {"0:20": "0:8", "items=40": "items=4"}
 """Of what the README runs for the sake of numbers, less is run."""
 ONE_WORKER = ("batch", "run")
 """Command that would have a worker for each core of the machine."""
