@@ -19,12 +19,10 @@ def loops(node: str, rest: str = "") -> list[str]:
 @pytest.mark.parametrize(
     ("node", "finding"),
     [
-        ("KeepRunningUntilFailure: {Log: {message: a}}",
-         "P321 4:9 KeepRunningUntilFailure: it never ends: Log cannot fail "
-         "(a Repeat with 'num_cycles' or 'while')"),
-        ("KeepRunningUntilFailure: {ForceSuccess: OpenGripper}",
-         "P321 4:9 KeepRunningUntilFailure: it never ends: ForceSuccess cannot fail "
-         "(a Repeat with 'num_cycles' or 'while')"),
+        ("KeepRunningUntilFailure: {Log: {message: a}}", "P321 4:9 KeepRunningUntilFailure: it never ends: "
+         "Log cannot fail (a Repeat with 'num_cycles' or 'while')"),
+        ("KeepRunningUntilFailure: {ForceSuccess: OpenGripper}", "P321 4:9 KeepRunningUntilFailure: it "
+         "never ends: ForceSuccess cannot fail (a Repeat with 'num_cycles' or 'while')"),
         (f"Repeat: {{num_cycles: -1, do: {LOOK}}}",
          "P321 4:30 Repeat: it never ends: num_cycles is -1 and there is no 'while', and Observe cannot fail "
          f"{BOUND}"),
@@ -34,11 +32,11 @@ def loops(node: str, rest: str = "") -> list[str]:
         (f"Repeat: {{while: 'true', do: {LOOK}}}",
          f"P321 4:25 Repeat: it never ends: 'while' always holds, and Observe cannot fail {BOUND}"),
         ("RetryUntilSuccessful: {num_attempts: -1, do: {GoTo: {pose: home}}}",
-         "P321 4:46 RetryUntilSuccessful: num_attempts is -1: it ends only when its child succeeds "
-         "(a number of attempts, or a Timeout)"),
+         "P321 4:46 RetryUntilSuccessful: num_attempts is -1: it ends only when its child succeeds (a "
+         "number of attempts, or a Timeout)"),
         ("RetryUntilSuccessful: {num_attempts: -1, do: {ForceFailure: {GoTo: {pose: home}}}}",
-         "P321 4:46 RetryUntilSuccessful: it never ends: num_attempts is -1, and ForceFailure never succeeds "
-         "(a number of attempts, or a Timeout)"),
+         "P321 4:46 RetryUntilSuccessful: it never ends: num_attempts is -1, and ForceFailure never "
+         "succeeds (a number of attempts, or a Timeout)"),
         ("Parallel: [{Delay: {delay_msec: 1 s, do: AlwaysSuccess}}, "
          "{Repeat: {num_cycles: -1, do: {Log: {message: a}}}}]",
          "P321 4:89 Parallel/Repeat: it never ends: num_cycles is -1 and there is no 'while', and Log cannot "

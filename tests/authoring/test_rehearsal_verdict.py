@@ -58,11 +58,9 @@ def test_it_holds(expect: str) -> None:
         ("{blackboard: {One/count: true}}", "expect.blackboard.One/count: it is 1, not true"),
         ("{blackboard: {never_written: 1}}",
          "expect.blackboard.never_written: nothing has written 'never_written'"),
-        ("{handled: [grasp.missed]}",
-         "expect.handled[0]: grasp.missed is not taken up: nobody takes it up"),
-        ("{handled: [{cause: planning.*, by: ForEach}]}",
-         "expect.handled[0]: planning.* is not taken up by ForEach: Main/Sequence/Fallback "
-         "takes it up (tick 1)"),
+        ("{handled: [grasp.missed]}", "expect.handled[0]: grasp.missed is not taken up: nobody takes it up"),
+        ("{handled: [{cause: planning.*, by: ForEach}]}", "expect.handled[0]: planning.* is not taken up by "
+         "ForEach: Main/Sequence/Fallback takes it up (tick 1)"),
         ("{handled: [{cause: planning.*, by: Fallback, times: 2}]}",
          "expect.handled[0]: planning.* is taken up by Fallback once, not 2 times (tick 1)"),
     ],

@@ -112,21 +112,18 @@ def test_a_saved_tree_goes_on_with_the_value_of_the_start() -> None:
 @pytest.mark.parametrize(
     ("node", "message"),
     [
-        ('Take: {object: "{= items[2]}"}',
-         "input 'object' of Take: the expression 'items[2]': a list of 2 has no element [2]; [0] is the "
-         "first, [1] the last"),
+        ('Take: {object: "{= items[2]}"}', "input 'object' of Take: the expression 'items[2]': a list of 2 "
+         "has no element [2]; [0] is the first, [1] the last"),
         ('Take: {object: x, force: "{= 1 / (len(items) - 2)}"}',
          "input 'force' of Take: the expression '1 / (len(items) - 2)': division by zero"),
         ('Take: {object: "{= items[0] if items == [] else null}"}',
          "input 'object' of Take: {= items[0] if items == [] else null} is empty"),
         ("Take: {object: x, hand: \"{= items[0]}\"}",
          "input 'hand' of Take: {= items[0]}: 'red_cube_1' is none of the choices; known: left, right"),
-        ('Sub: {n: "{= items[3]}"}',
-         "input 'n' of Sub: the expression 'items[3]': a list of 2 has no element [3]; [0] is the first, [1] "
-         "the last"),
-        ("Take: {object: x, force: \"{= items[0].mass * 100}\"}",
-         "input 'force' of Take: the expression 'items[0].mass * 100': '*' does not work on null and a "
-         "number"),
+        ('Sub: {n: "{= items[3]}"}', "input 'n' of Sub: the expression 'items[3]': a list of 2 has no "
+         "element [3]; [0] is the first, [1] the last"),
+        ("Take: {object: x, force: \"{= items[0].mass * 100}\"}", "input 'force' of Take: the expression "
+         "'items[0].mass * 100': '*' does not work on null and a number"),
     ],
 )  # fmt: skip
 def test_a_value_that_does_not_exist_or_fit_fails_the_node(node: str, message: str) -> None:

@@ -213,9 +213,8 @@ def test_start_hooks_hear_of_each_start_before_the_inputs_are_read() -> None:
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        ("status: In[str] = port('x')",
-         "node Odd: 'status' would hide an attribute that every node has; use another attribute, "
-         "and key='status' if the file must say 'status'"),
+        ("status: In[str] = port('x')", "node Odd: 'status' would hide an attribute that every node has; "
+         "use another attribute, and key='status' if the file must say 'status'"),
         ("a: str = port('x')", "port Odd.a: annotate it as In[...] or Out[...]"),
         ("a: In[dict[str, int]] = port('x')", "port Odd.a: dict[str, int] cannot be the type of a port"),
         ("a: In[int] = port('x', default='b')", "port Odd.a: its default: 'b' is not a whole number"),
@@ -226,8 +225,7 @@ def test_start_hooks_hear_of_each_start_before_the_inputs_are_read() -> None:
          "node Odd: the key 'c' is declared twice"),
         ("a: In[int] = port('x', key='name')", "port Odd.a: 'name' cannot be a key"),
         ("__doc__ = None", "node Odd: it needs a docstring, which people read in the reference"),
-        ("node_id = 'Two words'",
-         "node 'Two words': an ID is a letter or '_', then letters, digits and '_'"),
+        ("node_id = 'Two words'", "node 'Two words': an ID is a letter or '_', then letters, digits and '_'"),
     ],
 )  # fmt: skip
 def test_a_declaration_that_cannot_be_is_refused_when_the_class_is_made(body: str, message: str) -> None:
