@@ -37,6 +37,7 @@ def run(control: str, *scripts: str) -> tuple[str, str]:
         ("AsyncSequence", ("S", "S", "S"), "RRS", "A:S B:S C:S"),
         ("AsyncSequence", ("RS", "S"), "RS", "A:R A:S B:S"),
         ("AsyncSequence", ("K", "S", "F"), "RF", "A:K B:S C:F"),
+        ("AsyncSequence", ("K", "K"), "K", "A:K B:K"),
         ("AsyncFallback", ("F", "F", "S"), "RRS", "A:F B:F C:S"),
         ("AsyncFallback", ("RF", "S"), "RS", "A:R A:F B:S"),
         # The last child cleans up after a failure.
