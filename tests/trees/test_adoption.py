@@ -11,8 +11,7 @@ from picktree.trees import NODES, NodeStatus
 from picktree.trees.runner import StateTransfer
 from picktree.world import JournalEvent, Plain
 
-from .scripted import FakeWorld, Run, letters, start
-from .test_state import MISSIONS
+from .scripted import Run, letters, start
 
 
 def leaf(name: str, script: str = "S") -> str:
@@ -212,24 +211,6 @@ def test_a_skipped_child_that_is_gone_is_not_counted() -> None:
     skipped = "{AlwaysSuccess: {_skipIf: 'true'}}"
     run, _ = edited(sequence(skipped, rounds()), sequence(rounds()))
     assert letters(run.to_end())[-1] == "S"
-
-
-@pytest.mark.parametrize("name", MISSIONS)
-def test_any_mission_takes_over_from_any_other_without_a_fault_of_the_program(name: str) -> None:
-    ticks = len(start(MISSIONS[name], FakeWorld()).to_end())
-    for tick in range(1, ticks):
-        live = start(MISSIONS[name], FakeWorld())
-        for _ in range(tick):
-            live.tick()
-        if not live.tree.quiescent:
-            continue
-        for other in MISSIONS.values():
-            run = start(other, FakeWorld())
-            run.world.clock.now = live.world.clock.now
-            run.tree.adopt(live.tree.save())
-            run.to_end()
-            assert run.tree.status is not NodeStatus.RUNNING
-            assert not run.notes("internal_error")
 
 
 WITHOUT_A_PLACE = {

@@ -18,7 +18,7 @@ from ..authoring.wild_missions import wild_mission
 from .scripted import Run, run_of
 
 Data: TypeAlias = dict[str, Any]
-EDITS = 10
+EDITS = 15
 """Missions that are edited while they run, and go on."""
 TICKS = 60
 """After an edit; a loop may have no end."""
