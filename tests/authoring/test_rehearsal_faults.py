@@ -55,6 +55,9 @@ def faults(case: str) -> list[str]:
         ("Pick: SUCESS",
          "P710 6:13: Pick: 'SUCESS' is neither a status nor a cause (did you mean 'SUCCESS'?)"),
         ("Pick: []", "P710 6:13: Pick: the list of answers is empty"),
+        ("Pick: {else: SUCCESS}", "P105 6:7: Pick: 'answers' is missing"),
+        ("Pick: {answers: [SUCCESS], than: SUCCESS}",
+         "P104 6:34: Pick.than: unknown key 'than' (known: answers, else)"),
         ("Pick: {answers: SUCCESS}", "P710 6:14: Pick.answers: 'answers' is a list of answers"),
         ("Pick: {cause: grasp.missed, status: SUCCESS}",
          "P710 6:43: Pick.status: an answer with a cause is a FAILURE, not SUCCESS"),
@@ -173,6 +176,7 @@ def test_the_world_of_a_case(line: str, fault: str) -> None:
          "declares grasp.missed, grasp.slipped, safety.*)"),
         ("{order: [[Pick]]}", "P714 5:22: order[0]: an entry of 'order' is a leaf, or a leaf and how it "
          "ends (as Grasp, or {Grasp: grasp.missed}, or '...')"),
+        ("{handled: [{by: Recover}]}", "P105 5:24: handled[0]: 'cause' is missing"),
         ("{handled: [grasp.lost]}",
          "P705 5:24: handled[0].cause: no cause is called 'grasp.lost' (did you mean 'grasp.*'?)"),
         ("{handled: [{cause: grasp.missed, by: Recovery}]}",

@@ -37,6 +37,9 @@ def refused(xml: str, path: Path = HERE) -> list[str]:
 # What becomes what.
 
 BECOMES = {
+    "one assignment of a constant": (
+        '<Script code="n := -3" _sets="true"/>', '  Main: {SetBlackboard: {value: -3, output_key: "{n}"}}\n'
+    ),
     "the explicit form": (
         '<Control ID="Sequence"><Action ID="Take" object="red_1"/></Control>',
         "  Main: {Sequence: [{Take: {object: red_1}}]}\n",

@@ -13,4 +13,4 @@ FAULTY = Path(__file__).parent / "faulty"
 
 @cache
 def faulty_report() -> CheckReport:
-    return check_files(sorted(FAULTY.glob("*.yaml")), CHECKS)
+    return check_files([FAULTY, FAULTY / "form_empty.yaml"], CHECKS)  # which a folder leaves out

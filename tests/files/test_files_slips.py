@@ -69,7 +69,12 @@ LEAVE_OUT = "leave it out, or put a text with it in quotes"
          "(each node of a list begins with a '-': write '- SafeRetreat')"),
         (" Main:\n  Sequence:\n   – SafeRetreat",
          "P208 3:4 '– SafeRetreat' is not an ID (the '–' is no '-': write '- SafeRetreat')"),
+        (" Main:\n  Sequence:\n   - SafeRetreat\n   GoTo: {pose: home}",
+         "P128 4:4 a '-' is missing before this entry of the list above (write '- GoTo:')"),
         # Numbers and references.
+        (" Main: {Log: {message: '{a} of {b}'}}",
+         "P221 1:24 port 'message': {a} is a part of the text '{a} of {b}', and stays as it is there "
+         '(a reference is the whole value: write "{a}")'),
         (" Main: {Sleep: {msec: 1_000}}",
          "P220 1:23 port 'msec': '1_000': unknown unit '_000' (s, ms, us, min, h) (write 1000)"),
         (" Main: {Sleep: {msec: '٣'}}", "P220 1:23 port 'msec': '٣' is not a time (as 500 ms) (write 3)"),

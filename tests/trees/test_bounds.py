@@ -88,7 +88,7 @@ def test_a_long_circle_is_shown_in_part() -> None:
         "trees: {Main: {T0: {p: x, q: '{r}'}}, "
         + ", ".join(
             f"T{n}: {{ports: {{p: any, q: {{direction: out}}}}, T{n + 1}: {{p: '{{p}}', q: '{{q}}'}}}}"
-            for n in range(500)
+            for n in range(1000)
         )
         + "}",
     ],

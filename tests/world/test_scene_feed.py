@@ -75,7 +75,10 @@ def test_when_a_load_comes(written: str, read: object) -> None:
 
 
 REPLACED = {  # by the text that is replaced and the one in its place
-    "speed: 80 mm/s": {"speed: 1 m/s": "6:72: fixtures.belt.speed: 1 m/s is more than 0.5 m/s"},
+    "speed: 80 mm/s": {
+        "speed: 80 mm": "6:72: fixtures.belt.speed: '80 mm' is a length, not a speed (as 100 mm/s)",
+        "speed: 1 m/s": "6:72: fixtures.belt.speed: 1 m/s is more than 0.5 m/s",
+    },
     ", speed: 80 mm/s": {
         "": "6:3: fixtures.belt: 'speed' is missing (how fast the belt runs, as 80 mm/s)",
     },

@@ -81,6 +81,7 @@ REPLACED = {  # by the text that is replaced and the one in its place; more faul
             "'max' must be greater than 'min' along x, y and z"
         ),
         "limits: 3": "18:9: limits: a mapping is wanted, not 3",
+        "feed: 3": "18:7: feed: a list is wanted, not 3",
         "goal: sort >= total": "18:7: goal: unknown name 'sort' (did you mean 'sorted'?)",
         "thinking: {image: -60 ms}": "18:19: thinking.image: -60 ms is negative (a time is 0 or more here)",
         "sensors: {encoder: .nan}": "18:20: sensors.encoder: nan is not a finite number",
@@ -126,6 +127,9 @@ REPLACED = {  # by the text that is replaced and the one in its place; more faul
         "{tote: [0.25, 0.20, 0.10], wall: 15 cm,": (
             "6:43: fixtures.bin_a.wall: walls of 15 cm leave no room inside ('tote' is the outside)"
         ),
+    },
+    "  table: {box: [1.2, 1.6, 0.04], at: [0.5, 0, -0.02]}": {
+        "  table: 3": "5:10: fixtures.table: a mapping is wanted, not 3",
     },
     "at: [0.5, 0, -0.02]}": {
         "at: [0.5, 0, -0.02], wall: 1}": "5:55: fixtures.table.wall: only a bin or tote has walls",
@@ -257,6 +261,7 @@ OPEN = (
     ("size", "faces", "message"),
     [
         ((0.03, 0.02, 0.01), 10, OPEN),
+        ((0.03, 0.02, 0.0), 12, "the mesh is flat: it encloses no volume"),
         ((30, 20, 10), 12, "the mesh is 30 m large (is it in millimetres? then 'scale: 0.001')"),
     ],
 )
