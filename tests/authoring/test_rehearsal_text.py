@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from picktree.authoring.rehearsal import to_json
 from picktree.authoring.rehearsal.rehearsal import show, to_text
 from picktree.files import short_names
 
@@ -63,6 +64,13 @@ def test_outputs_stand_with_their_leaf_and_other_writes_alone() -> None:
         "  2–4  Go             HALTED\n"
         "    4  Timeout        FAILURE tree.timeout: Go still ran after 0.1 s\n"
     )
+
+
+def test_programs_are_told_the_same_events() -> None:
+    rehearsal = play("Main: {Log: {message: hello}}", "cases: {it: {expect: {status: SUCCESS}}}")
+    assert to_json(rehearsal)["cases"][0]["events"] == [
+        {"tick": 1, "kind": "noted", "node": "Main/Log", "about": "log", "message": "hello"}
+    ]
 
 
 def test_names_are_as_short_as_they_can_be() -> None:
