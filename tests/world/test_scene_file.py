@@ -75,6 +75,7 @@ REPLACED = {  # by the text that is replaced and the one in its place; more faul
         "robot: [panda]": "3:8: robot: a text is wanted, not a list",
     },
     "robot: panda\n": {"": "1:1: 'robot' is missing"},
+    "limits:": {"limit:": "18:1: limit: unknown key 'limit' (did you mean 'limits'?)"},
     "limits: {force: 50 N}": {
         "limits: {workspace: {min: [0, 0, 2]}}": (
             "18:21: limits.workspace: the workspace is empty: "
