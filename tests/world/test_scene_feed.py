@@ -101,6 +101,7 @@ REPLACED = {  # by the text that is replaced and the one in its place
     "yaw: 90 deg": {"rpy: [0, 9 deg, 0]": "6:52: fixtures.belt.rpy: a belt lies level: give its 'yaw'"},
     "wall: 5 mm": {"wall: 5 mm, eye: 0": "7:48: fixtures.bin_a.eye: only a belt has 'eye'"},
     "{box: [1.2, 1.6, 0.04], ": {
+        "{box: 3, ": "5:16: fixtures.table.box: a list is wanted, not 3",
         "{": "5:3: fixtures.table: 'box', 'bin', 'tote', 'belt' or 'marker' is missing",
     },
     "exchange:": {
@@ -164,6 +165,7 @@ REPLACED = {  # by the text that is replaced and the one in its place
         ),
     },
     "[1.0, 0.2, 0.05]": {
+        "[1.0, 0.2]": "6:16: fixtures.belt.belt: 3 values are wanted, not 2",
         "[1.0, 0.05, 0.05]": ("13:11: feed[1].of.block: a block is 57 mm across, and the belt is 50 mm wide"),
     },
     "{takes: 6 s}": {"{takes: 0 s}": "14:19: exchange.takes: 0 s is not positive"},
