@@ -148,6 +148,7 @@ REPLACED = {  # by the text that is replaced and the one in its place
         ),
     },
     "belt: belt": {
+        "belt: [1]": "13:58: feed[1].belt: a text is wanted, not a list",
         "belt: bolt": "13:58: feed[1].belt: there is no belt 'bolt' (did you mean 'belt'?)",
         "belt: belt, area: {min: [0, 0], max: [1, 1]}": (
             "13:5: feed[1]: 'area' and 'belt' exclude each other (give one of them)"
