@@ -124,7 +124,8 @@ def test_says_first_what_it_takes_and_does_it_once(checkout: Checkout) -> None:
 
 def test_the_readme_says_the_same() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    readme = (ROOT / "README.md").read_text(encoding="utf-8").replace(" in all (", " (")
+    pages = [(ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "docs/development.md")]
+    readme = "".join(pages).replace(" in all (", " (")
     sizes = re.findall(r"_TAKES := (\d+ MB) to download, ([\d.]+ GB) of disk", makefile)
     assert len(sizes) == 2
     assert [size for size in sizes if f"{size[1]} ({size[0]} to download)" not in readme] == []

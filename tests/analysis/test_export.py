@@ -136,7 +136,7 @@ def test_every_column_says_what_it_holds() -> None:
 
 
 def test_the_document_names_every_table_and_column() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "viewers.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "reference-tables.md").read_text(encoding="utf-8")
     for table in TABLES:
         assert f"| `{table.name}` | {table.meaning} |" in text
         for column in table.columns:

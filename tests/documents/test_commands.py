@@ -23,7 +23,7 @@ SHELL = {"cd", "export", "head", "printf", "pip", "ray", "rerun", "cmake", "cp",
 """Programs that are not ours. What they do is not tested."""
 QUICK = {"check", "nodes", "explain-code", "schema", "render", "convert", "cache"}
 """Commands that take less than two seconds."""
-FOLLOWED = {"README.md", "first-mission.md", "cookbook.md"}
+FOLLOWED = {"README.md", "commands.md", "first-mission.md", "cookbook.md"}
 """Pages whose commands all run, each in a test of its own."""
 MENTIONED = {"MissingParameter", "BadOptionUsage"}
 """What keeps a command that the prose only names from being complete."""

@@ -1,4 +1,4 @@
-"""README.md as its reader does it: each command with its exit code, and what the page says it prints."""
+"""README.md and docs/commands.md as their reader does it: each command with its exit code and its output."""
 
 from __future__ import annotations
 
@@ -9,30 +9,33 @@ from pathlib import Path
 
 import pytest
 
+from ..commands import call
 from ..pages import Block, Reader, blocks, typed
 from ..rooms import ROOT
 
 PAGE = ROOT / "README.md"
+COMMANDS = ROOT / "docs" / "commands.md"
+DEVELOPMENT = ROOT / "docs" / "development.md"
 TEXT = PAGE.read_text(encoding="utf-8")
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
-SHELL = blocks(PAGE, "sh")
+SHELL = [*blocks(PAGE, "sh"), *blocks(COMMANDS, "sh")]
 (MISSION,) = blocks(PAGE, "yaml")
 FEWER = {"0:20": "0:8", "items=40": "items=4"}
-"""Of what the README runs for the sake of numbers, less is run."""
+"""Numbers of the pages, and the smaller ones that the tests run."""
 ONE_WORKER = ("batch", "run")
 """Command that would have a worker for each core of the machine."""
 DEMO = re.search(r'^demo:.*\n\t@"\$\(BIN\)/picktree" (.*?) \|\|', MAKEFILE, re.MULTILINE)
 
 
 def shortened(words: Sequence[str]) -> list[str]:
-    """Return a command of the README as it is run here: word by word the same, but for a number."""
+    """Return a command of the pages as it is run here: word by word the same, but for a number."""
     fewer = [FEWER.get(word, word) for word in words]
     return [*fewer, "--workers", "1"] if tuple(words[:2]) == ONE_WORKER else fewer
 
 
 def shown_after(block: Block) -> Block | None:
     """Return the output that the page shows of a block: the next one, when that is text."""
-    every = blocks(PAGE)
+    every = blocks(block.page)
     following = every[every.index(block) + 1 : every.index(block) + 2]
     return following[0] if following and following[0].language == "text" else None
 
@@ -44,16 +47,31 @@ def demo(block: Block) -> Block:
 
 
 def test_it_shows_only_make_and_picktree() -> None:
-    assert {command.words[0] for block in SHELL for command in typed(block)} == {"make", ".venv/bin/picktree"}
+    programs = {command.words[0] for block in blocks(PAGE, "sh") for command in typed(block)}
+    assert programs == {"make", ".venv/bin/picktree"}
+    assert {command.words[0] for block in blocks(COMMANDS, "sh") for command in typed(block)} == {"picktree"}
 
 
-def test_it_names_every_verb_of_the_makefile_and_every_shipped_example() -> None:
+def test_it_is_short() -> None:
+    assert len(TEXT.splitlines()) <= 150
+
+
+def test_pages_name_every_verb_of_the_makefile_and_every_shipped_example() -> None:
     verbs = MAKEFILE.splitlines()[0].removeprefix("# The verbs: ").removesuffix(".").split(", ")
-    commands = [command.words for block in SHELL for command in typed(block)]
+    shell = [*blocks(PAGE, "sh"), *blocks(DEVELOPMENT, "sh")]
+    commands = [command.words for block in shell for command in typed(block)]
     shown = {words[1] for words in commands if words[0] == "make"}
     assert set(verbs) - shown - {"dev", "page", "atlas"} == set()
     missing = [file.name for file in (ROOT / "examples").glob("*.yaml") if f"`{file.name}`" not in TEXT]
     assert missing == []
+
+
+def test_the_page_of_commands_names_every_command() -> None:
+    ran = call(["--help"], ROOT, one_stream=True).stdout
+    shown = re.findall(r"^  ([a-z][\w-]*)  ", ran.partition("Commands:")[2], re.MULTILINE)
+    assert len(shown) > 25
+    text = COMMANDS.read_text(encoding="utf-8").partition("## All commands")[2]
+    assert [name for name in shown if not re.search(rf"`{name}[ `]", text)] == []
 
 
 @pytest.mark.slow
@@ -74,5 +92,6 @@ def test_commands_run_and_print_what_it_says(block: Block, tmp_path: Path) -> No
 
 
 def test_its_links_lead_somewhere() -> None:
-    targets = re.findall(r"\]\(([^)#:]+)\)", TEXT)
-    assert [target for target in targets if not (ROOT / target).exists()] == []
+    for page in (PAGE, COMMANDS, DEVELOPMENT):
+        targets = re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8"))
+        assert [target for target in targets if not (page.parent / target).exists()] == []

@@ -1,4 +1,4 @@
-"""The page on plug-ins: its files work as it says, its commands run, its package is found."""
+"""The pages on plug-ins: their files work as they say, their commands run, their package is found."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ from .scripted import letters, run_of
 from .waving import forgotten
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "plugins.md").read_text(encoding="utf-8")
+PAGES = ("plugins.md", "plugin-tests.md", "plugin-reference.md")
+PAGE = "".join((ROOT / "docs" / name).read_text(encoding="utf-8") for name in PAGES)
 FILES = dict(
     re.findall(r"^```(?:python|yaml|toml)\n# ([\w/]+\.\w+)\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
 )
