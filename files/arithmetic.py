@@ -39,7 +39,7 @@ REMOVED: Final = ("NPY_ENABLE_CPU_FEATURES", "OPENCV_CPU_DISABLE")
 TUNABLES: Final = "GLIBC_TUNABLES"
 _CPU_TUNABLES: Final = "glibc.cpu."
 _V3: Final = ("avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "abm", "movbe")
-"""Flags of x86-64-v3 as Linux names them; `abm` stands for lzcnt."""
+"""Flags of x86-64-v3 as Linux names them; `abm` is the flag of lzcnt."""
 _PROCESSOR: Final = Path("/proc/cpuinfo")
 
 _numpy_came_first = "numpy" in sys.modules
@@ -69,10 +69,10 @@ def pin() -> None:
 
 
 def restart(before: Callable[[], object] = lambda: None) -> None:
-    """Start this process once more when glibc was told to choose other kernels; else return at once.
+    """Restart this process when glibc was set to choose other kernels; else return at once.
 
-    For commands, first of all: the new process has the same arguments, files and process id. `before` is
-    called just before.
+    Commands call it first. The new process has the same arguments, files and process id. `before` is called
+    just before the restart.
     """
     if _tuned:
         before()

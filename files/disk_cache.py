@@ -59,11 +59,12 @@ def cached_arrays(
     makers: Iterable[Maker],
     compute: Callable[[], Arrays],
 ) -> dict[str, NDArray[Any]]:
-    """Return what `compute` returns: from the cache, else computed and put there.
+    """Return the arrays of `compute` from the cache; compute and store them when they are missing.
 
-    `inputs`: all that the result depends on; a path stands for the file's content. `makers`: what computes
-    it, as modules or source files of ours, and names of libraries. The arrays are new and contiguous in
-    either case, so that the cache cannot change a later result. Raises what `compute` raises, nothing else.
+    `inputs`: all data that the result depends on; a path means the content of its file. `makers`: the code
+    that computes the result, as our modules or source files and names of libraries. The arrays are new and
+    contiguous in either case, so that the cache cannot change a later result. Raises only the exceptions of
+    `compute`.
     """
     try:
         name = _entry_name(kind, inputs, makers)
@@ -101,7 +102,7 @@ def keep(kind: str, inputs: Iterable[str], makers: Iterable[Maker], data: bytes)
 
 @dataclass(frozen=True, slots=True)
 class CacheContent:
-    """Folder of the cache (None: there is none), number of its entries, and their size in bytes."""
+    """Folder of the cache (None: no cache), number of its entries, and their size in bytes."""
 
     folder: Path | None
     entries: int
@@ -164,7 +165,7 @@ def _maker(source: Maker) -> bytes:
 
 
 def _read(entry: Path) -> bytes | None:
-    """Return an entry's content; None where there is none, or a damaged one."""
+    """Return an entry's content; None for a missing or damaged entry."""
     try:
         stored = entry.read_bytes()
         os.utime(entry)  # it was used now

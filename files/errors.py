@@ -50,7 +50,7 @@ class Diagnostic:
     code: str = field(default_factory=_no_code)
     severity: Severity = "error"
     detail: str = ""
-    """Lines that stand below the fault, as the traceback of a plug-in that cannot be imported."""
+    """Lines printed below the fault, such as the traceback of a plug-in that cannot be imported."""
 
     def __str__(self) -> str:
         trail = f"{self.where}: " if self.where else ""
@@ -65,8 +65,7 @@ SPOILING_CODES = ("P113", "P116", "P120")
 
 
 def too_many(mark: Mark) -> Diagnostic:
-    """Return the fault that stands for all faults beyond MAX_FAULTS; `mark` is the place of the first of
-    them."""
+    """Return one fault in place of all faults beyond MAX_FAULTS; `mark` is the place of the first of them."""
     return Diagnostic(mark, "", f"more than {MAX_FAULTS} faults; the rest is not shown", code="P126")
 
 

@@ -54,9 +54,9 @@ _TOKEN = re.compile(
 )
 
 
-# The first that stands at a place where nothing of the language does.
+# Hints for characters that are no part of the language.
 _STRANGE: Mapping[str, str] = {
-    ":=": "an assignment stands in a postcondition only; compare with '=='",
+    ":=": "an assignment is allowed only in a postcondition; compare with '=='",
     "=>": "write '>='",
     "=<": "write '<='",
     "=": "compare with '=='",
@@ -66,9 +66,9 @@ _STRANGE: Mapping[str, str] = {
     "&": "write 'and' for '&'",
     "|": "write 'or' for '|'",
     "!": "write 'not' for '!'",
-    "{": "names stand without braces in an expression",
-    "}": "names stand without braces in an expression",
-    ";": "one expression stands here, without ';'",
+    "{": "names are written without braces in an expression",
+    "}": "names are written without braces in an expression",
+    ";": "write a single expression here, without ';'",
     "'": "the text is not closed by another '",
     '"': 'the text is not closed by another "',
     "\u2018": "write straight quotes: '",
@@ -126,7 +126,7 @@ def text_of(token: Token) -> str:
 
     def escaped(match: re.Match[str]) -> str:
         if match[1] not in _ESCAPES:
-            problem = f"after a backslash stands one of {' '.join(_ESCAPES)}"
+            problem = f"a backslash is followed by one of {' '.join(_ESCAPES)}"
             raise syntax_error(problem, token.at + 1 + match.start())
         return _ESCAPES[match[1]]
 
@@ -134,7 +134,7 @@ def text_of(token: Token) -> str:
 
 
 def short(text: str) -> str:
-    """As it stands in a complaint."""
+    """Return the text as error messages quote it: at most 20 characters."""
     return repr(text if len(text) <= 20 else text[:17] + "...")
 
 
@@ -333,7 +333,7 @@ class _Parser:
         return self._tokens[self._next]
 
     def _is(self, *texts: str) -> bool:
-        """Whether one of these operators or words stands next."""
+        """Whether the next token is one of these operators or words."""
         return self._token.kind in ("symbol", "word") and self._token.text in texts
 
     def _take(self) -> Token:
@@ -349,7 +349,7 @@ class _Parser:
         if self._is(")", "]"):
             problem = f"{token.text!r} closes nothing"
         elif self._is(","):
-            problem = "a list stands in [ ]"
+            problem = "a list is written in [ ]"
         elif self._is("else"):
             problem = "'else' without 'if'"
         else:
@@ -360,7 +360,7 @@ class _Parser:
         if token.text == "(":
             return f"{short(before.text)} is not a function"
         if before.kind == "number" and token.text in _UNITS:
-            return f"numbers stand without units here, in SI; leave out {token.text!r}"
+            return f"numbers are written without units here, in SI; leave out {token.text!r}"
         return f"an operator is missing before {short(token.text)}"
 
     def _choice(self) -> Part:
@@ -418,7 +418,7 @@ class _Parser:
             before = self._tokens[self._next - 1] if self._next else None
             tight = before is not None and before.text != "not" and _BINDING.get(before.text, 0) > _NOT
             if token.text == "not" and before is not None and tight:
-                raise syntax_error(f"'not' after {before.text!r} stands in brackets", token.at)
+                raise syntax_error(f"'not' after {before.text!r} is written in brackets", token.at)
             self._enter(self._take())
             operand = self._operators(_NOT) if token.text == "not" else self._operand()
             self._depth -= 1
@@ -445,7 +445,7 @@ class _Parser:
         self._enter(opened)
         index = self._choice()
         if self._is(","):
-            raise syntax_error("one index stands in [ ]", self._token.at)
+            raise syntax_error("[ ] takes one index", self._token.at)
         self._close(opened, "]")
         self._depth -= 1
         return Element(opened.at, owner, index)

@@ -360,7 +360,7 @@ class ValueType:
     """All texts that it can be; empty when nobody knows."""
 
     def words(self) -> str:
-        """As it reads in a sentence: "a list, each a number"."""
+        """Return the type in words for a sentence: "a list, each a number"."""
         each = self.element.words() if self.element is not None else "a value"
         return f"a list, each {each}" if self.kind == "list" and each != "a value" else _WORDS[self.kind]
 
@@ -602,7 +602,7 @@ def _element(part: Element, owner: ValueType, index: ValueType) -> ValueType:
 
 
 def _whole_number(part: Part) -> int | None:
-    """Return the number that stands there, with its sign; None for anything else."""
+    """Return the whole number that this part writes, with its sign; None for any other part."""
     if isinstance(part, Sign):
         number = _whole_number(part.operand)
         return -number if number is not None and part.symbol == "-" else number

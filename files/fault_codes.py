@@ -40,7 +40,7 @@ class CodePage:
     wrong: CodeExample
     right: CodeExample
     text: str
-    """The page as it is written, in Markdown."""
+    """Unchanged Markdown text of the page."""
 
 
 _PAGE = re.compile(
@@ -198,7 +198,7 @@ def _comments(text: str) -> Iterator[re.Match[str]]:
 
 
 def _scalars(text: str) -> tuple[list[int], list[int]]:
-    """Where the texts of a readable file begin and end."""
+    """Return start and end indices of the scalars of a readable file."""
     starts: list[int] = []
     ends: list[int] = []
     for event in yaml.parse(text, yaml.CSafeLoader):

@@ -21,19 +21,19 @@ MAX_SENTENCE_LENGTH = 600
 
 
 def plain(text: str, role: Role) -> str:
-    """Text as it is."""
+    """Return the text without styling."""
     del role
     return text
 
 
 class SourceLines:
-    """The lines of files in which faults stand. `texts` were read already; the rest is read when asked."""
+    """Source lines of the files with faults. `texts` were read before; other files are read on demand."""
 
     def __init__(self, texts: Mapping[str, str] | None = None) -> None:
         self._lines = {file: _lines(text) for file, text in (texts or {}).items()}
 
     def line(self, mark: Mark) -> str | None:
-        """The line of a place; None when there is none, as in a file that cannot be read."""
+        """Return the line of a place; None for a file that cannot be read or a line beyond its end."""
         if mark.file not in self._lines:
             self._lines[mark.file] = _read_lines(mark.file)
         lines = self._lines[mark.file]

@@ -47,7 +47,7 @@ class CheckReport:
     faults: tuple[Diagnostic, ...]
     """Faults in the order of the files, then of their lines."""
     texts: Mapping[str, str] = field(default_factory=dict[str, str], repr=False)
-    """The texts of files in which faults stand, as far as they were read."""
+    """Text of each file with faults, unless it could not be read."""
 
     @property
     def errors(self) -> int:
@@ -134,7 +134,7 @@ def check_files(
 
 
 class _Round:
-    """One call: what was found, by the file in which it stands."""
+    """Faults found in one call, by file."""
 
     def __init__(self, checks: Mapping[str, Check], *, ours_only: bool) -> None:
         self._checks = checks

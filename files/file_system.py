@@ -143,7 +143,7 @@ def example_file(name_or_path: str | PathLike[str], folder: str = "", what: str 
 
 
 def known_file(name_or_path: str | PathLike[str], folder: str = "") -> Path | None:
-    """Return the file, folder or shipped example of a name or path; None when there is none."""
+    """Return the file, folder or shipped example of a name or path; None when it is missing."""
     path, file = Path(name_or_path), f"{name_or_path}.yaml"
     if is_file(path) or is_folder(path):
         return path
@@ -154,7 +154,7 @@ def known_file(name_or_path: str | PathLike[str], folder: str = "") -> Path | No
 
 
 def is_file(path: Path) -> bool:
-    """As `Path.is_file`, and False for what cannot be a path at all (too long, with a null byte)."""
+    """Whether this is a file; False also for an impossible path (too long, with a null byte)."""
     try:
         return path.is_file()
     except (OSError, ValueError):
@@ -162,7 +162,7 @@ def is_file(path: Path) -> bool:
 
 
 def is_folder(path: Path) -> bool:
-    """As `Path.is_dir`, and False for what cannot be a path at all."""
+    """Whether this is a folder; False also for an impossible path."""
     try:
         return path.is_dir()
     except (OSError, ValueError):

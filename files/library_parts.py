@@ -38,7 +38,7 @@ def library_part(module: str, public: str, *needed: str) -> Any:
 
 @cache
 def library_version(distribution: str) -> str:
-    """Return the version of an installed distribution; "unknown" when there is none."""
+    """Return the version of an installed distribution; "unknown" when it is not installed."""
     try:
         text = metadata.distribution(distribution).read_text("METADATA") or ""
     except metadata.PackageNotFoundError:

@@ -99,7 +99,8 @@ def _plain(text: str) -> str:
 
 
 def _one(text: str) -> str:
-    """Return number and unit as they are read. Raises ValueError where there is no number."""
+    """Return number and unit in the spelling that files take. Raises ValueError for a text without a
+    number."""
     ratio = _RATIO.match(text)
     if ratio is not None and int(ratio[2]):
         number, rest = f"{int(ratio[1]) / int(ratio[2]):.6g}", text[ratio.end() :]
@@ -127,7 +128,7 @@ def _number(text: str) -> tuple[str, str]:
 
 
 def _unit_meant(text: str) -> str:
-    """Return the unit that is meant by what stands behind a number; itself where it is not known."""
+    """Return the unit meant by the text after a number; unknown texts are returned unchanged."""
     written = re.sub(r"\s+", " ", text).strip().rstrip(".").strip()
     if written in UNIT_TABLE or written in SPELLINGS or written in _FACTORS:
         return written

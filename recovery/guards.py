@@ -58,7 +58,7 @@ class CauseIs(CauseGuard):
     CauseIs: {cause: "{cause}", of: ["grasp.*", perception.not_found]}
     """
 
-    of: In[list[str]] = port("causes, or families as `grasp.*`")
+    of: In[list[str]] = port("causes, or families such as `grasp.*`")
 
     def patterns(self) -> tuple[str, ...]:
         return tuple(self.of)
@@ -87,7 +87,8 @@ class WouldLookingHelp(WouldHelp):
 
 
 class WouldARetreatHelp(WouldHelp):
-    """Whether getting clear may help: a safety stop waits to be acknowledged, or the arm stands too near."""
+    """Whether a retreat may help: a safety stop waits to be acknowledged, or the arm is too near an
+    obstacle."""
 
     helps = (
         "safety.*", "control.*", "planning.start_in_collision", "planning.start_outside", "planning.blocked",
@@ -106,7 +107,7 @@ class WouldAnotherGraspHelp(WouldHelp):
 
 
 class WouldAGripperResetHelp(WouldHelp):
-    """Whether opening and closing the empty fingers may help: they did not do what they were told to."""
+    """Whether a gripper reset may help: the empty fingers did not follow a command."""
 
     helps = ("control.gripper", "control.timeout", "grasp.missed", "grasp.slipped")
 

@@ -30,12 +30,12 @@ class SafeRetreat(Skill):
 
     pose: In[str] = port("named pose of the robot to end in", default="home", names="pose")
     hand: In[Literal["keep", "open", "put_down"]] = port(
-        "a held object: keep it, open the hand and drop it where it is, or put it down on a free spot below "
-        "on the way",
+        "treatment of a held object: keep it, open the hand and drop it here, or put it down on a "
+        "free spot below on the way",
         default="keep",
     )
     speed: In[float] = port(
-        "share of the joints' speed limits: 1 for as fast as allowed; nothing goes faster than 0.25 m/s",
+        "share of the joints' speed limits: 1 for the full limits; no part moves faster than 0.25 m/s",
         default=0.4,
         above=0,
         most=1,

@@ -20,7 +20,7 @@ class OpenGripper(Skill):
     """
 
     width: In[float] = port(
-        "opening between the fingers; 0 for as wide as they go", unit="m", default=0.0, least=0
+        "opening between the fingers; 0 for the full opening", unit="m", default=0.0, least=0
     )
     causes = (control.GRIPPER,)
     uses = (GRIPPER,)

@@ -38,10 +38,8 @@ class Survey(Skill):
 
     target: In[str] = port("the fixture with `marker`", default="target", names="fixture")
     camera: In[str] = port("the camera to look through", default="wrist", names="camera")
-    views: In[int] = port("places to look from, of a camera on the hand", default=12, least=4, most=100)
-    pictures: In[int] = port(
-        "how many to average, of a camera that hangs still", default=50, least=1, most=1000
-    )
+    views: In[int] = port("number of viewpoints of a camera on the hand", default=12, least=4, most=100)
+    pictures: In[int] = port("number of images to average for a fixed camera", default=50, least=1, most=1000)
     causes = (
         perception.NOT_FOUND,
         perception.NO_IMAGE,

@@ -36,9 +36,9 @@ MIN_TOUCHES = 8
 class TouchTarget(Skill):
     """Touch the faces of a target with the tips of the closed fingers, upright, turned and leaning.
 
-    Each touch is recorded: where the tool was by the encoders, and the force. What is out of reach is passed
-    over. Nothing is corrected yet: `picktree calibrate` finds out from it where the tool's centre point is,
-    and where the target stands.
+    Each touch is recorded with the tool's pose by the encoders and the force. Faces out of reach are skipped.
+    The skill corrects nothing: `picktree calibrate` estimates the tool's centre point and the target's pose
+    from the touches.
     """
 
     example = """

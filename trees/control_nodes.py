@@ -105,7 +105,7 @@ class Sequence(OrderedNode):
       - Place: {object: "{item}", into: "{item.destination}"}
     """
 
-    parts = children("what is done, in this order")
+    parts = children("the children, in this order")
 
 
 class SequenceWithMemory(OrderedNode):
@@ -125,7 +125,7 @@ class SequenceWithMemory(OrderedNode):
           - Grasp: {object: "{item}"}
     """
 
-    parts = children("what is done, in this order")
+    parts = children("the children, in this order")
 
     def on_start(self) -> None:
         self._skipped = 0
@@ -153,7 +153,7 @@ class PipelineSequence(OrderedNode):
       - GoTo: {pose: home}
     """
 
-    parts = children("what is done, in this order, each again while the later ones run")
+    parts = children("the children, in this order; each is ticked again while the later ones run")
 
     def on_tick(self) -> NodeStatus:
         skipped = 0
@@ -181,7 +181,7 @@ class ReactiveSequence(ReactiveNode):
       - GoTo: {pose: home}
     """
 
-    parts = children("the conditions, then what they guard")
+    parts = children("the conditions, then the guarded child")
 
 
 class Fallback(OrderedNode):
@@ -198,7 +198,7 @@ class Fallback(OrderedNode):
       - SafeRetreat: {hand: open}
     """
 
-    parts = children("what is tried, in this order")
+    parts = children("the alternatives, in this order")
 
 
 class ReactiveFallback(ReactiveNode):
@@ -215,7 +215,7 @@ class ReactiveFallback(ReactiveNode):
       - SafeRetreat: {hand: open}
     """
 
-    parts = children("what is tried, the most wanted first")
+    parts = children("the alternatives, the preferred one first")
 
 
 class RoundRobin(ControlNode):
@@ -241,8 +241,8 @@ class RoundRobin(ControlNode):
               - SafeRetreat: {pose: observe}
     """
 
-    parts = children("what takes turns")
-    wrap_around: In[bool] = port("after the last child it is the first one's turn again", default=False)
+    parts = children("the children that take turns")
+    wrap_around: In[bool] = port("whether the first child follows the last one", default=False)
     causes = (tree.ATTEMPTS,)
     remembers = ("_turn", "_failed")
     positions = ("_turn",)
@@ -395,7 +395,7 @@ class TryCatch(ControlNode):
 class ParallelNode(ControlNode, abstract=True):
     """Node that ticks all children that have not ended, in order, in each tick."""
 
-    parts = children("what is done at the same time")
+    parts = children("the children that run at the same time")
     counts: ClassVar[tuple[str, ...]] = ()
     """Inputs with a number of children."""
     remembers = ("_ended", "_succeeded", "_failed", "_reports")
@@ -473,9 +473,11 @@ class Parallel(ParallelNode):
     """
 
     success_count: In[int] = port(
-        "how many children must succeed; -1 for all, -2 for all but one", default=-1
+        "number of children that must succeed; -1 for all, -2 for all but one", default=-1
     )
-    failure_count: In[int] = port("how many failures are too many; -1 when all failed", default=1)
+    failure_count: In[int] = port(
+        "number of failures at which the node fails; -1 for all children", default=1
+    )
     counts = ("success_count", "failure_count")
 
     def on_tick(self) -> NodeStatus:
@@ -509,7 +511,7 @@ class ParallelAll(ParallelNode):
     """
 
     max_failures: In[int] = port(
-        "how many failures are too many; -1 when all failed, -2 when all but one", default=1
+        "number of failures at which the node fails; -1 for all children, -2 for all but one", default=1
     )
     counts = ("max_failures",)
 
@@ -532,7 +534,7 @@ def counted(number: int, total: int) -> int:
 class BranchNode(ControlNode, abstract=True):
     """Node whose first child's answer selects the one that is ticked; reactive: anew at each tick."""
 
-    parts = children("the condition, what is done if it holds, what otherwise", least=2, most=3)
+    parts = children("the condition, the child for true, the child for false", least=2, most=3)
     remembers = ("_chosen",)
     positions = ("_chosen",)
     _chosen: int = 0
@@ -570,7 +572,7 @@ class IfThenElse(BranchNode):
     """
 
     parts = children(
-        "the condition, what is done if it holds, what otherwise",
+        "the condition, the child for true, the child for false",
         least=2,
         most=3,
         labels=("if", "then", "else"),
@@ -593,7 +595,7 @@ class WhileDoElse(BranchNode):
     """
 
     parts = children(
-        "the condition, what is done while it holds, what otherwise",
+        "the condition, the child while it is true, the child while it is false",
         least=2,
         most=3,
         labels=("while", "do", "else"),
@@ -618,7 +620,7 @@ class Switch(ControlNode):
       default: {Grasp: {object: "{item}"}}
     """
 
-    variable: In[object] = port("the value that decides; it is read at every tick")
+    variable: In[object] = port("the value to match; it is read at every tick")
     cases = table("what is done for each value", key="cases", required=True, matches="variable")
     default = optional_child("what is done for all other values", key="default")
     causes = (tree.NO_CASE,)

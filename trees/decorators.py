@@ -157,7 +157,7 @@ class RateController(Decorator):
       - GoTo: {pose: home}
     """
 
-    hz: In[float] = port("rounds a second", default=10.0, above=0)
+    hz: In[float] = port("ticks of the child per second", default=10.0, above=0)
     remembers = ("_since", "_begins")
     _since: float = 0.0
     _begins: bool = True
@@ -189,7 +189,7 @@ class RunOnce(Decorator):
     """
 
     then_skip: In[bool] = port(
-        "after the first time SKIPPED (true), or the first answer again (false)", default=True
+        "result from the second time on: SKIPPED (true), or the first result again (false)", default=True
     )
     remembers = ("_first_answer", "_first_failure")
     _first_answer: str = ""
@@ -221,9 +221,9 @@ class Repeat(Decorator):
       do: {Observe: {camera: overhead, objects: "{items}"}}
     """
 
-    num_cycles: In[int] = port("how often; -1 for without end", default=-1, least=-1)
+    num_cycles: In[int] = port("number of cycles; -1 for no limit", default=-1, least=-1)
     condition: In[Expression | None] = port(
-        "go on only while this holds; asked before each cycle", key="while", default=None
+        "condition to continue, checked before each cycle", key="while", default=None
     )
     remembers = ("_cycles",)
     _cycles: int = 0
@@ -280,7 +280,7 @@ class RetryUntilSuccessful(Decorator):
       do: {Grasp: {object: "{item}"}}
     """
 
-    num_attempts: In[int] = port("how often the child may run; -1 for without end", least=-1)
+    num_attempts: In[int] = port("maximum number of runs of the child; -1 for no limit", least=-1)
     causes = (tree.ATTEMPTS,)
     remembers = ("_attempts", "_reports")
     _attempts: int = 0
@@ -346,9 +346,9 @@ class ForEach(Decorator):
     items: In[list[object]] = port("the elements", key="in")
     item: Out[object] = port("key of the present element, for the child to read", key="out", each_of="in")
     on_failure: In[Literal["fail", "continue"]] = port(
-        "when the child fails: fail with it, or continue with the next element", default="fail"
+        "reaction to a failure of the child: fail with it, or continue with the next element", default="fail"
     )
-    most: In[int] = port("how many elements at most, from the first; -1 for all", default=-1, least=-1)
+    most: In[int] = port("maximum number of elements, from the first; -1 for all", default=-1, least=-1)
     remembers = ("_items", "_index", "_skipped")
     _items: list[object] = []  # noqa: RUF012 - replaced when the loop starts, never changed
     _index: int = 0

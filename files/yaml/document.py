@@ -34,7 +34,7 @@ class Document:
     """The documents of which this one was laid together."""
 
     def mark(self, loc: Location) -> Mark:
-        """Where the value stands; of a value that is not there, where its nearest parent stands."""
+        """Return the place of the value; for a missing value the place of its nearest parent."""
         node = self.root
         for part in loc:
             child = node.child(part)
@@ -44,7 +44,7 @@ class Document:
         return node.mark
 
     def key_mark(self, loc: Location) -> Mark:
-        """Where the key of the value stands."""
+        """Return the place of the key of the value."""
         parent: YamlNode | None = self.root
         for part in loc[:-1]:
             parent = parent.child(part) if parent else None
@@ -53,7 +53,8 @@ class Document:
         return self.mark(loc)
 
     def character_mark(self, loc: Location, character: int) -> Mark:
-        """Where a character (from 0) of a text stands; its start when the text is not written as it reads."""
+        """Return the place of a character (from 0) of a text; its start when quotes or escapes shift its
+        characters."""
         start, value = self.mark(loc), self.get(loc)
         text = next((d.text for d in (*self.layers, self) if str(d.path) == start.file), None)
         if text is None or not isinstance(value, str) or "\n" in value:
@@ -64,7 +65,7 @@ class Document:
         return Mark(start.file, start.line, start.column + len(quote) + character) if verbatim else start
 
     def get(self, loc: Location) -> Value:
-        """The value at that place, None when there is none."""
+        """Return the value at that location; None for a missing value."""
         node: YamlNode | None = self.root
         for part in loc:
             node = node.child(part) if node else None

@@ -49,9 +49,9 @@ T = TypeVar("T")
 
 
 class DocumentChecker:
-    """Reads parts of one document and keeps what is wrong with them.
+    """Checker of one document: reads its parts and collects their faults.
 
-    What it reads is there as far as it could be read; whatever asks for more stands under `readable()`.
+    Faulty parts are left out of the result. Checks that need complete parts belong under `readable()`.
     """
 
     def __init__(self, document: Document) -> None:
@@ -79,7 +79,7 @@ class DocumentChecker:
         character: int | None = None,
         severity: Severity = "error",
     ) -> None:
-        """As `Document.fault`, and keep it."""
+        """Record a fault, with the arguments of `Document.fault`."""
         made = self.document.fault(
             loc, message, hint, code=code, key=key, character=character, severity=severity
         )
@@ -166,7 +166,8 @@ class DocumentChecker:
         return number > most
 
     def one_of(self, loc: Location, keys: Collection[str]) -> str | None:
-        """Which of the keys the mapping at `loc` has; a fault unless it is exactly one."""
+        """Return the one key of `keys` that the mapping at `loc` has; record a fault unless it has exactly
+        one."""
         value = self.document.get(loc)
         if not isinstance(value, dict):
             return None  # reported already
@@ -203,7 +204,7 @@ def _follows(detail: Any) -> bool:
 
 
 def _to_diagnostic(document: Document, model: type[AnyModel], base: Location, detail: Any) -> Diagnostic:
-    """The fault of one of pydantic's errors; `base` is where the model's value stands."""
+    """Return the fault of one of pydantic's errors; `base` is the location of the model's value."""
     path: Location = tuple(detail["loc"])
     wrong_key = bool(path) and path[-1] == "[key]"
     path = path[:-1] if wrong_key else path
@@ -277,13 +278,13 @@ def _meant(kind: str, given: object) -> str:
         return _listed_hint(given)
     if kind in ("dict_type", "model_type", "dataclass_type"):
         if isinstance(given, list):
-            return "its keys stand without a '-'"
+            return "its keys are written without a '-'"
         return structure_hint(given) if isinstance(given, str) else ""
     return "quote it" if kind == "string_type" and isinstance(given, int | float) else ""
 
 
 def _listed_hint(given: object) -> str:
-    """Return how a list is written that stands there without brackets or dashes."""
+    """Return a hint on the form of a list for a value that lacks brackets or dashes."""
     if isinstance(given, dict):
         return "each entry of a list begins with '- '"
     if isinstance(given, str) and len(given) <= 60:

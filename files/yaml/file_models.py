@@ -187,7 +187,7 @@ class ShortForm(BeforeValidator):
 
 
 def as_mapping(key: str, given: object) -> ShortForm:
-    """A bare value stands for a mapping with one key; `given` is what may be written."""
+    """Return the short form of a mapping with one key: its bare value. `given` is the type of bare values."""
 
     def wrap(value: object) -> object:
         if value is None or isinstance(value, dict | FileModel):
@@ -362,7 +362,7 @@ def _part(annotation: object, value: object, faulty: Sequence[Location]) -> obje
 
 
 def declared_type(field: FieldInfo) -> object:
-    """Return a field's annotation with its metadata, as it was written."""
+    """Return a field's annotation with its metadata."""
     return Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
 
 
@@ -440,7 +440,7 @@ def renamed(data: Mapping[str, Any], names: Mapping[Location, str]) -> dict[str,
 
 
 def _matching(pattern: Location, value: object, loc: Location) -> Iterator[tuple[Location, object]]:
-    """Yield place and value of what stands where a pattern leads; `*` is each key or index."""
+    """Yield location and value of each match of a pattern; `*` matches every key or index."""
     if not pattern:
         yield loc, value
         return
@@ -498,7 +498,7 @@ def _fields(kind: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _short_forms(kind: Any, marks: tuple[object, ...]) -> Iterator[Any]:
-    """Yield the annotation of the key for which a bare value may stand."""
+    """Yield the annotation of each key whose bare value is a short form of the mapping."""
     keys = [mark.key for mark in marks if isinstance(mark, ShortForm)]
     yield from (inner for name, inner in _fields(kind) if name in keys)
 

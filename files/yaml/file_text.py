@@ -46,7 +46,7 @@ def decoded(raw: bytes, file: str) -> str:
 
 
 def check_characters(text: str, file: str) -> None:
-    """Check a text's length and characters. Raises FileError at the first that may not stand in a file."""
+    """Check a text's length and characters. Raises FileError at the first forbidden character."""
     if len(text) > MAX_BYTES:
         message = f"the file is larger than {MAX_BYTES // 1_000_000} MB"
         raise _fault(Mark(file, 1, 1), message, "", "P123")
@@ -56,7 +56,7 @@ def check_characters(text: str, file: str) -> None:
         if bad[0] in _LINE_SEPARATORS:
             message = f"the line separator {name} ends a line for some readers and not for others"
             raise _fault(mark, message, "end the line as your editor does", "P121")
-        raise _fault(mark, f"the character {name} may not stand in a text file", "", "P121")
+        raise _fault(mark, f"the character {name} is not allowed in a text file", "", "P121")
 
 
 def _fault(mark: Mark, message: str, hint: str, code: str) -> FileError:

@@ -1,7 +1,7 @@
 """YAML reader: text to plain values with their places.
 
 Scalars are read by YAML 1.2's core schema, as editors read them: `no` and `on` are texts, `1e-3` is a number,
-`010` is ten. Keys are always texts, as they are written."""
+`010` is ten. Keys are always texts."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class _Open:
     skip: bool = False
     """The value that comes next has a key that was refused."""
     bare: bool = False
-    """A key that stands in braces without a colon: `{item}`."""
+    """Whether it is a key in braces without a colon: `{item}`."""
     joined: tuple[str, Mark] | None = None
     """Value that the key holds by itself, `{pose:home}`: the value that comes next is empty."""
 
@@ -158,7 +158,7 @@ class _Reader:
         if target is None:
             message = f"*{event.anchor} names no finished value"
             self._stop(
-                mark, message, "its anchor stands before it; a text that begins with * is quoted", code="P117"
+                mark, message, "its anchor comes before it; quote a text that begins with *", code="P117"
             )
         self._count(target.size, mark)
         if len(self._open) + target.height > MAX_DEPTH:

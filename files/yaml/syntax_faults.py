@@ -63,9 +63,9 @@ class Slip:
 
 @dataclass(frozen=True, slots=True)
 class PlainText:
-    """A text without quotes, read as it is meant; `value` where a key holds its value, too.
+    """A text without quotes in its intended reading; `value` for a key that holds its value, too.
 
-    `quoted`: what is meant is a text in quotes, never a number.
+    `quoted`: the intended value is a text in quotes, never a number.
     """
 
     text: str
@@ -75,7 +75,7 @@ class PlainText:
 
 
 def look_alike(text: str, *, is_key: bool) -> PlainText | None:
-    """Return what a text without quotes means, where look-alikes begin it, end it or stand in a key."""
+    """Return the intended reading of an unquoted text with look-alike characters at its ends or in a key."""
     curly = _CURLY.fullmatch(text)
     if curly is not None:
         return PlainText(curly["inner"], _curly(curly), quoted=True)
@@ -111,7 +111,7 @@ def spoilt_key(text: str) -> Slip | None:
 
 
 def structure_hint(text: str) -> str:
-    """Return what is meant by a text that stands for a node or a mapping; "" for an unknown one.
+    """Return a hint for a text in place of a node or a mapping; "" for an unknown one.
 
     >>> structure_hint("pose:home"), structure_hint("a text")
     ("a blank is missing behind the ':': write 'pose: home'", '')
@@ -226,7 +226,7 @@ def slip_at(lines: Sequence[str], row: int, column: int, message: str) -> Slip |
 
 
 def _index(error: yaml.YAMLError) -> int:
-    """Return where an error stands: a quote that is never closed, where it opens."""
+    """Return the index of an error in the text; for an unclosed quote the index of its opening."""
     if not isinstance(error, yaml.MarkedYAMLError):
         return 0
     opens = "quoted scalar" in str(error.context or "")
@@ -312,7 +312,7 @@ class _Words:
     message: str
     hint: str = ""
     at_start: bool = False
-    """The fault stands where the construct begins, not where the reader gave up."""
+    """Whether the fault is placed where the construct begins, not where the reader gave up."""
 
 
 _NEVER_CLOSED = _Words(
@@ -324,7 +324,7 @@ _PROBLEMS: Mapping[str, _Words] = {
         "a ':' does not fit here", "quote the text, or indent it"
     ),
     "block sequence entries are not allowed in this context": _Words(
-        "a list cannot begin here", "each '-' stands on a line of its own, under the key"
+        "a list cannot begin here", "write each '-' on a line of its own, under the key"
     ),
     "did not find expected key": _Words(
         "this does not line up with the keys above", "check indent and quotes"

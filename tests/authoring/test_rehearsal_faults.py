@@ -178,7 +178,7 @@ def test_a_pattern_after_others_that_fit_all_that_it_fits() -> None:
         ("halt_after: 0", "P107 5:17: cases.it.halt_after: at least 1 is wanted, not 0"),
         ("leafs: {}", "P104 5:5: cases.it.leafs: unknown key 'leafs' (did you mean 'leaves'?)"),
         ("leaves: [Go]", "P106 5:13: cases.it.leaves: a mapping is wanted, not a list "
-         "(its keys stand without a '-')"),
+         "(its keys are written without a '-')"),
     ],
 )  # fmt: skip
 def test_the_world_of_a_case(line: str, fault: str) -> None:

@@ -124,12 +124,12 @@ FAULTY = [
     (
         HEAD + "c: *y",
         "m.yaml:3:4: c: *y names no finished value "
-        "(its anchor stands before it; a text that begins with * is quoted)",
+        "(its anchor comes before it; quote a text that begins with *)",
     ),
     (
         HEAD + "a: &a [*a]",
         "m.yaml:3:8: a[0]: *a names no finished value "
-        "(its anchor stands before it; a text that begins with * is quoted)",
+        "(its anchor comes before it; quote a text that begins with *)",
     ),
     (HEAD + "a: !!str 1", "m.yaml:3:4: a: the tag '!!str' is not read (leave it out)"),
     (
@@ -149,7 +149,7 @@ FAULTY = [
     (HEAD + "? [1]\n: 2", 'm.yaml:3:3: a key is a word, not […] (a reference is quoted: "{item}")'),
     (HEAD + "{a}: 2", 'm.yaml:3:1: a key is a word, not {…} (a reference is quoted: "{item}")'),
     (HEAD + "a: 1\n---\nb: 2", "m.yaml:4:1: a second document in one file (a file for each)"),
-    (HEAD + "a: x\x00y", "m.yaml:3:5: the character U+0000 may not stand in a text file"),
+    (HEAD + "a: x\x00y", "m.yaml:3:5: the character U+0000 is not allowed in a text file"),
     (HEAD + "a: " + "9" * 5000, "m.yaml:3:4: a: the number has too many digits"),
     (HEAD + "<<: {a: 1}", "m.yaml:3:1: merge keys (<<) are not part of YAML 1.2 (write the keys out)"),
     (HEAD + "'': 1", "m.yaml:3:1: a key is missing before ':'"),
