@@ -37,12 +37,12 @@ class OperatorQuestion:
         return cls(said["node"], said["reason"], choices, said["object"], said["situation"])
 
     def choice(self, text: str) -> str | None:
-        """Return the choice that a text means: its number from 1 on, its name, or an unambiguous beginning of
-        it. None when there is no such choice.
+        """Return the choice for a text: its number from 1 on, its name, or an unambiguous beginning of it.
+        None without such a choice.
 
-        >>> OperatorQuestion("Main/Ask", "it is stuck", ("go on", "give up")).choice("GIVE")
+        >>> OperatorQuestion("Main/Ask", "it is stuck", ("continue", "give up")).choice("GIVE")
         'give up'
-        >>> OperatorQuestion("Main/Ask", "it is stuck", ("go on", "give up")).choice("2")
+        >>> OperatorQuestion("Main/Ask", "it is stuck", ("continue", "give up")).choice("2")
         'give up'
         """
         said = " ".join(text.split()).casefold()
@@ -70,7 +70,7 @@ class OperatorRequests:
 
     @property
     def pending(self) -> OperatorQuestion | None:
-        """Question that waits for an answer; None when there is none."""
+        """Question that waits for an answer; None without one."""
         return self._question if self._answer is None else None
 
     @property

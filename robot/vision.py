@@ -62,7 +62,7 @@ class CapturedImage:
     stamp: float
     """Simulated time of capture, s."""
     held: BeliefObject | None
-    """Held object as it was believed at the time of capture; None: the hand was empty."""
+    """Held object as believed at the time of capture; None: the hand was empty."""
 
 
 class Vision:
@@ -110,7 +110,7 @@ class Vision:
 
     @property
     def hand(self) -> str | None:
-        """Name of the camera on the hand; None: there is none."""
+        """Name of the camera on the hand; None without one."""
         return next((name for name in self._cameras if name not in self._still), None)
 
     def capture(self, camera: str) -> Generator[None, None, CapturedImage]:

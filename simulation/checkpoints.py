@@ -123,7 +123,7 @@ class Checkpoint:
     ledger: tuple[DynamicsChange, ...]
     belts: tuple[BeltState, ...] = ()
     inventory: SavedInventory = None
-    """Items that came after the start or left; None when there are none, as in older logs."""
+    """Items that came after the start or left; None without such items, as in older logs."""
     feeder: FeederState | None = None
     obstacles: tuple[Fixture, ...] | None = None
     """Obstacles that the robot does not know; None: those of the scene, as in older logs."""
@@ -186,7 +186,7 @@ class KinematicState:
     """Items that did not leave with a bin, in the order of their numbers."""
     belts: tuple[BeltState, ...] = ()
     inventory: SavedInventory = None
-    """Items that came after the start or left; None when there are none, as in older logs."""
+    """Items that came after the start or left; None without such items, as in older logs."""
     feeder: FeederState | None = None
     obstacles: tuple[Fixture, ...] | None = None
     """Obstacles that the robot does not know; None: those of the scene, as in older logs."""

@@ -100,8 +100,8 @@ class TableFeed(ItemSource[TableFeedState]):
         first, _ = self._hand()
         if not self._places(first, empty=True):
             raise PicktreeError(
-                f"{self._where}: no item fits into the area of {x1 - x0:.2f} × {y1 - y0:.2f} m beside what "
-                "stands there; make it larger, or put it elsewhere"
+                f"{self._where}: no item fits into the area of {x1 - x0:.2f} × {y1 - y0:.2f} m beside the "
+                "bodies there; make it larger, or put it elsewhere"
             )
 
     @property

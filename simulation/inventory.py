@@ -19,7 +19,7 @@ from .truth import TrueBody
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ItemOrigin:
-    """What an item is, in a checkpoint."""
+    """Origin of an item that came after the start, as a checkpoint stores it."""
 
     kind: str
     colour: str

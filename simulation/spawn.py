@@ -155,7 +155,7 @@ class SpawnedItem:
     pose: Pose
     """Pose in the world; the lowest point touches the support, or is above it when the item is dropped."""
     dropped: bool
-    """Whether the item falls from `pose` instead of standing there."""
+    """Whether the item falls from `pose` instead of resting there."""
     brought_by: int | None = None
     """Entry of the feed that brought the item; None: it was there at the start."""
     stickers: Stickers | None = None
@@ -333,7 +333,7 @@ def _too_small(where: str, spawn: Spawn, items: int) -> PicktreeError:
 
 
 def occupied_outlines(scene: SceneDescription) -> list[Footprint]:
-    """Return the outlines of bins, of fixtures that stand on another fixture, and of hidden obstacles."""
+    """Return the outlines of bins, of fixtures on top of another fixture, and of hidden obstacles."""
     bins = [
         footprint(box, pose.orientation).at(pose.position[:2]) for b in scene.bins for box, pose in b.parts()
     ]

@@ -21,7 +21,7 @@ from picktree.world import (
 from picktree.world.scene import CatalogueEntry, Fixture, Hole
 
 MAX_STANDING_DEPTH = 0.001
-"""Depth below a board's top face up to which an item stands on it, m."""
+"""Greatest depth below a board's top face at which an item still counts as on the board, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +56,7 @@ class HoledFixtures:
         return bool(self._boards)
 
     def seat(self, shape: Shape, pose: Pose) -> HoleSeating | None:
-        """Return the seating of an item at `pose` in the world; None when it stands on a board or
-        elsewhere."""
+        """Return the seating of an item at `pose` in the world; None for an item on a board or elsewhere."""
         for board in self._boards:
             assert isinstance(board.shape, Box)
             x, y, z = board.shape.size

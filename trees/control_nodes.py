@@ -45,7 +45,7 @@ from .ports import In, children, optional_child, port, table
 
 
 class OrderedNode(ControlNode, abstract=True):
-    """Node that ticks its children in order, as its `flow` says; goes on with the child that was RUNNING."""
+    """Node that ticks its children in the order of its `flow` and resumes at the child that was RUNNING."""
 
     parts = children("the children, in this order")
     remembers = ("_index", "_skipped")
@@ -92,7 +92,7 @@ class ReactiveNode(OrderedNode, abstract=True):
 
 
 class Sequence(OrderedNode):
-    """Ticks its children in order until one fails; goes on with the child that was RUNNING.
+    """Ticks its children in order until one fails; resumes at the child that was RUNNING.
 
     SUCCESS when all succeeded (skipped ones do not count), SKIPPED when all were skipped. It fails with the
     failure of its failing child.
@@ -105,11 +105,11 @@ class Sequence(OrderedNode):
       - Place: {object: "{item}", into: "{item.destination}"}
     """
 
-    parts = children("the children, in this order")
+    parts = children("the steps, in this order")
 
 
 class SequenceWithMemory(OrderedNode):
-    """A Sequence that goes on with the child that failed or was halted, also when it is started again.
+    """A Sequence that resumes at the child that failed or was halted, also after a new start.
 
     Children before that one are not ticked again until all have succeeded. SKIPPED when all were skipped in
     one go.
@@ -125,7 +125,7 @@ class SequenceWithMemory(OrderedNode):
           - Grasp: {object: "{item}"}
     """
 
-    parts = children("the children, in this order")
+    parts = children("the steps, in this order")
 
     def on_start(self) -> None:
         self._skipped = 0
@@ -153,7 +153,7 @@ class PipelineSequence(OrderedNode):
       - GoTo: {pose: home}
     """
 
-    parts = children("the children, in this order; each is ticked again while the later ones run")
+    parts = children("the steps, in this order; each is ticked again while the later ones run")
 
     def on_tick(self) -> NodeStatus:
         skipped = 0
@@ -185,10 +185,10 @@ class ReactiveSequence(ReactiveNode):
 
 
 class Fallback(OrderedNode):
-    """Ticks its children in order until one succeeds; goes on with the child that was RUNNING.
+    """Ticks its children in order until one succeeds; resumes at the child that was RUNNING.
 
     When none succeeds it fails with the last child's failure, the others' attached. A child without a report
-    (a false condition) does not hide one that has. SKIPPED when all were skipped.
+    (a false condition) does not hide the report of another. SKIPPED when all were skipped.
     """
 
     flow = ChildFlow(failure=NEXT, skipped=NEXT)
@@ -219,12 +219,12 @@ class ReactiveFallback(ReactiveNode):
 
 
 class RoundRobin(ControlNode):
-    """Ticks its children in turn, and begins each time after the child that succeeded last, as Nav2's.
+    """Ticks its children in turn, and starts each time after the child that succeeded last, as in Nav2.
 
     A child that fails or is skipped passes the turn on, in the same tick. It fails when all have failed, and,
-    unless it may `wrap_around`, when the last child has had its turn and did not succeed. Whose turn it is
-    outlasts success; failure and being halted give it back to the first child. As handler of a `Recover` it
-    tries another cure at each failure.
+    without `wrap_around`, when the last child has had its turn without success. The turn is kept after a
+    success; a failure or a halt gives it back to the first child. As handler of a `Recover` it tries another
+    cure at each failure.
     """
 
     flow = Turns(failure=NEXT, skipped=NEXT, wraps="wrap_around")
@@ -313,7 +313,7 @@ class AsyncSequence(_AsyncNode):
       - Log: {message: in the next tick}
     """
 
-    parts = children("the children, in this order")
+    parts = children("the steps, in this order")
 
 
 class AsyncFallback(_AsyncNode):
@@ -326,14 +326,14 @@ class AsyncFallback(_AsyncNode):
       - GoTo: {pose: home}
     """
 
-    parts = children("the children, in this order")
+    parts = children("the alternatives, in this order")
 
 
 class TryCatch(ControlNode):
     """A Sequence of all children but the last, which runs when one of them fails: the node then fails, too.
 
     It fails with the failure of the child that failed, however the last child ends. With `catch_on_halt` a
-    halt also ticks the last child, once; nothing that takes longer may stand there, and nothing that moves.
+    halt also ticks the last child, once; that child must end in one tick and move nothing.
     """
 
     flow = CleanUp(success=NEXT, skipped=NEXT, on_halt="catch_on_halt")
@@ -395,7 +395,7 @@ class TryCatch(ControlNode):
 class ParallelNode(ControlNode, abstract=True):
     """Node that ticks all children that have not ended, in order, in each tick."""
 
-    parts = children("the children that run at the same time")
+    parts = children("the steps that run at the same time")
     counts: ClassVar[tuple[str, ...]] = ()
     """Inputs with a number of children."""
     remembers = ("_ended", "_succeeded", "_failed", "_reports")
@@ -462,7 +462,8 @@ class Parallel(ParallelNode):
     """Ticks all children that have not ended, in order, in each tick.
 
     A number below zero counts from the end: -1 is all children, -2 all but one. It fails with the first
-    failure, the others' attached. What still runs when it ends is halted. SKIPPED when all were skipped.
+    failure, the others' attached. Children that still run at its end are halted. SKIPPED when all were
+    skipped.
     """
 
     flow = AtOnce(wanted="success_count", tolerated="failure_count")

@@ -42,7 +42,7 @@ class ValueSource:
 
     type: ValueType
     mark: Mark
-    """Where the text says so."""
+    """Place in the text that gives the value."""
     writer: str = ""
     """Path of the node that writes it; empty for an input of the tree."""
     unit: str | None = None
@@ -53,12 +53,12 @@ class ValueSource:
     names: NameKind | None = None
     """Kind of thing in scene or robot that it names."""
     port: str | None = None
-    """The input of the tree through which it comes in as it is,"""
+    """Input of the tree that passes the value unchanged,"""
     depth: int = 0
-    """or of which it is an element, so many lists deep."""
+    """or whose element it is, at this depth of lists."""
 
     def told(self, file: str) -> str:
-        """Where it comes from, for a reader of that file."""
+        """Describe the origin of the value, for a reader of that file."""
         place = self.mark.told(file)
         if self.writer:
             return f"{self.writer} writes it, {place}"
@@ -173,7 +173,7 @@ def _takes(value: ValueType, port: PortDeclaration, *, strict: bool) -> bool:
 
 
 MAX_CHAIN: Final = 60
-"""How far a value is followed from key to key."""
+"""Greatest number of keys through which a value is followed."""
 _PLAIN: Mapping[type, ValueType] = {bool: BOOL, int: INT, float: FLOAT, str: WORD}
 FACT_TYPES: Final[Mapping[str, ValueType]] = {name: _PLAIN[kind] for name, kind in world_facts.FACTS.items()}
 """Types of the facts of the world; a text among them is the id of an object."""
@@ -203,7 +203,7 @@ def placed_nodes(tree: TreeSpec) -> Iterator[PlacedNode]:
 
 @dataclass(frozen=True, slots=True)
 class NodeExpression:
-    """An expression of a node, and the key under which it stands."""
+    """An expression of a node, and its key."""
 
     key: str
     expression: Expression
@@ -249,7 +249,7 @@ class KeyUse:
 
 
 def ports_of(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> tuple[PortDeclaration, ...]:
-    """Return the ports of the node, or of the sub-tree that it stands for."""
+    """Return the ports of the node, or of the sub-tree that it calls."""
     if spec.node is not None:
         return spec.node.declaration.ports
     return trees[spec.id].ports if spec.id in trees else ()
@@ -284,7 +284,7 @@ class TreeKeys(Mapping[str, ValueType]):
         """`below` are the keys of all trees, by name."""
         self.tree = tree
         self.places = {id(placed.spec): placed for placed in placed_nodes(tree)}
-        """By `id` of the spec."""
+        """Placed nodes by `id` of the spec."""
         self.writes: dict[str, list[KeyUse]] = {}
         self._below, self._facts = below, facts
         self.inputs = {port.key: port for port in tree.ports if port.direction == "in"}
@@ -434,13 +434,13 @@ class ArrivingValue:
     at: WiredInput
     source: ValueSource
     target: PortDeclaration
-    """Where it ends up: the same input, or that of a node in the sub-tree."""
+    """Final input: the same one, or that of a node in the sub-tree."""
     node: NodeSpec
     problem: str | None
     """Why it does not fit there."""
 
     def hints(self) -> list[str]:
-        """Where it goes, and where it comes from."""
+        """Describe target and origin of the value."""
         file = self.at.mark.file
         goes = f"it goes to the port {self.target.key!r} of {self.node.id}, {self.node.mark.told(file)}"
         wired = self.at.text.startswith("{") and self.source.mark != self.at.mark
@@ -478,7 +478,7 @@ class ValueFlow:
             for port in trees[name].ports:
                 keys.sources(port.key)  # now, so that callers need not look through many trees at once
         self.arrivals = tuple(self._all(trees))
-        """By input; what stands first at an input came first in the text."""
+        """Arriving values by input, in the order of the text."""
 
     def _all(self, trees: Mapping[str, TreeSpec]) -> Iterator[tuple[ArrivingValue, ...]]:
         for name, keys in self.keys.items():
@@ -518,7 +518,7 @@ class ValueFlow:
                     self._add(tree, source, demand)
 
     def _parameter(self, main: TreeSpec, port: PortDeclaration) -> Iterator[ArrivingValue]:
-        """The default of a parameter of the mission, as far as it goes on to nodes."""
+        """Yield the default of a parameter of the mission, if it reaches nodes."""
         if port.direction == "in" and not port.required and port.default != "":
             mark = main.places.get(port.key, main.mark)
             place = WiredInput(mark, main.name, port, DEFAULT)

@@ -324,10 +324,10 @@ _MAX_REPORTS = 20
 class ForEach(Decorator):
     """Runs its child once for each element of a list, which is read when the loop starts.
 
-    The tick ends between two elements. With `on_failure: continue` a failure is noted in the record as
-    handled and the loop goes on; it then succeeds at the end. What it does not pass over: a fault of the
-    program, and a safety stop that nobody has acknowledged. An empty list is SUCCESS; SKIPPED when the child
-    was skipped for every element.
+    The tick ends between two elements. With `on_failure: continue` a failure is recorded as handled and the
+    loop continues; it then succeeds at the end. It never passes over a fault of the program, nor a safety
+    stop without acknowledgement. An empty list is SUCCESS; SKIPPED when the child was skipped for every
+    element.
     """
 
     flow = Loop(

@@ -157,7 +157,7 @@ def plain_value(value: object, what: str) -> Value:
     if callable(to_plain):
         return plain_value(to_plain(), what)
     hint = "; its id is a text: give '.id'" if isinstance(getattr(value, "id", None), str) else ""
-    raise TypeError(f"{what}: a value of type {type(value).__name__} cannot stand in a mission{hint}")
+    raise TypeError(f"{what}: a value of type {type(value).__name__} is not allowed in a mission{hint}")
 
 
 def _positional(declaration: NodeDeclaration, given: tuple[Child, ...]) -> Filled:

@@ -101,7 +101,7 @@ class SetBlackboard(Node):
 class Script(Node):
     """Assigns to keys of the blackboard: `key := expression`, several with `;`.
 
-    `:=` makes the key where there is none; `=`, `+=`, `-=`, `*=` and `/=` change one that is there.
+    `:=` creates a missing key; `=`, `+=`, `-=`, `*=` and `/=` change an existing one.
     """
 
     flow = LeafFlow(steady=True, ends=(SUCCESS,))

@@ -300,7 +300,7 @@ class BehaviourTree:
                 node.pass_over(elements)
 
     def acting(self, path: str = "") -> str | None:
-        """Return the path of the first running skill at or below `path`; empty when there is none.
+        """Return the path of the first running skill at or below `path`; empty when no skill runs.
 
         None: the node itself does not run.
         """
@@ -321,7 +321,7 @@ class BehaviourTree:
         return True
 
     def look(self) -> Tick:
-        """Report the nodes as they are, with writes and transitions since the last tick."""
+        """Report the present states of the nodes, with writes and transitions since the last tick."""
         return self._report()
 
     def _report(self) -> Tick:

@@ -158,7 +158,7 @@ class Skill(Node, abstract=True):
             self.world.journal.note(event_types.InternalErrorEvent(message, self.path))
 
     def _give_way(self) -> None:
-        """Replace the skill's body with the stand-in of the runtime, if there is one."""
+        """Replace the skill's body with the runtime's replacement for it, if there is one."""
         body = self._runtime.stand_ins.pop(self.path, None)
         if body is not None:
             self.on_halt()

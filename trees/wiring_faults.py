@@ -132,9 +132,9 @@ def _never(
 
 
 def _may_be(source: ValueSource, label: str) -> bool:
-    """Whether the case of that name may ever be chosen by a value from there.
+    """Whether a value of that source may ever choose the case of that name.
 
-    A literal that decides is a setting of the mission: cases for other settings may stand beside it.
+    A deciding literal is a setting of the mission, which may have cases for other settings, too.
     """
     if source.certain:
         return True

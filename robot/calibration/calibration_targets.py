@@ -157,7 +157,7 @@ def targets(fixtures: Iterable[Fixture]) -> tuple[CalibrationTarget, ...]:
 
 
 def target_named(fixtures: Iterable[Fixture], name: str) -> CalibrationTarget:
-    """Return the target of that name. Raises Failure(world.unknown_object) when there is none."""
+    """Return the target of that name. Raises Failure(world.unknown_object) for an unknown name."""
     known = targets(fixtures)
     for target in known:
         if target.name == name:

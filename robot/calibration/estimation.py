@@ -255,9 +255,9 @@ def estimate(
     """Estimate cameras, tool and target from the data. `tiles` and `size` (m) are those of the target;
     `believed` is its pose in the world to within centimetres.
 
-    Starts from the closed form of each camera on the hand; then all residuals at once, outliers losing weight
-    (Huber). Standard deviations are those of the normal equations, times what is left over where that is more
-    than was expected. Raises PicktreeError where cameras or target cannot be told.
+    Starts from the closed form of each camera on the hand, then minimises all residuals at once; outliers
+    lose weight (Huber). Standard deviations follow from the normal equations; residuals above the expected
+    ones scale them. Raises PicktreeError when the data do not determine cameras or target.
     """
     names = list(dict.fromkeys(shot.camera for shot in evidence.shots))
     by_camera = {name: [shot for shot in evidence.shots if shot.camera == name] for name in names}
@@ -305,7 +305,7 @@ def _first_target(
     if not touched:
         names = ", ".join(by_camera)
         raise PicktreeError(
-            f"where the target stands is not known: nothing touched it, and {names} hangs still; "
+            f"the pose of the target is unknown: nothing touched it, and {names} is fixed; "
             "calibrate a camera on the hand or the tool with it"
         )
     return believed

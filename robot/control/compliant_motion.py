@@ -102,7 +102,7 @@ class CartesianStiffness:
 FIRM_STIFFNESS = CartesianStiffness()
 STANDING_TIME = 0.05
 STANDING_TRAVEL = 1.2e-4
-"""Time, s, and travel of the tool in it, m, below which the tool stands; the travel exceeds the encoders'
+"""Time, s, and travel of the tool in it, m, below which the tool is at rest; the travel exceeds the encoders'
 noise."""
 
 

@@ -132,5 +132,5 @@ class ExternalTorqueObserver:
 
 
 def static_external_torque(model: RobotModel, state: JointState) -> Array:
-    """Return the external torques (n,), Nm, on a standing arm, from its efforts."""
+    """Return the external torques (n,), Nm, on an arm at rest, from its efforts."""
     return model.gravity(state.position) - state.effort

@@ -12,7 +12,7 @@ from picktree.world.robot_model import GripperDescription
 from .commands import Doing
 
 STANDING_OPENING_CHANGE = 3e-4
-"""Change of the opening in a tick below which the fingers stand, m."""
+"""Change of the opening in a tick below which the fingers are at rest, m."""
 OPENING_TOLERANCE = 1.5e-3
 """Distance to the commanded opening at which it counts as reached, m."""
 MAX_OPENING_SHORTFALL = 5e-3
@@ -22,7 +22,7 @@ OPENING_FORCE = 20.0
 MIN_RELEASE_SHARE = 0.25
 """Least share of a release's opening that lets go of the object."""
 MIN_FORCE_SHARE = 0.75
-"""Least force of standing fingers, as a share of the commanded one. Measured over sorts with hand and
+"""Least force of fingers at rest, as a share of the commanded force. Measured over sorts with hand and
 linkage: 0.97 and more."""
 FORCE_RISE_TICKS = 4
 """Ticks in which the force of fingers that have just stopped may still rise."""
@@ -141,7 +141,7 @@ class GripperControl:
         return self._not_open(width, self._command.width)
 
     def sound(self, begun: float) -> Doing[None]:
-        """Check the fingers that have closed from an opening of `begun` m and now stand.
+        """Check the fingers at rest after they have closed from an opening of `begun` m.
 
         Raises Failure(control.gripper) when they have not moved, or press with less than the commanded force.
         """
@@ -181,10 +181,10 @@ class GripperControl:
     def release(
         self, by: float, share: float = 1.0, pressed: Callable[[], bool] = lambda: False
     ) -> Doing[None]:
-        """Open by `by` m to let go of the held object; neighbours may stop the fingers after a quarter of it.
+        """Open by `by` m to release the held object; neighbours may stop the fingers after a quarter of it.
 
-        Returns once that `share` of it is open, and the fingers go on. They back off as soon as `pressed`
-        returns True. Raises Failure(control.gripper) when something holds the fingers.
+        Returns after that `share` of the opening, while the fingers still open. They back off as soon as
+        `pressed` returns True. Raises Failure(control.gripper) when something holds the fingers.
         """
         begun = self.width
         short = max(MAX_OPENING_SHORTFALL, (1.0 - MIN_RELEASE_SHARE) * by)
@@ -214,7 +214,7 @@ class GripperControl:
         )
 
     def close(self, force: float, speed: float | None = None) -> Doing[float]:
-        """Close with `force` N on each finger until the fingers stand, and return the opening, m.
+        """Close with `force` N on each finger until the fingers are at rest, and return the opening, m.
 
         Raises Failure(control.gripper) when they do not move or press as commanded.
         """
@@ -232,10 +232,10 @@ class GripperControl:
         enough: float = math.inf,
         pressed: Callable[[], bool] = lambda: False,
     ) -> Doing[float]:
-        """Move towards an opening until it is reached or the fingers stand, and return the opening, m.
+        """Move towards an opening until it is reached or the fingers are at rest, and return the opening, m.
 
-        Each finger moves with at most `speed` m/s. From an opening of `enough` m on they are not waited for.
-        When `pressed` returns True they move back by `BACK_OFF_OPENING`.
+        Each finger moves with at most `speed` m/s. The wait ends at an opening of `enough` m. When `pressed`
+        returns True they move back by `BACK_OFF_OPENING`.
         """
         self.start(width, force, speed)
         way = abs(self.width - width)

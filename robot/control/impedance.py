@@ -189,7 +189,7 @@ FOLLOWING_TIME = 0.15
 PRESSING_FORCE = 1.5
 """Force at the wrist beyond the load above which something presses on it, N."""
 CALM_TORQUE, CALM_SPEED = 1.0, 0.02
-"""External torque, Nm, and joint speed, rad/s, below which nothing presses and the arm stands."""
+"""External torque, Nm, and joint speed, rad/s, below which the contact has ended and the arm is at rest."""
 CALM_TIME = 0.1
 """Time below these limits until the arm counts as calm, s."""
 MAX_DRIFT = 0.03
@@ -350,7 +350,7 @@ class GravityCompensationController:
 
     @property
     def calm(self) -> bool:
-        """Whether nothing presses any more and the arm stands."""
+        """Whether the contact has ended and the arm is at rest."""
         return self._calm >= CALM_TIME
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
@@ -439,10 +439,10 @@ MAX_REFLEX_TIME = 1.0
 
 
 class ContactReflex(GravityCompensationController):
-    """Reflex of a moving arm to a contact: it gives way until nothing presses any more and it stands.
+    """Reflex of a moving arm to a contact: it gives way until the contact has ended and the arm is at rest.
 
-    The stiff servo would keep pressing while it brakes: 165 N at 0.5 mm. So it takes over only from an arm
-    that is calm, or after `MAX_REFLEX_TIME`. Joints keep their soft limits (`SoftJointLimits`).
+    The stiff servo would keep pressing while it brakes: 165 N at 0.5 mm. So the servo takes over only from a
+    calm arm, or after `MAX_REFLEX_TIME`. Joints keep their soft limits (`SoftJointLimits`).
     """
 
     name: ClassVar[str] = "Comply"

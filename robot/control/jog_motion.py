@@ -43,7 +43,7 @@ LOOKAHEAD_STEP = 1 / 60
 
 
 STANDING_SPEED_SHARE = 0.02
-"""Share of the commanded speed below which a jog stands."""
+"""Share of the commanded speed below which the jogged arm counts as at rest."""
 
 
 MIN_TRAVEL_LEFT = 1e-4

@@ -303,12 +303,13 @@ SPIRAL_STIFFNESS = 1500.0
 BLOCKED_TIME, BLOCKED_TRAVEL = 0.15, 0.0006
 """Time, s, and travel, m: a tool that moves less than this in that time is blocked."""
 BESIDE_TOLERANCE = 0.003
-"""Distance of the peg from the hole's axis within its clearance, m. What is found further beside the believed
-axis than its uncertainty and this is another hole, or the edge of the fixture."""
+"""Distance of the peg from the hole's axis within its clearance, m. A recess further from the believed axis
+than its uncertainty and this tolerance is another hole, or the edge of the fixture."""
 STALL_TIME, STALL_DEPTH = 0.5, 0.0003
-"""Time, s, and depth, m: a peg that sinks less than this in that time stands."""
+"""Time, s, and depth, m: a peg that sinks less than this in that time has stalled."""
 BOTTOM_TIME = 0.12
-"""Time after which a peg at the bottom stands, s. A longer one would only press it against the walls."""
+"""Time without motion after which a peg is at the bottom, s. A longer one would only press it against the
+walls."""
 MAX_MISSING_DEPTH = 0.0025
 """Depth that may be missing at the bottom, m."""
 WIGGLE_FREQUENCY, YAW_FREQUENCY = 1.2, 0.8
@@ -561,8 +562,7 @@ class InsertionMotion(PegMotion):
                 return felt
 
     def _press(self, felt: ContactState) -> Part:
-        """Press the peg to the bottom with a wiggle. Where it stands before, pull it back and press
-        harder."""
+        """Press the peg to the bottom with a wiggle. When it stalls before, pull it back and press harder."""
         self.stage = "press"
         touch, mouth = self._touch, self._mouth
         x, y = perpendicular_axes(mouth.up)

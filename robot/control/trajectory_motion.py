@@ -73,8 +73,8 @@ class TrajectoryCheck(Protocol):
         ...
 
     def blocked(self, trajectory: Trajectory, done: float) -> Failure | None:
-        """Return why the motion must not go on, `done` s into the trajectory. None: it may. Called in each
-        tick."""
+        """Return the reason to stop the motion, `done` s into the trajectory; None without one. Called in
+        each tick."""
         ...
 
 
@@ -94,7 +94,7 @@ class TrajectoryMotion:
 
     @property
     def ongoing(self) -> OngoingMotion | None:
-        """Motion that was handed over and can still be finished. None: there is none."""
+        """Motion that was handed over and can still be finished; None without one."""
         over = self._handed_over
         if over is None or over.track.braking or not self._loop.unattended(over.track):
             return None
@@ -227,8 +227,8 @@ class TrajectoryMotion:
             yield from self._until_rest(lease)
 
     def way_back(self) -> Trajectory | None:
-        """Return the last followed trajectory back to its start, as far as it was followed. None: the arm has
-        moved otherwise since."""
+        """Return the executed part of the last trajectory, back to its start; None after any other motion of
+        the arm."""
         if self._last is None:
             return None
         back = reversed_trajectory(self._last.trajectory, self._last.progress)
@@ -287,7 +287,9 @@ class TrajectoryMotion:
     @staticmethod
     def _check_lease(lease: Lease) -> None:
         if not lease.valid:
-            raise PicktreeError(f"{lease.owner or 'a motion'} goes on, but another has taken the arm over")
+            raise PicktreeError(
+                f"{lease.owner or 'a motion'} continues, but another motion has taken the arm over"
+            )
 
     def _refuse_if_stopped(self) -> None:
         stop: FailureReport | None = self._loop.monitor.stopped

@@ -364,7 +364,7 @@ class BiasEstimator:
         """Whether the joints' efforts contradict the wrist sensor."""
 
     def come_to_rest(self, state: JointState) -> None:
-        """Learn the bias when the arm has just come to rest, if there is none or it is in doubt."""
+        """Learn the bias when the arm has just come to rest, if the bias is missing or in doubt."""
         if not self._wrist.zeroed:
             # A run begins with an empty hand in free space.
             self._wrist.zero(WRIST_WINDOW, state.position)

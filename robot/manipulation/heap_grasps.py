@@ -150,7 +150,7 @@ def grasps(
 
 
 def colour_between(heap: heap_geometry.HeightMap, tcp: Pose, tip: float, width: float) -> str:
-    """Return the most frequent colour between the pads; `grey` where there is none.
+    """Return the most frequent colour between the pads; `grey` without any colour.
 
     `tcp`: TCP in the map's frame; `tip`: reach of the finger tips beyond it, m; `width`: opening, m.
     """

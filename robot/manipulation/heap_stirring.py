@@ -440,10 +440,10 @@ CHANGED_HEIGHT, CHANGED_AREA = 0.005, 2e-4
 
 
 def stir(world: World, task: HeapPickTask, strokes: int) -> Doing[None]:
-    """Push through the heap of a tote until things lie elsewhere. The arm ends out of the view.
+    """Push through the heap of a tote until the heap has changed. The arm ends out of the view.
 
-    Raises push.no_stroke when no stroke is free and reachable, push.stalled when the heap is as it was after
-    `strokes` of them, and the failures of cameras and motions.
+    Raises push.no_stroke when no stroke is free and reachable, push.stalled when `strokes` strokes have not
+    changed the heap, and the failures of cameras and motions.
     """
     outcomes: list[str] = []
     for _ in range(strokes):

@@ -52,7 +52,7 @@ DROPPED_CONFIDENCE = 0.3
 def open_gripper(world: World, reason: str, width: float | None = None) -> Doing[None]:
     """Open the fingers, by default fully, and remove the held object from the hand in the belief.
 
-    A halt does the same: the fingers go on opening.
+    A halt does the same: the fingers keep opening.
     """
     try:
         yield from world.gripper.open(width)
@@ -132,7 +132,7 @@ class LightObject:
     mass: float
     """Catalogue mass, kg."""
     widths: tuple[float, ...]
-    """Openings at which the fingers may stand around it, m."""
+    """Openings at which the fingers may hold it, m."""
 
     def fits(self, width: float, load: float | None) -> bool:
         """Return whether opening, m, and load, N, are those of this object."""
@@ -206,7 +206,7 @@ def _light_object(world: World) -> LightObject | None:
 
 
 def _widths(held: BeliefObject, gripper: GripperDescription, width: float) -> tuple[float, ...]:
-    """Return the openings at which fingers may stand around an object, m; flat pads turn it until it fits.
+    """Return the openings at which fingers may hold an object, m; flat pads turn it until it fits.
 
     `width`: their opening, m. A body that is not convex may be held by a wall.
     """
@@ -305,7 +305,7 @@ def release_held_object(
 ) -> Doing[None]:
     """Open the fingers around the held object, and believe it at `resting` in the world, in `place`.
 
-    It ends when that `share` of the opening is reached. A halt does the same: the fingers go on opening.
+    It ends when that `share` of the opening is reached. A halt does the same: the fingers keep opening.
     """
     control, loaded = world.control, np.array(world.control.wrist.force)
 
@@ -328,7 +328,7 @@ def drop_held_object(
 ) -> Doing[bool]:
     """Let the held object fall, and return whether its load, `before` N, has left the hand.
 
-    The arm is at rest. The fingers go on opening.
+    The arm is at rest. The fingers keep opening.
     """
     yield from release_held_object(world, held, resting, place, "placed", share=RELEASED_OPENING_SHARE)
     for _ in range(MAX_FALL_TICKS):

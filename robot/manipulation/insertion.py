@@ -1,7 +1,6 @@
-"""Insertion of the held object: the hole is chosen, the object moved over it, searched for, pressed in and
-let go.
+"""Insertion of the held object: choice of the hole, motion over it, search, press and release.
 
-Geometry: poses over the hole, the peg as it is held, its lean, and its place afterwards.
+Geometry: poses over the hole, the peg in its present hold, its lean, and its place afterwards.
 """
 
 from __future__ import annotations

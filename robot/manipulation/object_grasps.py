@@ -1,7 +1,7 @@
-"""Grasps of an object of a known kind: across a convex body; of another one by its walls and rims, too.
+"""Grasps of an object of a known kind: across a convex body; by walls and rims of any other body, too.
 
-What stands out of a body that is not convex is found on a height map of it, as in a heap: here the map is
-computed from the believed shape and pose. Rays along the pads' motion tell what they meet.
+Protruding parts of a body that is not convex are found on a height map of it, as in a heap. Here the map is
+computed from the believed shape and pose. Rays along the pads' motion show what the pads meet.
 """
 
 from __future__ import annotations

@@ -61,7 +61,7 @@ class ApproachedPick:
 
     candidate: PickPlaceCandidate
     transfer: LookaheadResult | None
-    """Transfer that was planned during the approach. None: there is none."""
+    """Transfer that was planned during the approach; None without one."""
     first: bool
     """Whether no candidate of this object has failed before."""
 

@@ -129,9 +129,10 @@ def lower(world: World, held: BeliefObject, bin_: Bin | None, node: str) -> Doin
 def _room_beside_obstacles(
     world: World, held: BeliefObject, way: float, least: float, node: str
 ) -> Doing[float]:
-    """Return how much of the way down is free of obstacles, m. What hand and object feel may be touched.
+    """Return the length of the way down that is free of unknown obstacles, m. Contact with fixtures, bins and
+    items is allowed.
 
-    Less than the share `least` of it is none; where all of it is needed, that is the planner's failure.
+    0 when less than the share `least` of `way` is free. With `least` 1 it raises the planner's failure.
     """
     others = [str(o.id) for o in world.scene.objects if o.role != "obstacle" and o.id != held.id]
     felt = (*map(str, world.scene.fixtures), *map(str, world.scene.bins), *others)

@@ -195,7 +195,8 @@ def _move_before(
 ) -> Doing[None]:
     """Move the arm to a pose before the camera that shows `centre` (3,) in the TCP frame.
 
-    The arm stops when the fingers move, and goes on when the thing is still held; else it is grasp.slipped.
+    The arm stops when the fingers move, and continues when the thing is still held; else the skill fails with
+    grasp.slipped.
     """
     for last in (False, False, True):
         plan = yield from _plan_before(world, task, camera, side, centre)

@@ -84,7 +84,7 @@ class RetreatMotion:
         self.tried: list[str] = []
         """Descriptions of the attempts that failed."""
         self.felt: Vector3 | None = None
-        """Last contact force on the hand, N in the world. None: there was none."""
+        """Last contact force on the hand, N in the world; None without one."""
         self.pressed = False
         """Whether something pressed on the arm at rest."""
         self.touched = False

@@ -56,7 +56,7 @@ EXTRA_GRASP_MARGIN = 0.003
 FIXTURE_CLEARANCE = 0.006
 """Clearance of pushed objects from bins and other fixtures, m."""
 ALONE_DISTANCE = 0.03
-"""Free distance from which an unknown object stands alone, m."""
+"""Free distance from which an unknown object counts as isolated, m."""
 START_HAND_CLEARANCE = 0.003
 """Clearance of the hand where the push begins, m."""
 SURE_GRASP_VALUE, BARE_GRASP_VALUE, OTHER_GRASP_VALUE = 3.0, 1.5, 0.4
@@ -91,7 +91,7 @@ class SingulationPush:
 def has_room(world: World, belief: BeliefObject) -> bool:
     """Return whether the hand fits around an object and the arm reaches that grasp.
 
-    An unknown object has to stand alone. Costs are added to the thinking account.
+    An unknown object must be isolated. Costs are added to the thinking account.
     """
     if belief.role != "item":
         return free_distance(world, belief) >= ALONE_DISTANCE
@@ -109,7 +109,7 @@ def has_room(world: World, belief: BeliefObject) -> bool:
 
 
 def free_distance(world: World, belief: BeliefObject) -> float:
-    """Return the free distance of an object from all others, m; inf: there is none."""
+    """Return the free distance of an object from all others, m; inf without others."""
     return min((_between(belief, o) for o in world.scene.objects if o.id != belief.id), default=math.inf)
 
 

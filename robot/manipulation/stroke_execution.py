@@ -76,7 +76,7 @@ class PushMotion(CompliantMotion):
         through: bool = False,
     ) -> None:
         """`tool`: TCP in the carrier. `hand_mass`: mass whose inertia the wrist measures, kg. `rolls`: see
-        `PushSide`. `through`: the stroke goes on without contact, through a heap."""
+        `PushSide`. `through`: the stroke continues without contact, through a heap."""
         super().__init__()
         self._path, self._tool, self._gap = way, tool, gap
         if rolls or way.length < MAX_SLOW_LENGTH:
@@ -448,13 +448,13 @@ def configuration_above_start(
     rise: float | None = None,
     beside: Collection[str] = (),
 ) -> Array | str:
-    """Return the configuration (n,) above the first of a stroke's TCP poses from which the arm can follow
-    them, or why there is none.
+    """Return the configuration (n,) above the first TCP pose of a stroke from which the arm can follow all
+    poses, or the reason without one.
 
-    `rise`: height above that pose, m; without it that of a pre-grasp.
-    `touching`: names that the gripper may touch after the start; `beside`: before it, too, because something
-    finer than the belief's shapes shows that it fits there. The search begins at the middle of the path.
-    There the arm has a comfortable configuration, and the change along the path is shared between both ends.
+    `rise`: height above that pose, m; without it that of a pre-grasp. `touching`: names that the gripper may
+    touch after the start; `beside`: before it, too, because something finer than the belief's shapes shows
+    that it fits there. The search begins at the middle of the path. There the arm has a comfortable
+    configuration, and the change along the path is shared between both ends.
     """
     start, middle = poses[0], len(poses) // 2
     pairs = tuple(("gripper", name) for name in touching)

@@ -162,7 +162,7 @@ class GripMonitor:
         """Mass on the hand in the last tick. None: not measured."""
 
     def watch(self) -> Failure | None:
-        """Return the failure that stops the arm. None: there is none. For `ArmMotion.along` and `finish`."""
+        """Return the failure that stops the arm; None to continue. For `ArmMotion.along` and `finish`."""
         width = self._world.gripper.width
         met = width <= MAX_EMPTY_WIDTH < self._width
         if met or abs(width - self._width) > MAX_OPENING_CHANGE:
@@ -227,7 +227,7 @@ class LiftWeighing:
         """Grip check of the lift. None: not finished, or in doubt."""
 
     def watch(self) -> Failure | None:
-        """Add this tick, and return the failure that stops the arm. None: the arm goes on."""
+        """Add this tick, and return the failure that stops the arm; None to continue."""
         moved = self._kept.watch()
         if moved is not None or self.hold is not None:
             return moved

@@ -48,8 +48,8 @@ HELD_DISTANCE = 0.06
 CERTAIN_CONFIDENCE = 0.6
 """Confidence from which a detection is an object of its own, even next to hidden objects."""
 MIN_SHARE_IN_VOLUME = 0.6
-"""Share of its cells in those of an obstacle from which a detection may be a part of it. What leans on an
-obstacle or stands close to it has fewer."""
+"""Least share of a detection's cells in those of an obstacle for which it may be a part of that obstacle. An
+item that leans on an obstacle or is close to it has a smaller share."""
 VOLUME_MARGIN = 0.02
 """Distance beside a detection within which an obstacle's cells may be due to the same item, m: cells reach
 beyond the true surface."""
@@ -87,8 +87,8 @@ def update_belief(
 
     Ids stay with their objects: matched first by place, then by kind for objects that left their place. An
     attached object is not touched. An item is removed only when its place is clearly seen to be empty, or
-    when it was given up where it is merely supposed to lie. What is seen where an item was given up is that
-    item in any colour: a camera may mistake it.
+    when it was given up where it is merely supposed to lie. A detection at the place of a given-up item is
+    that item in any colour: a camera may mistake the colour.
     """
     held = scene.held
     if held is not None and held_at is not None:

@@ -86,7 +86,7 @@ class Hypothesis:
     shown: float
     """Share of the silhouette that the blob fills."""
     supported: bool
-    """Whether the item stands on the support; else it floats at the measured height."""
+    """Whether the item rests on the support; else it floats at the measured height."""
 
     @property
     def cost(self) -> float:
@@ -325,7 +325,7 @@ MAX_FLUSH_MISFIT, MAX_FLUSH_SHARED_VOLUME = 0.9, 0.08
 """Greatest misfit of flush items, and greatest share of one's volume inside another. Rows of items measure
 0.5 to 0.85, and 0.04; items that do not add up to a long body exceed one of the limits."""
 MIN_STACKED_MISFIT = 2.2
-"""Misfit below which a part that stands on the table is not lifted onto others."""
+"""Misfit below which a part on the table is not lifted onto others."""
 MAX_PART_MISFIT = 5.5
 """Misfit of a part above which its cut is given up."""
 MAX_REFINEMENT = 2.0

@@ -159,7 +159,7 @@ KNOWN_DISTANCE = 0.01
 """Greatest distance from its believed pose at which a known object is confirmed, m. A fit that starts so near
 converges."""
 SUPPORTED_TOLERANCE = 5e-4
-"""Distance from its support below which an object is believed to stand on it, m."""
+"""Distance from its support below which an object is believed to rest on it, m."""
 MIN_KNOWN_CONFIDENCE = 0.6
 """Least believed confidence of a known object of which a good fit is asked."""
 UNEXPLAINED_DISTANCE = 0.5
@@ -248,7 +248,7 @@ class _Cut:
     picture: SegmentationInput
     blob: Blob
     costs: Array
-    """How badly each item explains each pixel (k, n)."""
+    """Misfit of each item in each pixel (k, n)."""
     owners: NDArray[np.intp]
     """Number of the item (n,) that each pixel belongs to; k for a pixel of none."""
     pieces: list[Blob | None]

@@ -1,5 +1,5 @@
-"""Perception pipeline: one RGB-D image is masked, segmented and fitted to the catalogue. What no fit
-explains is reported as unexplained.
+"""Perception pipeline: one RGB-D image is masked, segmented and fitted to the catalogue. Blobs without a fit
+are reported as unexplained.
 """
 
 from __future__ import annotations
@@ -86,8 +86,8 @@ colour. Items may lean over the rim."""
 HEIGHT_ABOVE_TALLEST = 0.015
 """Height above the tallest item from which a blob cannot be an item, m."""
 RAY_EXTENSION = 0.02
-"""Length by which a ray is taken to go on beyond what never moves, m. It thereby clears volumes that touch
-such a surface."""
+"""Length by which a ray is extended into a fixture or bin, m. It thereby clears volumes that touch such a
+surface."""
 MAX_CAMERA_DISPLACEMENT, DISPLACEMENT_DISTANCE = 0.006, 0.8
 """Displacement at the distance of the second value above which a corrected camera counts as misplaced, m. Its
 background is then computed again."""
@@ -419,7 +419,7 @@ class _Finding:
 
 @dataclass(frozen=True, eq=False)
 class _Seated:
-    """Item that stands in a hole."""
+    """Item that is seated in a hole."""
 
     best: Hypothesis
     detection: Detection

@@ -64,7 +64,7 @@ def covered_area(polygons: Sequence[Array]) -> float:
 LOOK_TOLERANCE = 0.01
 """Difference of two outlines that look the same, as a share of the largest extent of a body."""
 CIRCLE_CORNERS = 16
-"""Number of corners of the polygon that stands for a circle."""
+"""Number of corners of the polygon that approximates a circle."""
 TOP_CELLS, LEAST_TOP_QUANTILE = 24, 0.5
 """Cells along each side of a body's height map, and the quantile of its heights that its top may seem to be.
 Sides that are seen from aslant add to the lower ones."""
@@ -229,8 +229,7 @@ def part_points(shape: Shape) -> list[Array]:
 
 
 def _box_poses(entry: CatalogueEntry, size: tuple[float, float, float]) -> list[StablePose]:
-    """Return one stable pose for each different edge length that can stand upright, the longer side along
-    x."""
+    """Return one stable pose for each different edge length that can be vertical, the longer side along x."""
     found: list[StablePose] = []
     heights: list[float] = []
     for up in (2, 0, 1):

@@ -133,7 +133,7 @@ class CollisionChecker:
         """Take over the present belief of the scene, and the opening of the fingers, m.
 
         With several openings, the ends between which the fingers move, each answer is for all of them.
-        `clearance` m are added to all margins that are positive; tolerated depths stay as they are.
+        `clearance` m are added to all margins that are positive; tolerated depths do not change.
         """
         self._full_q = tuple(self.model.full_q(np.zeros(self.model.n), width) for width in widths)
         snapshot = scene.snapshot()
@@ -202,8 +202,8 @@ class CollisionChecker:
         return self.asked(self._now.halved, q, room or self.room)
 
     def excusing(self, contacts: tuple[ContactPair, ...], slack: float) -> MarginChecker:
-        """Return a checker in which the pairs of `contacts` may come as close as they are, and `slack` m
-        closer."""
+        """Return a checker in which the pairs of `contacts` may keep their present distance, or come `slack`
+        m closer."""
         margins = self._now.least.copy()
         for contact in contacts:
             for i, j in self._indices(contact.a, contact.b):
@@ -391,7 +391,7 @@ MAX_GAP, MAX_DEPTH = 0.005, 0.02
 
 
 def standing_pairs(model: RobotModel, scene: PlanningScene) -> tuple[tuple[str, str], ...]:
-    """Return each pair of a link and the fixture on which it stands.
+    """Return each pair of a link and the fixture on which it is mounted.
 
     Such a link turns about the vertical alone, so that its gap to the ground under it never changes. Links
     that no joint moves are never checked against the surroundings.

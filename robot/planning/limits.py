@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 WORKSPACE_MARGIN = 0.002
 """Distance of the tool to the edges of the workspace that planning keeps, m."""
 START_LIMIT_TOLERANCE = 1e-3
-"""Excess of a joint over its soft limit at a start that counts as none, rad; for a slider m.
+"""Greatest excess of a joint over its soft limit that is ignored at a start, rad; for a slider m.
 
-An arm that stands at its limit is off by less.
+An arm at its limit is off by less.
 """
 WIDENING = 1e-9
 """Widening of a room beyond the tool that it is widened to, m, for rounding."""

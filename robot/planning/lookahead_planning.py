@@ -289,12 +289,12 @@ class LookaheadResult:
 
 
 class LookaheadPlanner:
-    """Look-ahead planner: a second line of computation next to the one that skills wait for. It does one
-    thing at a time.
+    """Look-ahead planner: a second line of computation next to the one that skills wait for. It computes one
+    plan at a time.
 
-    With a worker it computes in another process while ticks go on here. Answers, and the simulated times at
-    which they are ready, are those without one. Checkpoints keep nothing of it: earlier results are
-    forgotten there.
+    With a worker it computes in another process during the ticks. The results, and the simulated times at
+    which they are ready, are the same without a worker. Checkpoints do not contain its state: a checkpoint
+    discards earlier results.
     """
 
     def __init__(
@@ -306,7 +306,8 @@ class LookaheadPlanner:
         worker: PlanningWorker | None = None,
     ) -> None:
         """Arguments: `now` returns the simulated time, s; `cost` is that of a check, simulated s. `solve`
-        plans in this process. `resolved` is told each outcome, when it or a later one is first read."""
+        plans in this process. `resolved` is called with each outcome, when it or a later one is first
+        read."""
         self._now = now
         self._cost = cost
         self._solve = solve
@@ -358,7 +359,7 @@ class LookaheadPlanner:
 def is_plan_free(solver: RequestSolver, plan: MotionPlan) -> bool:
     """Whether a plan's trajectory is free in the present belief, by the fast checker.
 
-    An object that the plan supposed in the hand is taken as it is believed to be, once it is held.
+    An object that the plan assumed in the hand is checked with its present belief, once it is held.
     """
     for leg, trajectory in zip(plan.legs or (plan,), split_into_legs(plan), strict=True):
         request = leg.request

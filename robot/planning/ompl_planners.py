@@ -34,7 +34,7 @@ MAX_EXTENSION = 1.0
 MAX_GEODESIC_STEP = 0.1
 """Greatest step of a motion under constraints between two projections, rad."""
 EVALUATIONS_PER_CHECK = 5
-"""Evaluations of the termination condition that stand for one collision check: lazy planners may grow without
+"""Evaluations of the termination condition that count as one collision check: lazy planners may grow without
 checks."""
 CLASSES = {
     "rrt_connect": "RRTConnect",
@@ -152,8 +152,8 @@ class _Projection(ob.Constraint):
 class _OmplSearch:
     """One search by one planner, with all of OMPL's objects made for it.
 
-    What OMPL calls must not refer to this object: a planner keeps its last condition, and neither would ever
-    be freed.
+    Callbacks of OMPL must not refer to this object: a planner keeps its last condition, and neither would
+    ever be freed.
     """
 
     def __init__(self, name: str, problem: SearchProblem) -> None:

@@ -229,10 +229,10 @@ class PlanService:
     def ahead(
         self, legs: Sequence[Request], *, node: str = "", rounded: float = DEFAULT_LINE_ROUNDING
     ) -> LookaheadResult:
-        """Plan a motion through these legs, as `through` does, while something else goes on.
+        """Plan a motion through these legs, as `through` does, during other motions.
 
-        `take` returns the result once the simulated time that it cost has passed; nobody is charged. Results
-        are computed one after the other: a second one waits for the first.
+        `take` returns the result once the simulated time of its computation has passed; no thinking is
+        charged. Results are computed one after the other: a second one waits for the first.
         """
         legs, seeds = self._prepared(legs, node)
         nothing = self.finds_nothing is not None and self.finds_nothing()
@@ -241,12 +241,12 @@ class PlanService:
         return self._ahead.prepare(order)
 
     def take(self, prepared: LookaheadResult) -> Generator[None, None, MotionPlan | None]:
-        """Return what was planned ahead, as soon as it is ready; raises the failure that it ended with.
+        """Return a plan of `ahead` as soon as it is ready; raise the failure with which it ended.
 
-        When the belief has changed since, the plan is checked again, which is charged. None: it holds no
-        longer, or a checkpoint came in between; plan again:
+        When the belief has changed since, the plan is checked again, which is charged. None: it is no longer
+        valid, or a checkpoint came in between; plan again:
 
-            plan = (yield from world.plan.take(prepared)) or (yield from world.plan.through(legs))
+        plan = (yield from world.plan.take(prepared)) or (yield from world.plan.through(legs))
         """
         if not self._ahead.remembers(prepared):
             return None

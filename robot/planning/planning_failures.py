@@ -209,7 +209,7 @@ class GoalInspection:
 
 
 def describe_shortfall(model: RobotModel, nearest: NearestReach) -> str:
-    """Describe what keeps the arm from a pose, in words that go on after `out of reach:`."""
+    """Describe the obstruction to a pose, in words that follow `out of reach:`."""
     match nearest.obstacle:
         case "position":
             return f"the tool ends {nearest.distance * 1000:.0f} mm short of it"

@@ -169,7 +169,8 @@ class Request:
     planner: str = ""
     """Name of the planner, see `world/planner_names.py`; empty: that of `PlanWith`, scene or robot."""
     narrowest: float | None = None
-    """Narrowest opening where the fingers move on the way, m; `width` is the widest. None: they stand."""
+    """Narrowest opening during a motion of the fingers on the way, m; `width` is the widest. None: the
+    fingers do not move."""
 
 
 @dataclass(frozen=True, slots=True)

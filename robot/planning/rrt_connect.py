@@ -224,7 +224,7 @@ class _Samples:
             self.block, self.row = self._drawn(), 0
 
     def close(self) -> None:
-        """Return the rest of the block to the random stream, so that the next search goes on from here."""
+        """Return the rest of the block to the random stream, so that the next search continues from here."""
         unused, stream = len(self.block) - self.row, self._rng.bit_generator
         if unused > 0:
             assert isinstance(stream, np.random.PCG64), "random numbers are those of numpy's default_rng"

@@ -91,7 +91,7 @@ def _at(trajectory: Trajectory, times: Array) -> Array:
 
 
 class RobotSweep:
-    """Solids on a robot at a number of moments, among bodies that stand still.
+    """Solids on a robot at a number of moments, among bodies at rest.
 
     Pairs (p, 2) are numbers: of carried solids and, from their count on, of the bodies around.
     """

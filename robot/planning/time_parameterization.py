@@ -230,8 +230,8 @@ def time_optimal_law(
 
     `speed` (m,): greatest speed of the parameter at each. `acceleration` (m, n): the joints' limits.
     `torques` (m, n) each: joint torques of the parameter's acceleration and of its squared speed, as shares.
-    None when rounding makes it unsolvable. Without lower limits of the speed, standing still is possible
-    everywhere. Of the sets of controllable speeds only the upper ends are therefore needed.
+    None when rounding makes it unsolvable. Without lower limits of the speed, speed 0 is possible everywhere.
+    Of the sets of controllable speeds only the upper ends are therefore needed.
     """
     rows = _Rows(grid, first / acceleration, second / acceleration, torques, speed**2)
     solver = seidelWrapper([rows], rows, grid, solve_lp1d=True)

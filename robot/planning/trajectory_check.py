@@ -204,7 +204,7 @@ class StartTolerance:
 
     Excused pairs may not come closer near the start, and must have come apart further away. `stuck` has the
     pairs that penetrate by more than the belief may be wrong: from there no plan may start. A tool that
-    starts outside of the workspace may be as far outside as it is at the start.
+    starts outside of the workspace may stay as far outside as at the start.
     """
 
     def __init__(self, collision: CollisionChecker, start: Array) -> None:

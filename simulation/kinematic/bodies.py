@@ -45,7 +45,7 @@ class HoleBelow:
     floor: float
     """Height of its bottom in the world, m."""
     pose: Pose
-    """Pose in the world of the item as it would stand in the hole: upright, at its present height."""
+    """Pose in the world of the item upright in the hole, at its present height."""
     entered: bool
     """Whether the item is so deep in the hole that the walls hold it."""
 
@@ -57,7 +57,7 @@ class KinematicHoles:
         self._holes = [(f.id, hole, f.pose @ hole.pose) for f in fixtures for hole in f.holes]
 
     def under(self, shape: Shape, pose: Pose) -> HoleBelow | None:
-        """Return the hole into which an item at `pose` goes when it is lowered; None when there is none."""
+        """Return the hole into which an item at `pose` goes when it is lowered; None without such a hole."""
         for fixture, hole, mouth in self._holes:
             found = _under(fixture, hole, mouth, shape, pose)
             if found is not None:
@@ -379,7 +379,7 @@ class KinematicBodies:
         return hole if hole is not None and hole.entered else None
 
     def below(self, prism: Prism) -> float | None:
-        """Return the height of the highest top under the outline, m; None: there is none."""
+        """Return the height of the highest top under the outline, m; None without one."""
         return max((top for _, top in self.tops_below(prism)), default=None)
 
     def tops_below(self, prism: Prism) -> list[tuple[str, float]]:

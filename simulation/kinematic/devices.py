@@ -26,7 +26,7 @@ from picktree.world.robot_model import GripperDescription, RobotModel
 from .bodies import KinematicBodies, KinematicBody
 
 MIN_FINGER_STEP = 1e-9
-"""Change of the opening in a control period below which the fingers stand, m."""
+"""Change of the opening in a control period below which the fingers are at rest, m."""
 MIN_GRASP_OVERLAP = 0.001
 """Least overlap of an item with the pads for a grasp, m."""
 

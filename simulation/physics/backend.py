@@ -324,7 +324,7 @@ class PhysicsHardware:
         self._items.bump(item, velocity, spin)
 
     def in_hand(self) -> ObjectId | None:
-        """Return the item that every finger touches; None: there is none."""
+        """Return the item that every finger touches; None without one."""
         return self._contacts.in_hand()
 
     def lubricate(self, item: str, friction: float | None, *, again: bool = False) -> None:

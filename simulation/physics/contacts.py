@@ -46,7 +46,7 @@ class ContactPoints:
         )
 
     def in_hand(self) -> ObjectId | None:
-        """Return the item that every finger touches; None: there is none."""
+        """Return the item that every finger touches; None without one."""
         found: set[int] | None = None
         fingers = self._body.description.gripper.fingers
         for link, name in self._body.links.items():

@@ -95,7 +95,7 @@ class SleepingItems:
         self._numbers: Mapping[ObjectId, int] = {}
         self._fixed: Collection[int] = ()
         self._places: dict[ObjectId, list[_Place]] = {}
-        """Where each awake item was when each test of rest began anew."""
+        """Place of each awake item at the last restart of each test of rest."""
         self._asleep: set[ObjectId] = set()
         self._dozing: dict[ObjectId, int] = {}
         self._steps = 0

@@ -80,7 +80,7 @@ LEAVE_OUT = "leave it out, or put a text with it in quotes"
         (" Main:\n  Sequence:\n   – SafeRetreat",
          "P208 3:4 '– SafeRetreat' is not an ID (the '–' is no '-': write '- SafeRetreat')"),
         (" Main:\n  SafeRetreat:\n  GoTo: {pose: home}",
-         "P215 2:3 here are 2 nodes where one can stand: 'SafeRetreat', 'GoTo' "
+         "P215 2:3 here are 2 nodes in place of one: 'SafeRetreat', 'GoTo' "
          "(in a list each begins with a '-': write '- SafeRetreat', then '- GoTo')"),
         # Numbers and references.
         (" Main: {Sleep: {msec: 0,5 s}}", "P127 1:24 a ',' in a number ends the value (write 0.5 s)"),
@@ -90,7 +90,7 @@ LEAVE_OUT = "leave it out, or put a text with it in quotes"
         (" Main: {Sleep: {msec: '１０'}}",
          "P220 1:23 port 'msec': '１０' is not a time (as 500 ms) (write 10)"),
         (" Main: {Log: {message: '{a} of {b}'}}",
-         "P221 1:24 port 'message': {a} is a part of the text '{a} of {b}', and stays as it is there "
+         "P221 1:24 port 'message': {a} is a part of the text '{a} of {b}', and is not replaced there "
          '(a reference is the whole value: write "{a}")'),
         (" Main: {ForEach: {in: ['{a}', x], out: '{c}', do: SafeRetreat}}",
          "P221 1:23 port 'in': a list holds no references, as {a} (as \"{key}\", for the whole list)"),

@@ -66,16 +66,16 @@ CASES: dict[str, tuple[str, str]] = {
     ),
     "no choice": (
         "trees: {Main: {Take: {object: red_1, hand: rihgt}}}",
-        "3:44: Main/Take: port 'hand': 'rihgt' is none of the choices; did you mean 'right'? (which hand)",
+        "3:44: Main/Take: port 'hand': 'rihgt' is not a choice; did you mean 'right'? (which hand)",
     ),
     "a number beyond all bounds": (
         f"trees: {{Main: {{Repeat: {{num_cycles: {10**30}, do: AlwaysSuccess}}}}}}",
-        "3:37: Main/Repeat: port 'num_cycles': the number is too large (how often; -1 for without end)",
+        "3:37: Main/Repeat: port 'num_cycles': the number is too large (number of cycles; -1 for no limit)",
     ),
     "a value that is no number": (
         "trees: {Main: {SetBlackboard: {value: [1, .nan], output_key: '{a}'}}}",
         "3:39: Main/SetBlackboard: port 'value': nan is not a finite number "
-        "(the value, or a reference to another)",
+        "(the value, or a reference to an entry)",
     ),
     "a list that is none": (
         "trees: {Main: {Find: {ids: red_1, found: '{x}'}}}",
@@ -125,12 +125,12 @@ CASES: dict[str, tuple[str, str]] = {
     ),
     "children missing": (
         "trees: {Main: {Parallel: {success_count: 1}}}",
-        "3:16: Main/Parallel: its children are missing: what is done at the same time",
+        "3:16: Main/Parallel: its children are missing: the steps that run at the same time",
     ),
     "a child missing": ("trees: {Main: Inverter}", "3:15: Main/Inverter: its child is missing: the child"),
     "an empty list for a child": (
         "trees: {Main: {Inverter: []}}",
-        "3:26: Main/Inverter: the list is empty; at least one node must stand here",
+        "3:26: Main/Inverter: the list is empty; at least one node is needed here",
     ),
     "children of a leaf": (
         "trees: {Main: {AlwaysSuccess: [AlwaysFailure]}}",
@@ -153,7 +153,7 @@ CASES: dict[str, tuple[str, str]] = {
     ),
     "no node": (
         "trees: {Main: {Sequence: [3]}}",
-        "3:27: Main/Sequence: here a node must stand (as 'Grasp: {object: \"{item}\"}' or a bare ID)",
+        "3:27: Main/Sequence: a node is needed here (as 'Grasp: {object: \"{item}\"}' or a bare ID)",
     ),
     "a bad name": (
         "trees: {Main: {AlwaysSuccess: {name: a/b}}}",

@@ -46,7 +46,7 @@ def doc_of(node: str, key: str) -> str:
          "P220 4:47: Main/RetryUntilSuccessful: port 'num_attempts': -2 is less than -1 "
          f"({doc_of('RetryUntilSuccessful', 'num_attempts')})"),
         ("Recover: {attempts: 0, do: AlwaysSuccess, otherwise: SafeRetreat}",
-         "P220 4:30: Main/Recover: port 'attempts': 0 is less than 1 (how often `do` may run)"),
+         "P220 4:30: Main/Recover: port 'attempts': 0 is less than 1 (maximum number of runs of `do`)"),
         ("ForEach: {in: [a], out: '{x}', most: 0, do: AlwaysSuccess}",
          "P234 4:47: Main/ForEach: port 'most': of 0 elements the child never runs "
          "(at least 1, or -1 for all)"),
@@ -131,7 +131,7 @@ def test_cases_for_the_same_value() -> None:
         ("{type: int, choices: [1, two]}", ["P211 6:41: trees.Sub.ports.p.choices[1]: the choice: 'two' is "
                                             "not a whole number"]),
         ("{type: string, choices: [a, b], default: c}", ["P213 6:57: trees.Sub.ports.p.default: the default: "
-                                                         "'c' is none of the choices; known: a, b"]),
+                                                         "'c' is not a choice; known: a, b"]),
         ("{direction: up}", ["P211 6:28: trees.Sub.ports.p.direction: the direction is 'in' or 'out', not "
                              "'up'"]),
         ("{type: int, direction: out, default: 3}", ["P211 6:44: trees.Sub.ports.p.default: an output has no "

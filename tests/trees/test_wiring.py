@@ -118,7 +118,7 @@ def test_what_fits_is_quiet(wired: str) -> None:
          "not a list, each an object's id (Main/Sequence/Measure writes it, line 6)"),
         ("force: '{w}'", "P237 7:22: Main/Sequence/Use: port 'force': {w} is in m, not in N "
          "(Main/Sequence/Measure writes it, line 6)"),
-        ("colour: '{s}'", "P237 7:23: Main/Sequence/Use: port 'colour': {s}: 'left' is none of the choices; "
+        ("colour: '{s}'", "P237 7:23: Main/Sequence/Use: port 'colour': {s}: 'left' is not a choice; "
          "known: red, beige (Main/Sequence/Measure writes it, line 6)"),
         ("text: '{n.colour}'", "P238 7:21: Main/Sequence/Use: port 'text': {n.colour}: only an object has "
          "attributes, and 'n' is a whole number (Main/Sequence/Measure writes it, line 6)"),
@@ -140,7 +140,7 @@ def test_what_fits_is_quiet(wired: str) -> None:
         ("one: '{= os}'", "P237 7:20: Main/Sequence/Use: port 'one': {= os} is a list, each an object's id, "
          "not an object's id"),
         ("side: \"{= 'up' if f else 'down'}\"", "P237 7:21: Main/Sequence/Use: port 'side': {= 'up' if f "
-         "else 'down'}: 'up' is none of the choices; known: left, right"),
+         "else 'down'}: 'up' is not a choice; known: left, right"),
         ("count: '{= n - t}'", "P226 7:28: Main/Sequence/Use: port 'count': '-' does not work on a whole "
          "number and a text"),
         ("count: '{= m}'", "P227 7:26: Main/Sequence/Use: port 'count': unknown name 'm'; known: n, w, f, s, "
@@ -156,7 +156,7 @@ def test_what_fits_is_quiet(wired: str) -> None:
         ("count: '{n + 1}'", "P221 7:22: Main/Sequence/Use: port 'count': '{n + 1}' is not a reference (an "
          "expression begins with '=': \"{= n + 1}\")"),
         ("length: '{= 3 mm}'", "P225 7:29: Main/Sequence/Use: port 'length': not an expression: numbers "
-         "stand without units here, in SI; leave out 'mm'"),
+         "are written without units here, in SI; leave out 'mm'"),
         ("_skipIf: \"o.colour == 'rde'\"", "P226 7:37: Main/Sequence/Use: _skipIf: this is never 'rde'; did "
          "you mean 'red'?"),
         ("_skipIf: 'o.colour == ''rde'''", "P226 7:24: Main/Sequence/Use: _skipIf: this is never 'rde'; did "
@@ -182,7 +182,7 @@ def test_a_literal_keeps_its_value_on_the_way() -> None:
     ) == [
         "P237 10:22: Main/Sequence/Use: port 'count': {again}: 12 is more than 9 "
         "(Main/Sequence/SetBlackboard#3 writes it, line 8)",
-        "P237 10:39: Main/Sequence/Use: port 'side': {side}: 'rihgt' is none of the choices; did you mean "
+        "P237 10:39: Main/Sequence/Use: port 'side': {side}: 'rihgt' is not a choice; did you mean "
         "'right'? (Main/Sequence/SetBlackboard#2 writes it, line 7)",
         "P237 10:57: Main/Sequence/Use: port 'length': {w} is a text, not a number "
         "(Main/Sequence/SetBlackboard#4 writes it, line 9)",
@@ -256,11 +256,11 @@ def test_values_flow_through_the_ports_of_sub_trees() -> None:
               - {SetBlackboard: {value: word, output_key: "{guess}"}}
         """
     ) == [
-        "P237 6:23: Main/Sequence/Inner: port 'side': 'rihgt' is none of the choices; did you mean 'right'? "
+        "P237 6:23: Main/Sequence/Inner: port 'side': 'rihgt' is not a choice; did you mean 'right'? "
         "(it goes to the port 'side' of Use, line 19)",
         "P237 7:9: Main/Sequence/Inner#2: port 'count': its default: 30 is more than 9 "
         "(it goes to the port 'count' of Use, line 19)",
-        "P237 7:35: Main/Sequence/Inner#2: port 'list': 'up' is none of the choices; known: left, right "
+        "P237 7:35: Main/Sequence/Inner#2: port 'list': 'up' is not a choice; known: left, right "
         "(it goes to the port 'side' of Use, line 20)",
         "P237 8:22: Main/Sequence/Use: port 'count': {m} is a text, not a whole number "
         "(Main/Sequence/Inner writes it, line 6)",

@@ -39,9 +39,9 @@ class UnstartedMotion(TypeError):
 
 
 def check_motion_calls(source: bytes, module: Mapping[str, object], plugin: str) -> None:
-    """Check a plug-in's source. Raises PluginError for a motion that is surely called without `yield from`.
+    """Check a plug-in's source. Raises PluginError for a certain motion call without `yield from`.
 
-    `module`: names of the executed module. What cannot be known before a run is left to `compiled`.
+    `module`: names of the executed module. Calls that are uncertain before a run are left to `compiled`.
     """
     found = list(_Check(ast.parse(source), module).lost())
     if not found:
@@ -133,7 +133,8 @@ class _Check:
                 return inspect.isgeneratorfunction(self._known(owner, called))
 
     def _known(self, owner: ast.ClassDef | None, named: ast.expr) -> object:
-        """Return what a name, or an attribute of `self`, of the module stands for. None: not known."""
+        """Return the value of a name, or of an attribute of `self`, in the module; None when it is
+        unknown."""
         match named:
             case ast.Name(id=name):
                 return self._module.get(name, getattr(builtins, name, None))
@@ -147,7 +148,7 @@ class _Uses:
     """Uses of the values in one function."""
 
     def __init__(self, function: ast.FunctionDef, known: Callable[[ast.expr], object]) -> None:
-        """`known` returns what a called expression stands for, or None."""
+        """`known` returns the value of a called expression, or None."""
         self._function, self._known = function, known
         self._above = {id(child): node for node in ast.walk(function) for child in ast.iter_child_nodes(node)}
 

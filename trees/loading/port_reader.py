@@ -116,7 +116,7 @@ def _literal_hint(value: Value, port: PortDeclaration) -> str:
 
 
 def _inner_reference(value: Value) -> str | None:
-    """Return the first reference that stands in a longer text, or in a list; None where there is none."""
+    """Return the first reference inside a longer text or a list; None without one."""
     if isinstance(value, list):
         return next(filter(None, map(_inner_reference, value)), None)
     found = references.REFERENCE_IN_TEXT.search(value) if isinstance(value, str) else None
@@ -196,7 +196,7 @@ class PortReader:
             )
         else:
             message = (
-                f"port {port.key!r}: {inner} is a part of the text {show(value)}, and stays as it is there"
+                f"port {port.key!r}: {inner} is a part of the text {show(value)}, and is not replaced there"
             )
             hint = f'a reference is the whole value: write "{inner}"'
         self._fault(loc, trail, message, hint, code="P221")

@@ -44,7 +44,7 @@ class NodeRegistry:
         self._asked: set[str] = set()
         self._problems: list[PluginProblem] = []
         self._lost: list[str] = []
-        """Texts of the plug-ins of `plugins:` that could not be loaded; empty where there is none."""
+        """Texts of the plug-ins of `plugins:` that could not be loaded."""
         self._pending = installed
         self.add(NODES, "picktree.trees")
         self.add(nodes, "given")
