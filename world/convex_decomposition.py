@@ -214,7 +214,7 @@ def _heading(raw: bytes, scale: float) -> str:
 
 
 MAX_HULL_VOLUME_RATIO = 1.25
-"""Greatest volume of a hull that stands for blocks, as a multiple of theirs."""
+"""Greatest volume of a hull that replaces blocks, as a multiple of their volume."""
 EDGE_DECIMALS = 5
 """Digits to which edges of blocks are compared, m: the belief rounds their places to a thousandth of a mm."""
 _SIGNS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])

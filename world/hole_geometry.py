@@ -24,7 +24,7 @@ ROUND_HOLE_SIDES = 32
 MIN_WALL = 0.001
 """Least wall between two holes' mouths, and from one to the sides of the box, m."""
 MIN_AREA = 1e-10
-"""Areas below this are none, m²."""
+"""Area below which a polygon counts as empty, m²."""
 Polygon: TypeAlias = Array
 """Corners (n, 2), counter-clockwise and convex, in the fixture's frame, m."""
 
@@ -253,13 +253,13 @@ def surface(box: Box, holes: tuple[Hole, ...]) -> Surface:
 
 
 Slack: TypeAlias = tuple[float, float]
-"""How much wider a hole is than the item, along the hole's long side and across, m."""
+"""Excess of the hole's width over the item's, along the hole's long side and across, m."""
 
 
 def hole_clearance(hole: Hole, shape: Shape) -> Slack | None:
-    """Return the clearance of an item that stands in the hole, on both sides together; negative where it
-    is too wide. None when its form does not go with the hole's. Cylinders and spheres go into round holes,
-    boxes into square holes and slots, meshes into none."""
+    """Return the clearance of an item in the hole, on both sides together; negative where it is too wide.
+    None when their forms do not fit. Cylinders and spheres go into round holes, boxes into square holes and
+    slots, meshes into none."""
     match shape:
         case Cylinder(radius, _) | Sphere(radius) if hole.form == "round":
             return hole.size[0] - 2 * radius, hole.size[1] - 2 * radius
@@ -287,8 +287,8 @@ def tightest_hole(holes: Iterable[Hole], shape: Shape) -> Hole | None:
 
 
 def named_holes(fixtures: Iterable[Fixture], name: str) -> tuple[Hole, ...] | None:
-    """Return the holes that a name such as `board` or `board/left` stands for: all of a fixture, or one.
-    None when it is neither."""
+    """Return the holes of a name such as `board` or `board/left`: all holes of a fixture, or one. None for
+    any other name."""
     for fixture in fixtures:
         if fixture.holes and fixture.id == name:
             return fixture.holes
@@ -309,7 +309,7 @@ def find_hole(scene: PlanningScene, hole_id: str) -> tuple[Fixture, Hole]:
 
 
 def hole_in_world(scene: PlanningScene, hole_id: str) -> Pose:
-    """Where the middle of the hole's mouth is believed to be; z points out of it.
+    """Return the believed pose of the middle of the hole's mouth; z points out of the hole.
 
     Raises Failure(world.unknown_object).
     """

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     import trimesh
 
 FORMATS = ("stl", "obj", "dae", "ply", "off", "glb")
-"""Formats that are read. A glTF file in several parts is none of them: it names files that may be missing."""
+"""Formats of readable meshes. A glTF file in several parts is excluded: it names files that may be
+missing."""
 MAX_BYTES = 200_000_000
 MAX_TRIANGLES = 4_000_000
 MAX_MATERIAL_BYTES = 1_000_000

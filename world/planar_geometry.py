@@ -11,7 +11,7 @@ from .shapes import Cylinder, Shape, Sphere, corners
 from .values import Array, Pose, quaternion_product
 
 MIN_UPRIGHT_COSINE = 0.7
-"""Cosine of the tilt up to which a cylinder stands."""
+"""Cosine of the greatest tilt of an upright cylinder."""
 MAX_LEVEL_SINE = 0.5
 """Sine of the angle up to which an axis of a body counts as level."""
 SAME_CORNER_DISTANCE = 5e-4
@@ -112,7 +112,7 @@ def heading(shape: Shape, pose: Pose) -> float:
 
 
 def planar(shape: Shape, pose: Pose) -> PlanarPose:
-    """Where a body is on its table."""
+    """Return the pose of a body on its table."""
     return PlanarPose(pose.position[0], pose.position[1], heading(shape, pose))
 
 

@@ -1,4 +1,5 @@
-"""The belief: what the robot thinks stands where. Skills, recovery and trees know nothing else."""
+"""Belief: the robot's planning scene, and the only state of the scene that skills, recovery and trees
+read."""
 
 from __future__ import annotations
 
@@ -29,14 +30,14 @@ class ObstacleBlock:
     size: Vector3
     """Edge lengths, m."""
     at: Vector3
-    """Its centre, m."""
+    """Centre of the block, m."""
     supposed: bool = False
-    """Whether nothing was seen in it: the obstacle may go on there, where the picture showed nothing."""
+    """Whether nothing was seen in it: the obstacle may extend there, where the picture showed nothing."""
 
 
 @dataclass(frozen=True, slots=True)
 class BeliefObject(Body):
-    """One movable body as it is believed to be. While attached, its pose follows from the TCP."""
+    """One movable body of the belief. While attached, its pose follows from the TCP."""
 
     sigma_position: float
     """Standard deviation of the position along each axis, m."""
@@ -52,13 +53,13 @@ class BeliefObject(Body):
     object_in_tcp: Pose | None = None
     """Set while the object is attached to the gripper."""
     place: str = "table"
-    """Where it is believed to lie: `table`, a bin's id, `hand`, or `aside`."""
+    """Believed place: `table`, a bin's id, `hand`, or `aside`."""
     blocks: tuple[ObstacleBlock, ...] = ()
     """Known parts of an obstacle. If their convex hull wastes little, it is the `shape`, else that is their
     bounding box; collisions are checked with `obstacle_hulls`. Empty for items, and for obstacles of older
     logs."""
     mass: float | None = None
-    """Mass as it was weighed in the hand, kg; None: not weighed."""
+    """Mass weighed in the hand, kg; None: not weighed."""
     seen_size: float | None = None
     """Greatest length of what a camera saw of it, m; None: that of its shape."""
 
@@ -139,7 +140,7 @@ class PlanningScene:
         return self._objects.get(ObjectId(object_id))
 
     def get(self, object_id: str) -> BeliefObject:
-        """The object of that id. Raises Failure(world.unknown_object) when there is none."""
+        """Return the object of that id. Raises Failure(world.unknown_object) for an unknown id."""
         found = self.find(object_id)
         if found is None:
             raise Failure(
@@ -214,7 +215,8 @@ class PlanningScene:
                     del self._allowed[key]
 
     def let_stand(self, pairs: Iterable[tuple[str, str]]) -> None:
-        """Allow these pairs of a link and a fixture to touch from now on: the link stands on the fixture."""
+        """Allow these pairs of a link and a fixture to touch from now on: the link is mounted on the
+        fixture."""
         self._standing |= {frozenset(pair) for pair in pairs}
 
     def allowed(self, a: str, b: str) -> bool:

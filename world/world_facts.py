@@ -57,8 +57,8 @@ class Refusal:
 
 
 class AttemptMemory:
-    """Names of the candidates that were tried and failed, for each (node path, object); and refusals, which
-    stand until something changes around their object."""
+    """Memory of attempts: names of failed candidates for each (node path, object), and refusals. A refusal is
+    valid until something changes around its object."""
 
     def __init__(self) -> None:
         self._tried: dict[str, list[str]] = {}
@@ -66,11 +66,11 @@ class AttemptMemory:
         """Refusals by `skill|object`."""
 
     def refuse(self, skill: str, subject: BeliefObject, scene: PlanningScene, message: str) -> None:
-        """Remember that a skill cannot do anything with an object as things stand."""
+        """Record that a skill cannot handle an object in the present scene."""
         self.refusals[f"{skill}|{subject.id}"] = Refusal.of(message, subject, scene)
 
     def refusal(self, skill: str, subject: BeliefObject, scene: PlanningScene) -> str | None:
-        """Return the message of a refusal that stands as long as nothing changes; None: there is none."""
+        """Return the message of a refusal that is still valid; None without one."""
         found = self.refusals.get(f"{skill}|{subject.id}")
         return found.message if found is not None and found.stands(subject, scene) else None
 
@@ -88,7 +88,7 @@ class AttemptMemory:
         return fresh
 
     def count(self, node: str, subject: str) -> int:
-        """How many candidates were tried since the memory was last cleared."""
+        """Return the number of candidates that were tried since the memory was last cleared."""
         return len(self._tried.get(f"{node}|{subject}", ()))
 
     def failed(self, node: str, subject: str, candidate: str) -> None:
@@ -119,11 +119,11 @@ class FeedProgressState:
 
 
 class FeedProgress:
-    """Counts of the feed's lines up to which the belief has followed them: whatever came since is news."""
+    """Counts of deliveries and exchanges that the belief contains; later ones are new."""
 
     def __init__(self) -> None:
         self.deliveries = 0
-        """Of these it is known that they came: somebody has looked, or waits for no more."""
+        """Number of deliveries that were looked at or are no longer waited for."""
         self._exchanges: dict[ObjectId, int] = {}
 
     def exchanged(self, signals: FeedSignals) -> tuple[ObjectId, ...]:

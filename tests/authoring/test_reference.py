@@ -129,7 +129,7 @@ Outputs
       opening at which the fingers stopped
 
 Fails with
-  control.gripper: The fingers did not do what they were told to. First remedy: reset the gripper.
+  control.gripper: The fingers did not follow a command. First remedy: reset the gripper.
 
 Uses gripper.
 

@@ -175,7 +175,7 @@ REPLACED = [
     (
         "  plate: {",
         "  unknown: {",
-        "13:3: catalogue.unknown: the name 'unknown' is taken (it stands for what fits no kind)",
+        "13:3: catalogue.unknown: the name 'unknown' is taken (it means an item that fits no kind)",
     ),
     (
         "wall: 5 mm",
@@ -202,7 +202,7 @@ REPLACED = [
         "{tote: [0.25, 0.20, 0.10], wall: 15 cm,",
         "6:43: fixtures.bin_a.wall: walls of 15 cm leave no room inside ('tote' is the outside)",
     ),
-    ("yaw: 90 deg", "rpy: [0, 0, 1]", "6:67: fixtures.bin_a.rpy: a bin stands upright: give its 'yaw'"),
+    ("yaw: 90 deg", "rpy: [0, 0, 1]", "6:67: fixtures.bin_a.rpy: a bin is always upright: give its 'yaw'"),
     ("yaw: 90 deg", "yaw: 90 N", "6:72: fixtures.bin_a.yaw: '90 N' is a force, not an angle (as 5 deg)"),
     (
         "yaw: 90 deg",
@@ -279,7 +279,7 @@ REPLACED = [
         "max: [0.6, 0.2]",
         "max: [0.6, 3]",
         "15:58: spawn[0].area: the area is outside the workspace (which is x -0.5 … 1 m, y -1 … 1 m)\n"
-        "15:58: spawn[0].area: the area is not over a level fixture (items stand on a table)",
+        "15:58: spawn[0].area: the area is not over a level fixture (items need a table below them)",
     ),
     ("lying: 0.5", "lying: 1.5", "15:102: spawn[0].lying: 1.5 is more than 1"),
     (
@@ -393,7 +393,7 @@ def test_a_mesh_becomes_its_hull_about_its_centre(tmp_path: Path) -> None:
         (
             "open",
             "the mesh is not closed: some of its edges do not belong to two faces "
-            "(close it; its hull, which could stand for it, has 6.0 cm³)",
+            "(close it; its hull, which could replace it, has 6.0 cm³)",
         ),
         ("flat", "the mesh is flat: it encloses no volume"),
         ("large", "the mesh is 30 m large (is it in millimetres? then 'scale: 0.001')"),
@@ -444,7 +444,7 @@ def test_bases_that_cannot_be_read(tmp_path: Path) -> None:
     own.write_text("picktree: 1\nkind: scene\nbase: own.yaml\n")
     with pytest.raises(FileError) as caught:
         load_scene(str(own))
-    assert str(caught.value) == f"{own}:3:7: base: more than 5 scenes stand on one another"
+    assert str(caught.value) == f"{own}:3:7: base: more than 5 scenes are based on one another"
     text = "picktree: 1\nkind: scene\nbase: three_bin\n"
     assert faults(text) == "scene.yaml:3:7: base: unknown scene 'three_bin' (did you mean 'three_bins'?)"
 

@@ -58,7 +58,7 @@ class LinkInertia(file_models.FileValue):
     mass: file_models.Mass
     """Mass of the link."""
     com: Annotated[file_models.Vector, Field(alias="at")]
-    """Its centre of mass in the link's frame."""
+    """Centre of mass in the link's frame."""
     moments: tuple[Moment, Moment, Moment]
     """ixx, iyy, izz in kg·m²."""
     products: tuple[Moment, Moment, Moment] = (0.0, 0.0, 0.0)
@@ -93,7 +93,7 @@ def write_composed_urdf(
     the same file.
 
     Meshes of installed packages are named as `package://package/path`, so that the text does not depend on
-    where the packages stand. Raises UrdfError when they do not go together.
+    the folder of the packages. Raises UrdfError when arm and gripper do not fit together.
     """
     return _kept(composed_urdf(arm, mounting, inertias or {}, attachments or {}, flange), arm.path.stem)
 

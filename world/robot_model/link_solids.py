@@ -44,7 +44,7 @@ Stamp: TypeAlias = tuple[int, int, int]
 MAX_SIZE_RATIO = 4.0
 """Size of a moving link's mesh, as a multiple of the robot's length, above which its unit is doubted."""
 MAX_FOOT_RATIO = 20.0
-"""The same for a link that does not move: a robot may stand on a table or in a hall."""
+"""The same for a link that does not move: a robot may be mounted on a table or in a hall."""
 MIN_ROBOT_LENGTH = 0.02
 """Length of a robot below which its joints tell nothing of the size of its links, m."""
 MIN_SCALED_SIZE = 0.002
@@ -89,7 +89,8 @@ def fingerprint(parts: tuple[LinkShape, ...]) -> bytes:
 
 
 def _stamp(file: str) -> Stamp:
-    """Return the inode, its last change and the size by which a changed file is told, within one process."""
+    """Return inode, time of change and size; together they identify a version of the file within one
+    process."""
     try:
         stat = Path(file).stat()
     except OSError as error:

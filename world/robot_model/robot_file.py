@@ -334,7 +334,7 @@ def _check_order(check: DocumentChecker, joints: list[str], skeleton: UrdfTree) 
             check.fault(
                 ("joints", name),
                 message,
-                "the joints stand in order, from the base on",
+                "list the joints in order, from the base outwards",
                 code="P510",
                 key=True,
             )

@@ -140,7 +140,7 @@ def _joint_faults(joint: ElementTree.Element) -> Iterator[str]:
     if kind is None:
         yield f"{where} has no type; known: {', '.join(JOINT_TYPES)}"
     elif kind not in JOINT_TYPES:
-        yield f"{where} has the type {describe(kind)}, which is none{_hint(kind, JOINT_TYPES)}"
+        yield f"{where} has the type {describe(kind)}, which is no joint type{_hint(kind, JOINT_TYPES)}"
     for end in ("parent", "child"):
         element = joint.find(end)
         if element is None or not element.get("link"):

@@ -1,4 +1,4 @@
-"""Where an item belongs: the rules of a scene file, for the belief as for the scorer's true items."""
+"""Destinations of items: the rules of a scene file, for believed objects and the scorer's true items."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Sortable(Protocol):
     def kind(self) -> str: ...
     @property
     def mass(self) -> float | None:
-        """Mass, kg; of an object of the belief as it was weighed."""
+        """Mass, kg; for an object of the belief the weighed one."""
         ...
 
     @property
@@ -77,7 +77,7 @@ def unknown_traits(destinations: Iterable[Destination], item: Sortable) -> tuple
 
 
 def asks_for(destinations: Iterable[Destination], name: str) -> bool:
-    """Return whether any rule asks for what `name` stands for."""
+    """Return whether the expression of any rule uses this name."""
     return any(name in Expression.parse(each.where).names for each in destinations)
 
 

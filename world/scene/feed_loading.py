@@ -64,7 +64,7 @@ def check_spawn(
     workspace: Bounds | None,
     assorted: bool = False,
 ) -> None:
-    """Faults of one spawn entry. Faulty kinds count as none; None stands for what could not be read.
+    """Check one spawn entry. Faulty kinds count as missing; None means an unreadable part.
 
     `assorted`: whether the scene has an assortment.
     """
@@ -171,7 +171,7 @@ def _check_place(
     # A table that could not be read is not missed a second time.
     if bodies is not None and any(not _covered(bodies, x, y) for x, y in points):
         message = f"the area{about} is not over a level fixture"
-        check.fault((*loc, "area"), message, "items stand on a table", code="P413")
+        check.fault((*loc, "area"), message, "items need a table below them", code="P413")
         return
     below = next((b for b in bodies or () if isinstance(b, Bin) and _overlaps(b, points)), None)
     if below is not None:
@@ -313,9 +313,9 @@ def check_feed(
     workspace: Bounds | None,
     assorted: bool = False,
 ) -> None:
-    """Faults of one entry; `standing` are the fixtures and bins.
+    """Check one entry; `standing` are the fixtures and bins.
 
-    Faulty kinds count as none; None stands for what could not be read. `assorted`: whether the scene has an
+    Faulty kinds count as missing; None means an unreadable part. `assorted`: whether the scene has an
     assortment.
     """
     loc: Location = ("feed", n)

@@ -51,7 +51,7 @@ from .scene_schema import FORMS, CameraFile, CatalogueFile, FixtureFile, HoleFil
 MAX_MESH_BYTES = 1_000_000
 _log = logging.getLogger(__name__)
 CONVEX_VOLUME_RATIO = 1.05
-"""Ratio of a hull's volume to its mesh's up to which the hull stands for it."""
+"""Greatest ratio of a hull's volume to its mesh's for which the hull replaces the mesh."""
 
 
 def load_body(path: Path, scale: float) -> ConvexMesh:
@@ -98,7 +98,7 @@ def _body(raw: bytes, path: Path, scale: float, told: list[Array] | None) -> Con
         hint = "is it in millimetres? then 'scale: 0.001'"
         raise mesh_reader.MeshError(f"the mesh is {float(size.max()):.3g} m large", hint)
     if not mesh.is_watertight:
-        hint = f"close it; its hull, which could stand for it, has {volume * 1e6:.1f} cm³"
+        hint = f"close it; its hull, which could replace it, has {volume * 1e6:.1f} cm³"
         raise mesh_reader.MeshError(
             "the mesh is not closed: some of its edges do not belong to two faces", hint
         )
@@ -121,8 +121,8 @@ def _body(raw: bytes, path: Path, scale: float, told: list[Array] | None) -> Con
 RESERVED_NAMES = ("arm", "gripper", "hand", "aside")
 """Names that the belief uses for other things."""
 RESERVED_KINDS = {
-    "unknown": "it stands for what fits no kind",
-    ASSORTMENT: "it stands for things of the assortment",
+    "unknown": "it means an item that fits no kind",
+    ASSORTMENT: "it means things of the assortment",
 }
 """Names that no kind may have, with the reason."""
 CONTAINERS = ("bin", "tote")
@@ -144,7 +144,7 @@ def check_body(check: DocumentChecker, name: str, entry: FixtureFile) -> None:
     _check_turn(check, loc, entry)
     with check.readable():
         if which in CONTAINERS and entry.rpy is not None:
-            check.fault((*loc, "rpy"), f"a {which} stands upright: give its 'yaw'", code="P405", key=True)
+            check.fault((*loc, "rpy"), f"a {which} is always upright: give its 'yaw'", code="P405", key=True)
         if which == "belt" and entry.rpy is not None:
             check.fault((*loc, "rpy"), "a belt lies level: give its 'yaw'", code="P405", key=True)
     with check.readable():
@@ -320,10 +320,10 @@ def _shape(check: DocumentChecker, loc: Location, entry: CatalogueFile) -> Shape
 
 
 def check_holes(check: DocumentChecker, loc: Location, entry: FixtureFile, which: str | None) -> None:
-    """Faults of the holes of a fixture, and of what is not known of where it stands."""
+    """Check the holes of a fixture, and the uncertainty of its pose."""
     with check.readable():
         if which not in (None, "box", "marker") and entry.uncertainty is not None:
-            message = "only a box may stand elsewhere than it says"
+            message = "only a box may have an uncertain pose"
             check.fault((*loc, "uncertainty"), message, code="P112", key=True)
     with check.readable():
         if entry.holes is None:

@@ -109,7 +109,7 @@ def load_scene(name_or_path: str, beside: Path | None = None) -> SceneDescriptio
 
 
 def parse_scene(text: str, path: Path) -> SceneDescription:
-    """The scene of a file's text, as a log keeps it; `path` is where the file stood."""
+    """Return the scene of a file's text, as a log keeps it; `path` is the original path of the file."""
     return check_scene(read_document(path, "scene", text)).required()
 
 
@@ -119,9 +119,9 @@ def scene_names() -> tuple[str, ...]:
 
 
 def check_scene(own: Document) -> CheckedScene:
-    """Everything that can be said of a document of kind `scene`; never raises for what stands in it.
+    """Check a document of kind `scene` completely; never raises for faults in it.
 
-    That its robot exists is checked; what the robot's file says is not.
+    That its robot exists is checked; the content of the robot file is not.
     """
     try:
         document = _on_base(own, MAX_BASES)
@@ -139,7 +139,7 @@ def _on_base(document: Document, depth: int) -> Document:
     if not isinstance(name, str):
         return document
     if depth == 0:
-        message = f"more than {MAX_BASES} scenes stand on one another"
+        message = f"more than {MAX_BASES} scenes are based on one another"
         raise FileError([document.fault(("base",), message, code="P402")])
     try:
         path = file_system.find_file(name, SHIPPED, document.path, "scene")
@@ -173,7 +173,7 @@ class _Parts:
         self.catalogue: Mapping[str, CatalogueEntry | None] = {}
         self.robot: Path | None = None
         self.rules: list[tuple[Expression, str]] = []
-        """Of the destinations: those without a fault of their own, and what each names."""
+        """Expression and target of each destination without a fault of its own."""
 
     def check(self) -> None:
         """Look for faults of meaning in all that could be read."""
@@ -368,7 +368,7 @@ class _Parts:
 
 
 def _text(own: Document, whole: Document) -> str:
-    """The file as it was read; with a base, one text that stands without it."""
+    """Return the text of the file; with a base, one text of both, without a base."""
     if own is whole:
         return own.text
     data = {key: value for key, value in whole.data.items() if key != "base"}
