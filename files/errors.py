@@ -29,7 +29,7 @@ class Mark:
     def __str__(self) -> str:
         return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
 
-    def told(self, file: str) -> str:
+    def describe(self, file: str) -> str:
         """The line, for a reader of that file: `line 12`, or `line 12 of common.yaml`."""
         return f"line {self.line}" + (f" of {self.file}" if self.file != file else "")
 

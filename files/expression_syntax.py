@@ -26,7 +26,7 @@ class ExpressionError(ValueError):
         super().__init__(message)
         self.offset = offset
 
-    def told(self, text: str) -> str:
+    def describe(self, text: str) -> str:
         """Return the message with the character, counted from 1, and the text of the expression around it."""
         if len(text) <= _SHOWN:
             return f"{self}, at character {self.offset + 1} of {text!r}"
@@ -55,7 +55,7 @@ _TOKEN = re.compile(
 
 
 # Hints for characters that are no part of the language.
-_STRANGE: Mapping[str, str] = {
+_SYMBOL_HINTS: Mapping[str, str] = {
     ":=": "an assignment is allowed only in a postcondition; compare with '=='",
     "=>": "write '>='",
     "=<": "write '<='",
@@ -99,7 +99,9 @@ def tokens(text: str) -> Iterator[Token]:
     while at < len(text):
         match = _TOKEN.match(text, at)
         if match is None:
-            problem = next((said for strange, said in _STRANGE.items() if text.startswith(strange, at)), "")
+            problem = next(
+                (said for strange, said in _SYMBOL_HINTS.items() if text.startswith(strange, at)), ""
+            )
             raise syntax_error(problem or f"the character {text[at]!r} has no meaning here", at)
         kind, found = str(match.lastgroup), match[0]
         if kind == "name" and found in _STRANGE_WORDS:

@@ -23,7 +23,7 @@ from .file_system import is_file, is_folder
 Check: TypeAlias = Callable[[Document], Iterable[Diagnostic]]
 """All that is wrong with a document of one kind, with the files that it names; never raises for its text."""
 SUFFIXES = (".yaml", ".yml")
-_OURS = re.compile(
+_PICKTREE_DOCUMENT = re.compile(
     rf"^[\s{{]*[\"']?(?:picktree[\"']?\s*:|kind[\"']?\s*:\s*(?:{'|'.join(KINDS)})\b)", re.MULTILINE
 )
 
@@ -120,7 +120,7 @@ def _count(number: int, what: str) -> str:
 
 def is_ours(text: str) -> bool:
     """Whether a YAML text is, or is to become, one of picktree's files."""
-    return _OURS.search(text) is not None
+    return _PICKTREE_DOCUMENT.search(text) is not None
 
 
 def check_files(

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from .errors import PicktreeError
-from .value_wording import MOST_NEAR, suggest_name
+from .value_wording import MAX_NEAR_NAMES, suggest_name
 
 MAX_NAME_BYTES: Final = 255
 """Maximum length of a name on the file systems of Linux, macOS and Windows, bytes."""
@@ -136,7 +136,7 @@ def example_file(name_or_path: str | PathLike[str], folder: str = "", what: str 
     if found is not None or path.suffix not in ("", ".yaml") or path.name != str(name_or_path):
         return found or path
     known = dict.fromkeys((*shipped_names(Path()), *shipped_names(EXAMPLES / folder)))
-    hint = suggest_name(path.name.removesuffix(".yaml"), known, most=MOST_NEAR)
+    hint = suggest_name(path.name.removesuffix(".yaml"), known, most=MAX_NEAR_NAMES)
     if path.suffix and not hint.startswith("did"):
         return path
     raise PicktreeError(f"there is no {what} {str(path)!r}, neither a file here nor an example ({hint})")

@@ -17,7 +17,7 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any, Final
 
-_NOTHING: Final[Mapping[str, Any]] = MappingProxyType({})
+_NO_NAMES: Final[Mapping[str, Any]] = MappingProxyType({})
 
 
 @cache
@@ -64,7 +64,7 @@ def bare_packages(*names: str, **contents: Mapping[str, Any]) -> Generator[None]
     for name in added:
         package = ModuleType(name)
         package.__path__ = [str(folder.joinpath(*name.split(".")[1:]))]
-        vars(package).update(contents.get(name.replace(".", "_"), _NOTHING))
+        vars(package).update(contents.get(name.replace(".", "_"), _NO_NAMES))
         sys.modules[name] = package
     try:
         yield

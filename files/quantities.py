@@ -157,7 +157,7 @@ def bare_number(text: str) -> float | None:
 
 def _finite(value: float, unit: str) -> float:
     if isinstance(value, bool):
-        raise ValueError(f"{str(value).lower()} is not {_wanted(unit)}")
+        raise ValueError(f"{str(value).lower()} is not {_expected_quantity(unit)}")
     try:
         number = float(value)
     except OverflowError:
@@ -170,7 +170,7 @@ def _finite(value: float, unit: str) -> float:
 def _with_unit(text: str, unit: str) -> float:
     match = _QUANTITY.fullmatch(text)
     if match is None:
-        raise ValueError(f"{_short(text)} is not {_wanted(unit)}")
+        raise ValueError(f"{_short(text)} is not {_expected_quantity(unit)}")
     number, written = float(match[1]), SPELLINGS.get(match[2], match[2])
     target = UNIT_TABLE.get(SPELLINGS.get(unit, unit))
     if not math.isfinite(number):
@@ -182,11 +182,11 @@ def _with_unit(text: str, unit: str) -> float:
         allowed = ", ".join(u for u in units_like(unit) if u)
         raise ValueError(f"{_short(text)}: unknown unit {written!r}" + (f" ({allowed})" if allowed else ""))
     if target is None or given.dimension != target.dimension:
-        raise ValueError(f"{_short(text)} is {given.dimension}, not {_wanted(unit)}")
+        raise ValueError(f"{_short(text)} is {given.dimension}, not {_expected_quantity(unit)}")
     return given.to_si(number)
 
 
-def _wanted(unit: str) -> str:
+def _expected_quantity(unit: str) -> str:
     known = UNIT_TABLE.get(SPELLINGS.get(unit, unit))
     if known is None:
         return f"a number in {unit}"

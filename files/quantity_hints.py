@@ -67,7 +67,7 @@ def suggest_quantity(text: str, unit: str) -> str:
         return ""
     plain = _plain(text)
     try:
-        meant = _clock(plain, unit) or _sum(plain, unit) or _one(plain)
+        meant = _clock(plain, unit) or _sum(plain, unit) or _normalised_quantity(plain)
         parse_quantity(meant, unit)
     except ValueError:
         return ""
@@ -98,7 +98,7 @@ def _plain(text: str) -> str:
     return _LEADING.sub("", text.replace("．", ".").replace("，", ","), count=1).strip()
 
 
-def _one(text: str) -> str:
+def _normalised_quantity(text: str) -> str:
     """Return number and unit in the spelling that files take. Raises ValueError for a text without a
     number."""
     ratio = _RATIO.match(text)

@@ -8,11 +8,11 @@ from collections.abc import Iterable
 from itertools import islice
 
 _CURLY = "“”„‟‘’‚‛«»"
-_MOST = 1000
+_MAX_COMPARED_NAMES = 1000
 """Names that are looked at; each costs some microseconds."""
-_SEVERAL = 0.75
+_MIN_LIST_SIMILARITY = 0.75
 """Similarity from which a hint may have several names, 0 … 1."""
-MOST_NEAR = 3
+MAX_NEAR_NAMES = 3
 """Number of near names in a hint about a missing file."""
 
 
@@ -21,13 +21,13 @@ def suggest_name(name: str, known: Iterable[str], *, most: int = 1) -> str:
 
     `most`: number of near names that the hint may have, as "did you mean 'a', 'b' or 'c'?".
     """
-    names = list(dict.fromkeys(islice(known, _MOST)))
+    names = list(dict.fromkeys(islice(known, _MAX_COMPARED_NAMES)))
     if len(name) > 2 and name[0] in _CURLY and name[-1] in _CURLY and name[1:-1] in names:
         return f"these quotes are part of the text: write {name[1:-1]}"
     lowered = {n.lower(): n for n in reversed(names)}
     # difflib is quadratic in the length: a name of 10,000 letters is no typo.
     short = name[:60].lower()
-    close = difflib.get_close_matches(short, lowered, n=most, cutoff=_SEVERAL) if most > 1 else []
+    close = difflib.get_close_matches(short, lowered, n=most, cutoff=_MIN_LIST_SIMILARITY) if most > 1 else []
     close = close or difflib.get_close_matches(short, lowered, n=1, cutoff=0.6)
     if close:
         *others, last = (repr(lowered[each]) for each in close)

@@ -125,7 +125,7 @@ class Budget(Decorator):
         """Charge the time of this tick to recovery."""
         self._recovering = True
 
-    def has_given_up(self, report: FailureReport) -> None:
+    def store_refusal(self, report: FailureReport) -> None:
         """Store the report of a node below that gave up after a refusal."""
         self._given_up = report
 
@@ -282,7 +282,7 @@ class RecoveryControl(ControlNode, abstract=True):
     def on_start(self) -> None:
         self._runs, self._reports, self._handler, self._giving_up = 0, (), "", False
         self._refused = False
-        self._tell(None)
+        self._write_outputs(None)
 
     def on_tick(self) -> NodeStatus:
         if self._reports:
@@ -303,14 +303,14 @@ class RecoveryControl(ControlNode, abstract=True):
         if report is None:
             report = FailureReport(tree.ATTEMPTS, "a condition does not hold", {}, body.path)
         self._reports = (*self._reports, report)
-        self._tell(report)
+        self._write_outputs(report)
         label = self.cure_of(report)
         if not label and matches(str(internal.ANY), report.cause):
             return self.fail_with(report)
         ends = self.ends_with(label)
         if not label or (not ends and (self._runs >= self.most_runs() or self._is_stuck(label))):
             return self._give_up()
-        refusal = self._pay()
+        refusal = self._charge_budgets()
         if refusal is not None:
             self._refused = True
             self._reports = (*self._reports[:-1], refusal)
@@ -339,9 +339,9 @@ class RecoveryControl(ControlNode, abstract=True):
         if all(report.evidence.get("unchanged") is True for report in self._reports[-2:]):
             return True
         reports = self._reports
-        return len(reports) > 1 and self._is_gone(reports[-2], reports[-1], label)
+        return len(reports) > 1 and self._is_still_unknown(reports[-2], reports[-1], label)
 
-    def _is_gone(self, before: FailureReport, last: FailureReport, label: str) -> bool:
+    def _is_still_unknown(self, before: FailureReport, last: FailureReport, label: str) -> bool:
         """Return whether the object is unknown although what is tried against that has just been done.
 
         It was unknown before, or the same handler has looked for it, and it was given up.
@@ -352,7 +352,7 @@ class RecoveryControl(ControlNode, abstract=True):
             return False
         return before.cause is last.cause or self.cure_of(before) == label
 
-    def _tell(self, report: FailureReport | None) -> None:
+    def _write_outputs(self, report: FailureReport | None) -> None:
         """Write the outputs: the running attempt, or the failed one with its report."""
         if report is None:
             self.output("attempt", self._runs + 1)
@@ -362,7 +362,7 @@ class RecoveryControl(ControlNode, abstract=True):
         self.output("message", report.message if report else "")
         self.output("failed", report.node if report else "")
 
-    def _pay(self) -> FailureReport | None:
+    def _charge_budgets(self) -> FailureReport | None:
         """Charge one handler to all budgets above; return the refusal when one of them allows no more."""
         budgets = budgets_above(self)
         last = self._reports[-1]
@@ -383,7 +383,7 @@ class RecoveryControl(ControlNode, abstract=True):
         if ends and state is NodeStatus.SUCCESS:
             return state
         if not ends and self.goes_on_after(state):
-            self._tell(None)
+            self._write_outputs(None)
             return NodeStatus.RUNNING
         failed = (handler.failure,) if handler.failure is not None else ()
         return self.fail_with(with_attached(self._reports[-1], failed))
@@ -404,7 +404,7 @@ class RecoveryControl(ControlNode, abstract=True):
         if self._refused:
             for budget in budgets_above(self):
                 if budget.path == report.node:
-                    budget.has_given_up(report)
+                    budget.store_refusal(report)
         return self.fail_with(report)
 
 

@@ -41,11 +41,11 @@ from picktree.world import (
 
 T = TypeVar("T")
 
-FRAMES = 4
+MAX_FRAMES = 4
 """Number of frames that an observation waits for before it fails: cameras drop a frame now and then."""
-FRAME = 0.1
+FRAME_TIME = 0.1
 """Time from one frame to the next, s."""
-OLDEST = 0.2
+MAX_IMAGE_AGE = 0.2
 """Maximum age of an image, s. A camera that hangs returns its last image again, and a hand at 0.25 m/s has
 moved by 5 cm in this time."""
 LEAST_NOISE = 5e-5
@@ -174,7 +174,7 @@ class Vision:
             raise Failure(perception.NO_IMAGE, f"{camera} gives no image", camera=camera) from None
         now = self._clock.now
         age = now - image.stamp
-        if age > OLDEST:
+        if age > MAX_IMAGE_AGE:
             message = f"{camera} gives no new image: the last one is {age:.2f} s old"
             raise Failure(perception.NO_IMAGE, message, camera=camera, age=round(age, 3))
         if self._is_repeated(image):
@@ -237,12 +237,12 @@ class Vision:
                 if failure.cause is not perception.NO_IMAGE:
                     raise
                 missed += 1
-                if missed == FRAMES:
+                if missed == MAX_FRAMES:
                     waited = self._clock.now - begun
-                    message = f"{failure.message} ({FRAMES} frames in {waited:.2f} s)"
-                    evidence = {**failure.evidence, "frames": FRAMES, "waited": round(waited, 3)}
+                    message = f"{failure.message} ({MAX_FRAMES} frames in {waited:.2f} s)"
+                    evidence = {**failure.evidence, "frames": MAX_FRAMES, "waited": round(waited, 3)}
                     raise Failure(perception.NO_IMAGE, message, **evidence) from None
-                until = self._clock.now + FRAME
+                until = self._clock.now + FRAME_TIME
                 while self._clock.now < until - 1e-9:
                     yield
                 continue

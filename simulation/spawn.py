@@ -85,7 +85,7 @@ def _group(
             else:
                 middle = np.mean(list(places.values()), axis=0)
                 found = [
-                    _beside(shapes[k], turns[k], places, turned, outlines, rng)
+                    _adjacent_place(shapes[k], turns[k], places, turned, outlines, rng)
                     for _ in range(PLACE_CANDIDATES)
                 ]
                 spot, turn = min(found, key=lambda f: math.dist(f[0], middle))
@@ -100,7 +100,7 @@ def _group(
     return TouchingLayout(tuple(turned), tuple(places[k] for k in range(len(shapes))))
 
 
-def _beside(
+def _adjacent_place(
     shape: Shape,
     turn: Quaternion,
     places: dict[int, Array],

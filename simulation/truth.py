@@ -20,7 +20,7 @@ from picktree.world import (
 )
 from picktree.world.scene import CatalogueEntry, Fixture, Hole
 
-MAX_STANDING_DEPTH = 0.001
+MAX_SUPPORTED_DEPTH = 0.001
 """Greatest depth below a board's top face at which an item still counts as on the board, m."""
 
 
@@ -66,7 +66,7 @@ class HoledFixtures:
             if (
                 abs(across) > x / 2
                 or abs(along) > y / 2
-                or not -z / 2 - MAX_STANDING_DEPTH < lowest < z / 2 - MAX_STANDING_DEPTH
+                or not -z / 2 - MAX_SUPPORTED_DEPTH < lowest < z / 2 - MAX_SUPPORTED_DEPTH
             ):
                 continue
             return min((_seat(hole, shape, item) for hole in board.holes), key=lambda seat: seat.off)

@@ -71,7 +71,7 @@ class Survey(Skill):
                 NamedGoal(pose), scaling=world.handling.scaling(1.0), node=self.path
             )
             yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=self.path)
-            seen = yield from self._seen(world, target, 1)
+            seen = yield from self._record_images(world, target, 1)
             if seen:
                 shot = yield from self._shot(world, target, camera, self.pictures)
                 if shot is not None:
@@ -141,7 +141,7 @@ class Survey(Skill):
             self.camera, on_hand, taken.image.intrinsics, world.control.tcp, camera.pose, together
         )
 
-    def _seen(
+    def _record_images(
         self, world: World, target: calibration_targets.CalibrationTarget, pictures: int
     ) -> Doing[bool]:
         from picktree.robot.calibration import target_detection

@@ -441,7 +441,7 @@ class ParallelNode(ControlNode, abstract=True):
                     pass
             yield skipped
 
-    def children_meant(self, *numbers: int) -> tuple[int, ...]:
+    def resolve_counts(self, *numbers: int) -> tuple[int, ...]:
         """Return numbers of children; one below zero counts from the end. Raises Failure for too many."""
         total = len(self.parts)
         meant = tuple(counted(number, total) for number in numbers)
@@ -483,7 +483,7 @@ class Parallel(ParallelNode):
 
     def on_tick(self) -> NodeStatus:
         total = len(self.parts)
-        wanted, tolerated = self.children_meant(self.success_count, self.failure_count)
+        wanted, tolerated = self.resolve_counts(self.success_count, self.failure_count)
         skipped = 0
         for skipped in self.tick_parts():
             # As in BT.CPP: with a number that counts from the end, skipped children need not succeed.
@@ -518,7 +518,7 @@ class ParallelAll(ParallelNode):
 
     def on_tick(self) -> NodeStatus:
         total = len(self.parts)
-        (tolerated,) = self.children_meant(self.max_failures)
+        (tolerated,) = self.resolve_counts(self.max_failures)
         *_, skipped = (0, *self.tick_parts())
         if skipped == total:
             return NodeStatus.SKIPPED

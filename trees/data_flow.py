@@ -57,9 +57,9 @@ class ValueSource:
     depth: int = 0
     """or whose element it is, at this depth of lists."""
 
-    def told(self, file: str) -> str:
+    def describe(self, file: str) -> str:
         """Describe the origin of the value, for a reader of that file."""
-        place = self.mark.told(file)
+        place = self.mark.describe(file)
         if self.writer:
             return f"{self.writer} writes it, {place}"
         return f"the tree's input {self.port!r}, {place}" if self.port else place
@@ -442,9 +442,9 @@ class ArrivingValue:
     def hints(self) -> list[str]:
         """Describe target and origin of the value."""
         file = self.at.mark.file
-        goes = f"it goes to the port {self.target.key!r} of {self.node.id}, {self.node.mark.told(file)}"
+        goes = f"it goes to the port {self.target.key!r} of {self.node.id}, {self.node.mark.describe(file)}"
         wired = self.at.text.startswith("{") and self.source.mark != self.at.mark
-        comes = [self.source.told(file)] if wired else []
+        comes = [self.source.describe(file)] if wired else []
         if (
             self.at.text.startswith("{=")
             and self.target.type.name == "int"
@@ -498,7 +498,7 @@ class ValueFlow:
         own = _Demand(port, spec, 0, strict=spec.node is not None)
         if bound is None or isinstance(bound, Constant):
             value = bound.value if isinstance(bound, Constant) else port.default
-            text = _shown(bound.text) if isinstance(bound, Constant) else DEFAULT
+            text = _excerpt(bound.text) if isinstance(bound, Constant) else DEFAULT
             # It was converted to the port's own type; whether it names something is another question.
             wanted = [own, *inside] if port.names is not None else inside
             place = WiredInput(spec.mark_at(port.key), placed.path, port, text)
@@ -539,6 +539,6 @@ def _literal(place: WiredInput, value: object, wanted: list[_Demand]) -> Iterato
         yield _arrival(place, source, demand)
 
 
-def _shown(text: object) -> str:
+def _excerpt(text: object) -> str:
     shown = repr(text) if isinstance(text, str) else str(text)
     return shown if len(shown) <= 60 else shown[:57] + "..."

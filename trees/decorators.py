@@ -238,7 +238,7 @@ class Repeat(Decorator):
         self._cycles = 0
 
     def on_tick(self) -> NodeStatus:
-        if self.body.state is not NodeStatus.RUNNING and self._enough():
+        if self.body.state is not NodeStatus.RUNNING and self._is_finished():
             return NodeStatus.SUCCESS
         state = self.relay()
         if state is not NodeStatus.SUCCESS:
@@ -246,7 +246,7 @@ class Repeat(Decorator):
         self._cycles += 1
         return NodeStatus.SUCCESS if self._cycles == self.num_cycles else NodeStatus.RUNNING
 
-    def _enough(self) -> bool:
+    def _is_finished(self) -> bool:
         if self.num_cycles >= 0 and self._cycles >= self.num_cycles:
             return True
         return self.condition is not None and not self.holds(self.condition)

@@ -71,7 +71,7 @@ def _take_over(
     except PicktreeError:  # a cause that the edited plug-in no longer has
         return False
     running = NodeStatus(str(state["state"])) is NodeStatus.RUNNING
-    lost = any(name not in memory for name in node.positions) or _lost_count(node, state, saved)
+    lost = any(name not in memory for name in node.positions) or _counts_missing_child(node, state, saved)
     node.restore_state({**state, "inputs": _inputs(node, state), "memory": memory})
     if not active or (running and (lost or not _rewired(node, state))):
         node.halt()
@@ -145,7 +145,9 @@ def _index(node: Node, index: int, children: Sequence[str]) -> int | None:
     return now.index(children[index]) if children[index] in now else None
 
 
-def _lost_count(node: Node, state: Mapping[str, Plain], saved: Mapping[str, Mapping[str, Plain]]) -> bool:
+def _counts_missing_child(
+    node: Node, state: Mapping[str, Plain], saved: Mapping[str, Mapping[str, Plain]]
+) -> bool:
     """Return whether a child that the node has counted is gone."""
     now = {child.path for child in node.below}
     gone = (path for path in cast("list[str]", state["children"]) if path not in now)

@@ -65,7 +65,7 @@ def expression_fault(
 ) -> Diagnostic:
     """Return the fault of an expression."""
     start = placed.spec.mark_at(asked.key)
-    mark, message = pointer.told(start, asked.expression.text, error, asked.before)
+    mark, message = pointer.describe(start, asked.expression.text, error, asked.before)
     return Diagnostic(mark, placed.path, f"{asked.what}: {message}", "", code)
 
 
@@ -99,7 +99,7 @@ def _attributes(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
 def _no_object(
     reference: Reference, sources: tuple[ValueSource, ...], file: str
 ) -> Iterator[tuple[str, str]]:
-    wrong = [(reference.key, s.type, s.told(file)) for s in sources if s.type.kind not in _MAY_BE_OBJECTS]
+    wrong = [(reference.key, s.type, s.describe(file)) for s in sources if s.type.kind not in _MAY_BE_OBJECTS]
     attributes = ((name, ATTRIBUTE_TYPES[name]) for name in reference.attributes[:-1])
     wrong += [(name, kind, "") for name, kind in attributes if kind.kind != "object"]
     for name, kind, hint in wrong[:1]:
@@ -126,7 +126,7 @@ def _never(
 ) -> Diagnostic:
     mark = placed.spec.mark_at(f"{slot.key}/{label}")
     values = [_as_label(value) for source in sources for value in source.values or ()]
-    hint = suggest_name(label, values) if values else sources[0].told(mark.file)
+    hint = suggest_name(label, values) if values else sources[0].describe(mark.file)
     message = f"{text} is never {label!r}" + ("" if values else f": it is {sources[0].type.words()}")
     return Diagnostic(mark, placed.path, message, hint, "P258")
 
@@ -188,7 +188,7 @@ def _write(keys: TreeKeys, key: str, write: KeyUse, facts: frozenset[str]) -> It
         for source in keys.written(write):
             problem = type_mismatch(source, output, "what it writes", strict=False)
             if problem is not None:
-                hint = f"the tree's output {key!r}, {_declared(keys, key).told(mark.file)}"
+                hint = f"the tree's output {key!r}, {_declared(keys, key).describe(mark.file)}"
                 yield Diagnostic(mark, path, f"{what}: {problem}", hint, "P237")
                 return
     elif key in facts:
@@ -236,11 +236,11 @@ def _first_fault(
 ) -> Diagnostic | None:
     names: dict[str, ValueType] = {name: keys[name] for name in asked.expression.names if name in keys}
     for key in inputs:
-        for source in calls.given(keys.tree.name, key):
+        for source in calls.input_values(keys.tree.name, key):
             error = unlike_sides(asked.expression, {**names, key: source.type}, ATTRIBUTE_TYPES)
             if error is not None:
                 fault = expression_fault(placed, asked, error, pointer, "P226")
-                hint = f"{key!r} is {source.type.words()}, {source.told(fault.mark.file)}"
+                hint = f"{key!r} is {source.type.words()}, {source.describe(fault.mark.file)}"
                 return replace(fault, hint=hint)
     return None
 
@@ -257,7 +257,7 @@ class _Calls:
                 if placed.spec.node is None:
                     self._places.setdefault(placed.spec.id, []).append((keys, placed))
 
-    def given(self, tree: str, key: str, depth: int = MAX_DEPTH) -> tuple[ValueSource, ...]:
+    def input_values(self, tree: str, key: str, depth: int = MAX_DEPTH) -> tuple[ValueSource, ...]:
         """Return the values of an input, one for each call that says its type."""
         if depth and (tree, key) not in self._known:
             found = (self._at(*place, key, depth) for place in self._places.get(tree, ()))
@@ -274,7 +274,7 @@ class _Calls:
             sources = keys.reference(bound)
             ports = [source.port for source in sources if source.type.kind == "any" and not source.depth]
             if len(sources) == 1 and ports and ports[0] is not None:
-                yield from self.given(keys.tree.name, ports[0], depth - 1)
+                yield from self.input_values(keys.tree.name, ports[0], depth - 1)
             elif sources:
                 # A key that is written with several types may have the right one here.
                 yield replace(sources[0], type=join(source.type for source in sources))

@@ -72,7 +72,7 @@ def unknown_planner(name: str) -> str:
     return f"there is no planner {describe(name)}"
 
 
-def _known(name: str) -> str:
+def _checked_name(name: str) -> str:
     if not is_planner(name):
         raise file_models.InvalidValue(unknown_planner(name), suggest_planner(name), code="P108")
     return name
@@ -80,7 +80,7 @@ def _known(name: str) -> str:
 
 PlannerName = Annotated[
     str,
-    AfterValidator(_known),
+    AfterValidator(_checked_name),
     WithJsonSchema({"anyOf": [{"enum": list(BUILT_IN)}, {"type": "string"}]}),
 ]
 """Name of a planner in a file. Installed plug-ins may add to the proposed ones."""

@@ -214,7 +214,7 @@ class PlanningScene:
                 if not self._allowed[key]:
                     del self._allowed[key]
 
-    def let_stand(self, pairs: Iterable[tuple[str, str]]) -> None:
+    def allow_mounting(self, pairs: Iterable[tuple[str, str]]) -> None:
         """Allow these pairs of a link and a fixture to touch from now on: the link is mounted on the
         fixture."""
         self._standing |= {frozenset(pair) for pair in pairs}

@@ -42,7 +42,7 @@ class Refusal:
         around = {o.id: o.pose for o in scene.objects if o.pose.distance(subject.pose) <= SURROUNDINGS_RADIUS}
         return cls(message, around, sum(o.place in scene.bins for o in scene.objects))
 
-    def stands(self, subject: BeliefObject, scene: PlanningScene) -> bool:
+    def is_valid(self, subject: BeliefObject, scene: PlanningScene) -> bool:
         """Return whether nothing has changed around the object since."""
         now = Refusal.of("", subject, scene)
         return (
@@ -72,7 +72,7 @@ class AttemptMemory:
     def refusal(self, skill: str, subject: BeliefObject, scene: PlanningScene) -> str | None:
         """Return the message of a refusal that is still valid; None without one."""
         found = self.refusals.get(f"{skill}|{subject.id}")
-        return found.message if found is not None and found.stands(subject, scene) else None
+        return found.message if found is not None and found.is_valid(subject, scene) else None
 
     def remaining(self, node: str, subject: str, candidates: Iterable[C]) -> list[C]:
         """Candidates not tried before by this node on this subject, in their order.

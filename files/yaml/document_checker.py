@@ -243,7 +243,7 @@ def _to_diagnostic(document: Document, model: type[AnyModel], base: Location, de
         case _:
             wanted = _WANTED.get(kind, kind.replace("_", " "))
             message = f"{wanted} is wanted, not {describe(given)}"
-            return document.fault(loc, message, _meant(kind, given), code="P106", key=wrong_key)
+            return document.fault(loc, message, _suggestion(kind, given), code="P106", key=wrong_key)
 
 
 _WANTED = {
@@ -269,7 +269,7 @@ _BOUNDS = {
 }
 
 
-def _meant(kind: str, given: object) -> str:
+def _suggestion(kind: str, given: object) -> str:
     if kind.startswith("bool"):
         return suggest_boolean(given)
     if kind.startswith(("int", "float")):

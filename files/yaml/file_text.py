@@ -9,7 +9,7 @@ from bisect import bisect_right
 from pathlib import Path
 from typing import Final, cast
 
-from picktree.files import MOST_NEAR, Diagnostic, FileError, Mark, PicktreeError, suggest_name
+from picktree.files import MAX_NEAR_NAMES, Diagnostic, FileError, Mark, PicktreeError, suggest_name
 
 MAX_BYTES: Final = 1_000_000
 """Maximum size of a YAML file."""
@@ -98,7 +98,7 @@ def read_bytes(path: Path, most: int) -> bytes:
     try:
         mode = os.fstat(descriptor).st_mode
         if not stat.S_ISREG(mode):
-            raise Unreadable(f"this is {_what(mode)}, not a file")
+            raise Unreadable(f"this is {_file_kind(mode)}, not a file")
         with open(descriptor, "rb", closefd=False) as file:
             content = cast("bytes | None", file.read(most + 1))
     except OSError as error:
@@ -125,11 +125,11 @@ def near_files(path: Path) -> str:
         names = sorted(each.stem for each in path.parent.iterdir() if each.suffix == path.suffix)
     except (OSError, ValueError):
         return ""
-    hint = suggest_name(path.stem, names, most=MOST_NEAR)
+    hint = suggest_name(path.stem, names, most=MAX_NEAR_NAMES)
     return re.sub(r"(?<=\w)'", f"{path.suffix}'", hint) if hint.startswith("did") else ""
 
 
-def _what(mode: int) -> str:
+def _file_kind(mode: int) -> str:
     if stat.S_ISDIR(mode):
         return "a folder"
     if stat.S_ISFIFO(mode):

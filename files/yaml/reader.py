@@ -230,7 +230,7 @@ class _Reader:
         parent = self._open[-1]
         parent.skip = True
         if key in parent.node.keys:
-            message, first = f"the key {_shown(key)} is given twice", parent.node.keys[key].line
+            message, first = f"the key {_excerpt(key)} is given twice", parent.node.keys[key].line
             hint = f"first on line {first}" + (
                 "; nodes of a list begin with '- '" if key[:1].isupper() else ""
             )
@@ -307,7 +307,7 @@ class _Reader:
 
     def _refuse_tag(self, tag: str | None, mark: Mark) -> None:
         if tag is not None:
-            message = f"the tag {_shown(tag.replace('tag:yaml.org,2002:', '!!'))} is not read"
+            message = f"the tag {_excerpt(tag.replace('tag:yaml.org,2002:', '!!'))} is not read"
             self._fault(mark, where(self._loc()), message, "leave it out", code="P116")
 
     def _fault(self, mark: Mark, trail: str, message: str, hint: str = "", *, code: str) -> None:
@@ -330,5 +330,5 @@ def _mark(file: str, mark: object) -> Mark:
     return Mark(file, int(line) + 1, int(column) + 1)
 
 
-def _shown(text: str) -> str:
+def _excerpt(text: str) -> str:
     return repr(text if len(text) <= 60 else text[:57] + "...")

@@ -21,8 +21,8 @@ COMMA: Final = "a ',' in a number ends the value"
 """Message of a decimal comma in braces."""
 _BLANKS: Final = "\u00a0\u1680\u2000-\u200a\u202f\u205f\u3000"
 _WIDTHLESS: Final = "\u200b-\u200d\u2060\u00ad"
-_STRANGE = re.compile(f"[{_BLANKS}{_WIDTHLESS}]+")
-_STRANGE_EDGE = re.compile(rf"^[{_BLANKS}{_WIDTHLESS}]+|[{_BLANKS}{_WIDTHLESS}]+$")
+_LOOK_ALIKE_SPACE = re.compile(f"[{_BLANKS}{_WIDTHLESS}]+")
+_LOOK_ALIKE_SPACE_AT_EDGE = re.compile(rf"^[{_BLANKS}{_WIDTHLESS}]+|[{_BLANKS}{_WIDTHLESS}]+$")
 _OPENING, _CLOSING = "“”„‟‘’‚‛«»", "“”‟‘’‛«»"
 _CURLY = re.compile(rf"[{_OPENING}](?P<inner>[^“”„‟«»]*)[{_CLOSING}]")
 _JOINED_KEY = re.compile(
@@ -79,7 +79,7 @@ def look_alike(text: str, *, is_key: bool) -> PlainText | None:
     curly = _CURLY.fullmatch(text)
     if curly is not None:
         return PlainText(curly["inner"], _curly(curly), quoted=True)
-    found = (_STRANGE if is_key else _STRANGE_EDGE).search(text)
+    found = (_LOOK_ALIKE_SPACE if is_key else _LOOK_ALIKE_SPACE_AT_EDGE).search(text)
     if found is None:
         return None
     plain = re.sub(f"[{_BLANKS}]", " ", re.sub(f"[{_WIDTHLESS}]", "", text)).strip()
@@ -91,7 +91,7 @@ def joined_key(text: str) -> PlainText | None:
     found = _JOINED_KEY.fullmatch(text)
     if found is None:
         return None
-    blank = _STRANGE.search(text)
+    blank = _LOOK_ALIKE_SPACE.search(text)
     if blank is not None:
         slip = _strange(blank, text)
     elif found["wide"]:
@@ -106,7 +106,7 @@ def spoilt_key(text: str) -> Slip | None:
     found = _OPENED_KEY.match(text)
     if found is not None:
         return _unspaced(found)
-    blank = _STRANGE.match(text)
+    blank = _LOOK_ALIKE_SPACE.match(text)
     return _strange(blank, text) if blank is not None else None
 
 
@@ -274,7 +274,7 @@ def _slips_of_line(line: str) -> list[Slip]:
         inner = half["a"] if half["a"] is not None else half["b"]
         message, hint = "one of the two quotes is a curly one", f'write "{inner}"'
         found.append(Slip(half.start(), half.end(), f'"{inner}"', message, hint, LOOK_ALIKE))
-    found += [_strange(match, line) for match in _STRANGE.finditer(code)]
+    found += [_strange(match, line) for match in _LOOK_ALIKE_SPACE.finditer(code)]
     found += [_wide(line, at) for at, letter in enumerate(masked) if letter in _MARKS]
     found += [
         _unspaced(match)

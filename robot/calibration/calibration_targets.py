@@ -76,11 +76,11 @@ def touch_points(target: Pose, size: Vector3, at_tips: Array, turned: float) -> 
     low = max((SIDE_TOUCH_HEIGHT - 0.5) * size[2], deepest)
     return tuple(
         _contact(target, name, face, point, hands, at_tips, low)
-        for name, face, point, hands in _wanted(size, turned)
+        for name, face, point, hands in _touch_directions(size, turned)
     )
 
 
-def _wanted(size: Vector3, turned: float) -> Iterator[tuple[str, Array, Array, tuple[Array, ...]]]:
+def _touch_directions(size: Vector3, turned: float) -> Iterator[tuple[str, Array, Array, tuple[Array, ...]]]:
     """Yield name, normal, point and the hand's axes (3, 3), in the target's frame."""
     x, y, z = (length / 2 for length in size)
     up = np.array([0.0, 0.0, 1.0])

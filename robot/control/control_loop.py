@@ -143,7 +143,7 @@ class ArmDrive:
         """Bring the motion to rest on its path; an arm off the set-point is held at its present
         configuration."""
         self.braking = True
-        if self._stands_beside(state):
+        if self._is_off_set_point(state):
             self.servo = False
             self.begin(self._brake_controller(), state)
             return
@@ -171,7 +171,7 @@ class ArmDrive:
     def _brake_controller(self) -> BrakeController:
         return BrakeController(self._model, self._hardware.period)
 
-    def _stands_beside(self, state: JointState) -> bool:
+    def _is_off_set_point(self, state: JointState) -> bool:
         """Whether the arm is off the servo's set-point: it would jump there when the obstruction gives
         way."""
         if not self.servo or float(np.abs(self.setpoint.velocity).max()) > REST_SPEED:
@@ -242,7 +242,7 @@ class Supervision:
             stopped = self._check_rarely(state) or stopped
         return stopped
 
-    def off_its_way(self) -> bool:
+    def is_off_path(self) -> bool:
         """Whether the stop just latched is a tracking error, a force or a torque: braking on the path would
         prolong it."""
         stop = self._monitor.stopped
@@ -514,7 +514,7 @@ class ControlLoop:
         touched = guard.exceeded(force) and guard.touched(state, sampler.acceleration, force)
         self._reference = reference = drive.setpoint.position if drive.servo else None
         stopped = self._supervision.check(state, reference, force, period)
-        if touched or (stopped and self._supervision.off_its_way()):
+        if touched or (stopped and self._supervision.is_off_path()):
             guard.guard = None
             drive.stop_at_once(state, pushed=self._supervision.pushed(self.wrist.force))
         elif stopped:

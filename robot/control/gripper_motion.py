@@ -11,7 +11,7 @@ from picktree.world.robot_model import GripperDescription
 
 from .commands import Doing
 
-STANDING_OPENING_CHANGE = 3e-4
+REST_OPENING_CHANGE = 3e-4
 """Change of the opening in a tick below which the fingers are at rest, m."""
 OPENING_TOLERANCE = 1.5e-3
 """Distance to the commanded opening at which it counts as reached, m."""
@@ -125,7 +125,7 @@ class GripperControl:
         self._from, self._command_time = self.width, self._clock.now
         self._gripper.command(self._command)
 
-    def late(self) -> Failure | None:
+    def overdue_failure(self) -> Failure | None:
         """Return Failure(control.gripper) when fingers that open during a motion are overdue to move or to be
         open.
 
@@ -140,7 +140,7 @@ class GripperControl:
             return None
         return self._not_open(width, self._command.width)
 
-    def sound(self, begun: float) -> Doing[None]:
+    def check_grip_force(self, begun: float) -> Doing[None]:
         """Check the fingers at rest after they have closed from an opening of `begun` m.
 
         Raises Failure(control.gripper) when they have not moved, or press with less than the commanded force.
@@ -220,7 +220,7 @@ class GripperControl:
         """
         begun = self.width
         yield from self.move(0.0, force, speed)
-        yield from self.sound(begun)
+        yield from self.check_grip_force(begun)
         return self.width
 
     def move(
@@ -248,7 +248,7 @@ class GripperControl:
             if pressed():
                 self.start(now - BACK_OFF_OPENING, force, speed)
                 return now
-            still = still + 1 if abs(now - before) < STANDING_OPENING_CHANGE else 0
+            still = still + 1 if abs(now - before) < REST_OPENING_CHANGE else 0
             if abs(now - width) < OPENING_TOLERANCE or now >= enough or still >= 2:
                 break
             before = now

@@ -302,7 +302,7 @@ SPIRAL_STIFFNESS = 1500.0
 """Stiffness that holds the foot on the spiral, in addition to the spring's, N/m."""
 BLOCKED_TIME, BLOCKED_TRAVEL = 0.15, 0.0006
 """Time, s, and travel, m: a tool that moves less than this in that time is blocked."""
-BESIDE_TOLERANCE = 0.003
+AXIS_TOLERANCE = 0.003
 """Distance of the peg from the hole's axis within its clearance, m. A recess further from the believed axis
 than its uncertainty and this tolerance is another hole, or the edge of the fixture."""
 STALL_TIME, STALL_DEPTH = 0.5, 0.0003
@@ -363,9 +363,9 @@ class InsertionMotion(PegMotion):
             way = self._way(number)
             self.tried.append(way)
             if number and not way.startswith("tilt"):
-                felt = yield from self._again(felt)
-            felt = yield from self._by(way, felt)
-            if self.depth < self._touch.drop or self._beside(self._foot(felt)) > BESIDE_TOLERANCE:
+                felt = yield from self._restart_search(felt)
+            felt = yield from self._run_search(way, felt)
+            if self.depth < self._touch.drop or self._excess_distance(self._foot(felt)) > AXIS_TOLERANCE:
                 self.outcome = "not found"
                 continue
             felt = yield from self._press(felt)
@@ -390,7 +390,7 @@ class InsertionMotion(PegMotion):
             return "spiral"
         return "tilt back" if number % 2 else "tilt"
 
-    def _by(self, way: str, felt: ContactState) -> Part:
+    def _run_search(self, way: str, felt: ContactState) -> Part:
         """Run one search; skip it when the peg is in the hole already."""
         if self.depth >= self._touch.drop:
             return felt
@@ -402,7 +402,7 @@ class InsertionMotion(PegMotion):
             return (yield from self._straight(felt))
         return (yield from self._tilt(felt))
 
-    def _again(self, felt: ContactState) -> Part:
+    def _restart_search(self, felt: ContactState) -> Part:
         """Lift the peg, move it over the believed middle, and descend until the surface is touched again."""
         up = self._mouth.up
         felt = yield from self._leave(felt)
@@ -476,7 +476,7 @@ class InsertionMotion(PegMotion):
                     break
                 # The peg has slid past the middle of a wall: the hole is there.
                 aim = wall - self._towards * (self._mouth.across / 2)
-                if self._beside(aim) > BESIDE_TOLERANCE:
+                if self._excess_distance(aim) > AXIS_TOLERANCE:
                     break
             else:
                 continue
@@ -539,7 +539,7 @@ class InsertionMotion(PegMotion):
             if stand.since(felt.elapsed, way) and lead > 0.8 * most:
                 return felt, True, wall
             low = felt.position + felt.rotation @ self._tip - self._mouth.middle
-            if float(towards @ low) > self._reach + self._mouth.slack + BESIDE_TOLERANCE:
+            if float(towards @ low) > self._reach + self._mouth.slack + AXIS_TOLERANCE:
                 return felt, False, wall if greatest > MIN_WALL_RESISTANCE else None
 
     def _upright(self, felt: ContactState) -> Part:
@@ -609,7 +609,7 @@ class InsertionMotion(PegMotion):
             felt = yield
         return felt
 
-    def _beside(self, point: Array) -> float:
+    def _excess_distance(self, point: Array) -> float:
         """Return how much further a point (3,) is from the believed axis than the real one can be, m."""
         away = point - self._mouth.middle
         away = away - self._mouth.up * float(self._mouth.up @ away)

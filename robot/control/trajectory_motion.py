@@ -129,7 +129,7 @@ class TrajectoryMotion:
                 self._check(lease)
             self._check_start(trajectory)
             track = TrajectoryController(trajectory, self._model, self._loop.period)
-            touch = None if guard is None else ForceGuard(guard, self._felt())
+            touch = None if guard is None else ForceGuard(guard, self._contact_force())
             self._last = track
             lease.run(track, touch)
             yield from self._follow(lease, track, touch, node, watch, hand_over)
@@ -232,7 +232,7 @@ class TrajectoryMotion:
         if self._last is None:
             return None
         back = reversed_trajectory(self._last.trajectory, self._last.progress)
-        if back is None or self._off(back.start) > START_TOLERANCE:
+        if back is None or self._held_deviation(back.start) > START_TOLERANCE:
             return None
         return back
 
@@ -261,7 +261,7 @@ class TrajectoryMotion:
         self._last = TrajectoryController(trajectory, self._model, self._loop.period)
         self._last.progress = way.progress
 
-    def _felt(self) -> tuple[float, float, float]:
+    def _contact_force(self) -> tuple[float, float, float]:
         fx, fy, fz = (float(c) for c in self._loop.wrist.over(ZERO_TIME, self._loop.state.position)[:3])
         return (fx, fy, fz)
 
@@ -300,11 +300,11 @@ class TrajectoryMotion:
                 stopped_by=stop.cause.name,
             )
 
-    def _off(self, position: Array) -> float:
+    def _held_deviation(self, position: Array) -> float:
         return float(np.abs(self._loop.held_position - position).max())
 
     def _check_start(self, trajectory: Trajectory) -> None:
-        off = self._off(trajectory.start)
+        off = self._held_deviation(trajectory.start)
         if not off <= START_TOLERANCE:
             raise Failure(
                 control.TRACKING,

@@ -29,7 +29,7 @@ EVEN_FORCE = 1.2
 """Force across the fingers below which both of them touch, or none, N."""
 
 
-STANDING_OPENING_SPEED = 0.004
+REST_OPENING_SPEED = 0.004
 """Speed of the opening below which the fingers are at rest, m/s."""
 
 
@@ -91,7 +91,7 @@ class ClosingCompliance(CompliantMotion):
 def fingers_settled(grip: GripperControl, force: float) -> bool:
     """Return whether the fingers are at rest and press against something, or have met."""
     state = grip.state
-    return abs(state.speed) < STANDING_OPENING_SPEED and state.force >= PRESSING_FORCE_SHARE * force
+    return abs(state.speed) < REST_OPENING_SPEED and state.force >= PRESSING_FORCE_SHARE * force
 
 
 def close(world: World, pressure: GripForce, node: str) -> Doing[ClosingResult]:
@@ -129,7 +129,7 @@ def close(world: World, pressure: GripForce, node: str) -> Doing[ClosingResult]:
             break
     way = float(axis @ (np.array(control.tcp.position) - begin)) if gave else 0.0
     left = control.wrist.over(0.02, control.state.position)[:3] - zero[:3]
-    yield from grip.sound(begun)
+    yield from grip.check_grip_force(begun)
     closed = ClosingResult(grip.width, way, float(axis @ left))
     if gave:
         world.journal.note(

@@ -112,7 +112,7 @@ SECOND_GRASP_RISE = 0.010
 """Height of the second grasp above the best one, m."""
 MIN_UPRIGHT_COSINE = 0.98
 """Least cosine of the angle between a cylinder's axis and the vertical for an upright cylinder."""
-LEANS, LEAN_SCORE = tuple(map(math.radians, (15.0, 30.0, 45.0))), 2.0
+LEAN_ANGLES, LEAN_SCORE = tuple(map(math.radians, (15.0, 30.0, 45.0))), 2.0
 """Leans of the hand where it does not fit upright, rad, and their score for each radian."""
 GRASP_YAWS, LEANING_YAWS = 8, 16
 """Closing directions for an object without a preferred one, over half a turn: upright, leaning."""
@@ -230,7 +230,7 @@ def leaning_grasps(belief: BeliefObject, gripper: GripperDescription) -> list[Gr
     edge = gripper.pads[0][0].size[0] / 2
     found: list[GraspCandidate] = []
     for grasp, most, side in itertools.product(
-        grasp_candidates(belief, gripper, LEANING_YAWS), LEANS, (1, -1)
+        grasp_candidates(belief, gripper, LEANING_YAWS), LEAN_ANGLES, (1, -1)
     ):
         lean, reach = side * most, gripper.tip * math.cos(most) + edge * math.sin(most)
         tcp = grasp.tcp_in_world @ Pose.from_rpy((0.0, 0.0, 0.0), (0.0, lean, 0.0))
@@ -313,7 +313,7 @@ def _box_spans(size: tuple[float, float, float], rotation: Array) -> list[_Span]
 
 MIN_EDGE = 0.008
 """Length of an outline's edge from which a pad lies flat on it, m."""
-TURNED = math.radians(20.0)
+NARROWING_TURN = math.radians(20.0)
 """Turn of the hand after which a body must not be much narrower, rad: else closing pads turn it."""
 MAX_NARROWING = 5e-4
 """Greatest decrease of a body's width after that turn, m: that of fine facets."""
@@ -341,7 +341,7 @@ def _hull_spans(shape: ConvexMesh, pose: Pose, yaws: int) -> list[_Span]:
         yaw = math.atan2(float(edge[0]), float(-edge[1])) % math.pi
         width = _width(outline, yaw)
         if length < MIN_EDGE and any(
-            _width(outline, yaw + turn) < width - MAX_NARROWING for turn in (-TURNED, TURNED)
+            _width(outline, yaw + turn) < width - MAX_NARROWING for turn in (-NARROWING_TURN, NARROWING_TURN)
         ):
             continue
         if all(abs(yaw - s.yaw) > 0.05 for s in spans):

@@ -150,7 +150,7 @@ def _pick(
         world.gripper.start(candidate.grasp.opening)
         trajectory = candidate.approach.trajectory
         yield from world.move.along(
-            trajectory, guard=world.handling.guard, watch=world.gripper.late, node=task.node
+            trajectory, guard=world.handling.guard, watch=world.gripper.overdue_failure, node=task.node
         )
     with world.step(task.node, "close"):
         closed = yield from close(world, press, task.node)

@@ -33,7 +33,7 @@ from picktree.world import (
     top,
 )
 from picktree.world.robot_model import GripperDescription
-from picktree.world.scene import MIN_FELT_MASS
+from picktree.world.scene import MIN_DETECTABLE_MASS
 
 from .grasps import contacts_at
 from .pick_place_motions import lift_off
@@ -200,7 +200,7 @@ def _light_object(world: World) -> LightObject | None:
     """Return the believed held object if its kind is too light to be felt."""
     held = world.scene.held
     entry = None if held is None else world.description.find_entry(held.kind)
-    if held is None or entry is None or entry.mass >= MIN_FELT_MASS:
+    if held is None or entry is None or entry.mass >= MIN_DETECTABLE_MASS:
         return None
     return LightObject(entry.mass, _widths(held, world.robot.description.gripper, world.gripper.width))
 
@@ -343,7 +343,7 @@ def is_released(before: float, after: float) -> bool:
 
     A load that is too small to be felt does not contradict them.
     """
-    return before < MIN_FELT_MASS * GRAVITY or before - after >= MIN_RELEASED_SHARE * before
+    return before < MIN_DETECTABLE_MASS * GRAVITY or before - after >= MIN_RELEASED_SHARE * before
 
 
 def confirm_release(

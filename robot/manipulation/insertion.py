@@ -214,7 +214,7 @@ SEARCH_TIME_LIMIT = 120.0
 """Time limit of one insertion by contact, s."""
 MIN_OPENING_CHANGE = 0.0015
 """Change of the opening that shows that the object has turned in the hand, m."""
-SEEN_MOUTH_UNCERTAINTY = 0.002
+DETECTED_MOUTH_UNCERTAINTY = 0.002
 """Uncertainty of a mouth's position seen by the hand camera, m."""
 
 
@@ -270,7 +270,7 @@ def choose_hole(world: World, held: BeliefObject, into: ObjectId, node: str) -> 
     return (
         task
         if seen is None
-        else replace(task, hole_in_world=seen, uncertainty=SEEN_MOUTH_UNCERTAINTY + MAX_HELD_OFFSET)
+        else replace(task, hole_in_world=seen, uncertainty=DETECTED_MOUTH_UNCERTAINTY + MAX_HELD_OFFSET)
     )
 
 

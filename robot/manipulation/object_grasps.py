@@ -57,8 +57,8 @@ def _by_height(
     """Return the grasps on the body's height map, each once, with what the pads meet."""
     from . import heap_grasps as heaps  # loads OpenCV
 
-    upright = ((heaps.STRICT, (heaps.VERTICAL,)), (heaps.LOOSE, (heaps.VERTICAL,)))
-    stages = ((heaps.LOOSE, (heaps.TILTED, heaps.MORE_TILTED)),) if leaning else upright
+    upright = ((heaps.STRICT_TIER, (heaps.VERTICAL,)), (heaps.LOOSE_TIER, (heaps.VERTICAL,)))
+    stages = ((heaps.LOOSE_TIER, (heaps.TILTED, heaps.MORE_TILTED)),) if leaning else upright
     found: dict[str, GraspCandidate] = {}
     heap = heap_geometry.Heap(_height_map(belief, mesh))
     to_object = belief.pose.inverse()

@@ -165,7 +165,7 @@ def _move_to_grasp(
             refused = transfer.answer
             if isinstance(refused, Failure):
                 return TransferRefused(refused.cause, refused.message, **refused.evidence)
-        return world.gripper.late() or (None if target is None else target())
+        return world.gripper.overdue_failure() or (None if target is None else target())
 
     yield from world.control.settle()
     world.control.zero()

@@ -103,7 +103,7 @@ def update_belief(
     detections = _outside_volumes(detections, items, volumes, view)
     matched = _assignment(items, detections, _nearness)
     unmatched = [o for o in items if o.id not in matched]
-    missing = [o for o in unmatched if view.look(o.shape, o.pose, o.colour).seen_empty]
+    missing = [o for o in unmatched if view.look(o.shape, o.pose, o.colour).is_empty]
     matched |= _assignment(missing, _unmatched(detections, matched), _displacement)
 
     removed: list[ObjectId] = []
@@ -260,7 +260,7 @@ def _updated_belief(
     """
     place = item.place if _is_given_up(item, detection) else detection.place
     worse = detection.confidence < MIN_CONFIDENCE_SHARE * item.confidence
-    if worse and view.look(item.shape, item.pose, item.colour).borne_out:
+    if worse and view.look(item.shape, item.pose, item.colour).is_confirmed:
         return replace(item, last_seen=now, place=place)
     belief = replace(_belief_from(item.id, detection, now), place=place)
     return replace(belief, pose=_nearest_orientation(detection, item.pose))

@@ -155,7 +155,7 @@ def track_objects(
     return tuple(found)
 
 
-KNOWN_DISTANCE = 0.01
+MAX_KNOWN_DISTANCE = 0.01
 """Greatest distance from its believed pose at which a known object is confirmed, m. A fit that starts so near
 converges."""
 SUPPORTED_TOLERANCE = 5e-4
@@ -215,11 +215,14 @@ def known_objects(
         if stand is None:
             continue
         x, y = picture.sight.at_height(blob.middle, one.pose.position[2])
-        if math.hypot(float(x) - one.pose.position[0], float(y) - one.pose.position[1]) < 2 * KNOWN_DISTANCE:
+        if (
+            math.hypot(float(x) - one.pose.position[0], float(y) - one.pose.position[1])
+            < 2 * MAX_KNOWN_DISTANCE
+        ):
             found = _confirmed(picture, fitter, blob, floor, one, stand)
             if found is not None:
                 return KnownContents([found])
-        if _is_shown_in(picture, blob, stand):
+        if _is_visible_in(picture, blob, stand):
             touching.append((one, stand))
     most = MAX_PARTS
     while touching:
@@ -229,7 +232,7 @@ def known_objects(
             for piece, (one, stand) in zip(cut.pieces, touching, strict=True)
         ]
         found = [each for each in tried if each is not None]
-        left = cut.left([each is None for each in tried])
+        left = cut.unclaimed_patches([each is None for each in tried])
         outlines = (outline_patch(picture, patch).outline for patch in left)
         # Each of those left shows enough of its own outline, beside that of the cut, to be recognised.
         if len(found) == len(tried) or (found and all(o.real.mean() > MIN_REAL_OUTLINE for o in outlines)):
@@ -254,7 +257,7 @@ class _Cut:
     pieces: list[Blob | None]
     """Piece of each item; None for one that shows too little of its outline."""
 
-    def left(self, missing: Sequence[bool]) -> list[PixelPatch]:
+    def unclaimed_patches(self, missing: Sequence[bool]) -> list[PixelPatch]:
         """Claim the patches of what belongs to no item, or to one that is `missing` (k,)."""
         rows, columns = self.blob.patch.rows, self.blob.patch.columns
         free = np.zeros(self.picture.owner.shape, dtype=np.bool_)
@@ -315,7 +318,7 @@ def _confirmed(
     if not clear and (one.place == world_facts.ASIDE or one.confidence < MIN_KNOWN_CONFIDENCE):
         poor = POOR_MISFIT_IN_BIN if floor.in_bin else POOR_MISFIT
         clear = is_clear(found, poor) and not _shows_two_objects(picture, blob, found)
-    if clear and moved < KNOWN_DISTANCE and turned < MAX_HEADING_CHANGE:
+    if clear and moved < MAX_KNOWN_DISTANCE and turned < MAX_HEADING_CHANGE:
         return KnownSighting(one, blob, found)
     return None
 
@@ -324,7 +327,7 @@ def _is_believed_on(floor: SupportSurface, one: BeliefObject) -> bool:
     return one.place == floor.place or (one.place == world_facts.ASIDE and not floor.in_bin)
 
 
-def _is_shown_in(picture: SegmentationInput, blob: Blob, stand: StandingPose) -> bool:
+def _is_visible_in(picture: SegmentationInput, blob: Blob, stand: StandingPose) -> bool:
     """Whether the middle of an object at that pose appears in the blob."""
     column, row = (round(float(c)) for c in picture.sight.pixels(stand.centre[None])[0])
     rows, columns = picture.owner.shape

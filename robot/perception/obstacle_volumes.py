@@ -292,7 +292,7 @@ def unseen_cells(view: PerceivedView, cells: Keys) -> Keys:
         around = (cell_indices(front)[:, None, :] + _SIDES[None]).reshape(-1, 3)
         beside = np.setdiff1d(cell_keys(around), reached, assume_unique=True)
         # A cell and those above and below it: `>>` leaves their place on the table.
-        front = beside[np.isin(beside >> _BITS, beside[_shown_nowhere(view, beside)] >> _BITS)]
+        front = beside[np.isin(beside >> _BITS, beside[_outside_view(view, beside)] >> _BITS)]
         front = front[~_cells_passed_by_rays(view, front, 0.0, window=False)]
         front = front[~view.robot(cell_centres(front), ROBOT_MARGIN)]
         reached = np.union1d(reached, front)
@@ -301,7 +301,7 @@ def unseen_cells(view: PerceivedView, cells: Keys) -> Keys:
     return np.setdiff1d(reached, cells, assume_unique=True)
 
 
-def _shown_nowhere(view: PerceivedView, cells: Keys) -> NDArray[np.bool_]:
+def _outside_view(view: PerceivedView, cells: Keys) -> NDArray[np.bool_]:
     """Select the cells (n,) behind the robot or beyond the picture's edge, above their supports."""
     points = cell_centres(cells)
     depth, pixels, inside = _projected(view, cells)

@@ -165,7 +165,7 @@ def stable_poses(entry: CatalogueEntry) -> tuple[StablePose, ...]:
             return tuple(_mesh_poses(entry, shape))
 
 
-LEANS = tuple(math.radians(angle) for angle in (15, 25, 35, 45, 55, 65, 75))
+LEAN_ANGLES = tuple(math.radians(angle) for angle in (15, 25, 35, 45, 55, 65, 75))
 """Angles between the axis of a leaning cylinder and the vertical, rad."""
 LEANING_HANDICAP = 0.3
 """Addition to the misfit of a leaning item: most items lie on a face."""
@@ -176,7 +176,7 @@ def leaning_poses(entry: CatalogueEntry) -> tuple[StablePose, ...]:
     """Return the entry leaning on something else, for cylinders: nothing else rolls up another item."""
     if not isinstance(entry.shape, Cylinder):
         return ()
-    turns = (Pose.from_rpy((0.0, 0.0, 0.0), (0.0, lean, 0.0)).rotation() for lean in LEANS)
+    turns = (Pose.from_rpy((0.0, 0.0, 0.0), (0.0, lean, 0.0)).rotation() for lean in LEAN_ANGLES)
     return tuple(
         replace(_stable_pose(entry, turn, 0.0, LEANING_HANDICAP), turn=2 * math.pi) for turn in turns
     )

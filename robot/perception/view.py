@@ -81,12 +81,12 @@ class BodyVisibility:
     """Number of visible pixels that show something behind the body, or another colour."""
 
     @property
-    def seen_empty(self) -> bool:
+    def is_empty(self) -> bool:
         """Whether the body clearly is not there."""
         return self.visible >= max(6, 0.3 * self.total) and self.empty >= 0.7 * self.visible
 
     @property
-    def borne_out(self) -> bool:
+    def is_confirmed(self) -> bool:
         """Whether the visible part of the place looks as if the body were there."""
         return self.visible >= 6 and self.empty <= 0.1 * self.visible
 

@@ -28,7 +28,7 @@ class LineResult:
     path: Array
     fraction: float
     ended_by: str
-    """"" for a whole line, or `reach`, `jump`, `collision`."""
+    """Reason of the end: "" for a whole line, or `reach`, `jump`, `collision`."""
     blocked: Array | None = None
     """Configuration (n,), rad, that was not free; None unless a collision ended the line."""
     ended_at: Pose | None = None

@@ -208,7 +208,7 @@ class PlanProvenanceStore:
     def __init__(self, scene: PlanningScene, width: Callable[[], float]) -> None:
         self._scene = scene
         self._width = width
-        self._made: WeakKeyDictionary[Trajectory, PlanProvenance] = WeakKeyDictionary()
+        self._provenances: WeakKeyDictionary[Trajectory, PlanProvenance] = WeakKeyDictionary()
 
     def note(self, plan: MotionPlan, seen: CheckedBelief | None = None) -> None:
         """Record a plan whose trajectory was found free in the belief `seen`; None: just now."""
@@ -216,19 +216,19 @@ class PlanProvenanceStore:
         passes = plan.passes or (plan.trajectory.duration,)
         known = tuple(request for request in requests if request is not None)
         if len(known) == len(passes):
-            self._made[plan.trajectory] = PlanProvenance(known, passes, seen or self.now())
+            self._provenances[plan.trajectory] = PlanProvenance(known, passes, seen or self.now())
 
     def renew(self, trajectory: Trajectory) -> None:
         """Record that a trajectory was found free in the present belief. It need not be a recorded plan."""
-        made = self._made.get(trajectory)
+        made = self._provenances.get(trajectory)
         if made is None:
             request = Request(JointGoal(trajectory.end), trajectory.start)
             made = PlanProvenance((request,), (trajectory.duration,), self.now())
-        self._made[trajectory] = replace(made, seen=self.now())
+        self._provenances[trajectory] = replace(made, seen=self.now())
 
     def of(self, trajectory: Trajectory) -> PlanProvenance | None:
         """Return the provenance of a trajectory; None: it is no recorded plan, and was never found free."""
-        return self._made.get(trajectory)
+        return self._provenances.get(trajectory)
 
     def now(self) -> CheckedBelief:
         snapshot = self._scene.snapshot()
@@ -311,7 +311,7 @@ class LookaheadPlanner:
         self._now = now
         self._cost = cost
         self._solve = solve
-        self._told = resolved
+        self._report_outcome = resolved
         self._worker = worker
         self._free = 0.0
         self._generation = 0
@@ -342,7 +342,7 @@ class LookaheadPlanner:
 
     def _resolve(self, wanted: LookaheadResult) -> None:
         while wanted.outcome is None:
-            self._told(*self._next())
+            self._report_outcome(*self._next())
 
     def _next(self) -> tuple[ChainOrder, LookaheadOutcome]:
         """Take the oldest answer that is not taken yet."""

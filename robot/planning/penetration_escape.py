@@ -165,7 +165,7 @@ class EscapeSearch:
                 yield step * (size * share)
 
     def _step(self, q: Array, near: tuple[Separation, ...], direction: Direction) -> Array | None:
-        wanted = self._wanted(q, direction)
+        wanted = self._joint_step(q, direction)
         rows, least = [np.eye(len(q)), -np.eye(len(q))], [self._lower - q, q - self._upper]
         for s in near:
             room = s.distance - s.margin - CLEARANCE_BEYOND_MARGIN
@@ -177,7 +177,7 @@ class EscapeSearch:
         bounds = StepConstraints(np.concatenate(rows), np.concatenate(least))
         return least_distance(bounds, wanted)
 
-    def _wanted(self, q: Array, direction: Direction) -> Array:
+    def _joint_step(self, q: Array, direction: Direction) -> Array:
         """Return the change (n,) of the joints for a step in that direction; zero for `out`, which the depths
         alone lead.
 

@@ -275,10 +275,10 @@ def describe_request(request: Request) -> str:
 
 def contact_lines(contacts: Sequence[ContactPair]) -> list[str]:
     """Format contacts as evidence: one line each, the first ten."""
-    return [f"{c.a} {how_near(c)} {c.b}{_kept(c)}" for c in contacts[:10]]
+    return [f"{c.a} {how_near(c)} {c.b}{_format_margin(c)}" for c in contacts[:10]]
 
 
-def _kept(contact: ContactPair) -> str:
+def _format_margin(contact: ContactPair) -> str:
     """Format the margin, where only the margin is violated."""
     return f" ({contact.margin * 1000:.1f} mm to keep)" if 0 <= contact.distance < contact.margin else ""
 
@@ -355,7 +355,7 @@ def how_rejected(rejection: GoalRejection, verb: str = "is") -> str:
     """Describe a rejection, beginning with what is wrong."""
     if rejection.contacts:
         worst = rejection.contacts[0]
-        return f"{worst.a} {verb} {how_near(worst)} {worst.b}{_kept(worst)}"
+        return f"{worst.a} {verb} {how_near(worst)} {worst.b}{_format_margin(worst)}"
     if rejection.outside is not None:
         return f"the tool {verb} {how_outside(rejection.outside)}"
     if rejection.broken:

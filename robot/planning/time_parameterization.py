@@ -115,7 +115,7 @@ class PathLimits:
         derivatives.
         """
         weight, along = self._weight(q), self._rnea(q, np.zeros_like(q), first)
-        left = self._left(weight)
+        left = self._remaining_torque(weight)
         return (along - weight) / left, (self._rnea(q, first, second) - weight) / left
 
     def excess(self, times: Array, s: Array, q: Array, v: Array, a: Array) -> Array:
@@ -133,7 +133,7 @@ class PathLimits:
         squared[1:] = np.maximum(squared[1:], steps)
         some = slice(None, None, COSTLY_SAMPLE_STRIDE)
         weight = self._weight(q[some])
-        moving = np.abs(self._rnea(q[some], v[some], a[some]) - weight) / self._left(weight)
+        moving = np.abs(self._rnea(q[some], v[some], a[some]) - weight) / self._remaining_torque(weight)
         squared[some] = np.maximum(squared[some], moving.max(axis=1))
         if np.isfinite(self._tool).any():
             most = self._tool[np.searchsorted(self._ends, s[some], side="left")]
@@ -162,7 +162,7 @@ class PathLimits:
     def _rnea(self, q: Array, v: Array, a: Array) -> Array:
         return pin.rneaInParallel(1, self._pool, q.T, v.T, a.T).T
 
-    def _left(self, weight: Array) -> Array:
+    def _remaining_torque(self, weight: Array) -> Array:
         limit = self._model.torque_limit
         return np.maximum(TORQUE_LIMIT_SHARE * limit - np.abs(weight), 0.1 * limit)
 

@@ -167,7 +167,7 @@ class TrajectoryVerifier:
                 i, j = (int(k) for k in view.pairs[column])
                 distance, margin = view.sweep.gap(moment, i, j).distance, float(keep[column])
                 if abs(distance - margin) < reach + FCL_DISTANCE_ERROR:
-                    distance = min(distance, *view.sweep.again(moment, i, j))
+                    distance = min(distance, *view.sweep.remeasure(moment, i, j))
                 so_far = reach if least is None else least.distance - least.margin
                 if distance - margin < so_far:
                     least = TightestPair(view.things[i].name, view.things[j].name, distance, margin)

@@ -305,7 +305,7 @@ class KinematicBodies:
             self._prisms[name] = self._prisms[name].shifted(way)
         self._tops = None
 
-    def stand(self, obstacles: Iterable[Fixture]) -> None:
+    def replace_obstacles(self, obstacles: Iterable[Fixture]) -> None:
         """Replace the obstacles among the static bodies. Items on an obstacle that is gone come down."""
         self._fixed = (*self._scenery, *(Prism.of(f.id, f.shape, f.pose) for f in obstacles))
         self.settle()

@@ -57,7 +57,7 @@ class KinematicContacts:
         self._upon[foot] = frozenset()
 
 
-MAX_STANDING_TIP_DEPTH = 0.0015
+MAX_SUPPORTED_TIP_DEPTH = 0.0015
 """Greatest depth below the top of an item at which that top carries the finger tips, m."""
 MIN_DOWNWARD_COSINE = 0.98
 """Least cosine of the tilt of a hand that points down."""
@@ -101,7 +101,7 @@ class KinematicPushing:
         here = [
             body
             for body, prism in self._bodies.standing()
-            if prism.high[2] > low + MAX_STANDING_TIP_DEPTH
+            if prism.high[2] > low + MAX_SUPPORTED_TIP_DEPTH
             and prism.low[2] < low + self._high
             and self._bodies.in_hole(body) is None
         ]
@@ -116,7 +116,7 @@ class KinematicPushing:
             [
                 _static_outline(prism)
                 for prism in self._bodies.fixed
-                if low < prism.high[2] - MAX_STANDING_TIP_DEPTH
+                if low < prism.high[2] - MAX_SUPPORTED_TIP_DEPTH
             ],
         )
         pushed = sliding.press(fingers)

@@ -151,7 +151,7 @@ class WeakJoints:
         self._model = model
         self._period = period
 
-    def given(self, torque: Array, shares: Mapping[str, float]) -> Array:
+    def limited(self, torque: Array, shares: Mapping[str, float]) -> Array:
         """Return the torque (n,), Nm, limited to the joints' remaining shares."""
         most = self._model.torque_limit * self._shares(shares)
         return torque.clip(-most, most)
@@ -226,7 +226,7 @@ class KinematicArm:
             return
         self._torque = torque.copy()
 
-    def stand(self) -> None:
+    def hold(self) -> None:
         """Hold the present configuration until the next command."""
         self._aim = (self.position.copy(), np.zeros_like(self.velocity))
         self._torque = None
@@ -244,7 +244,7 @@ class KinematicArm:
             self.position, self.velocity = self._aim
             self._state = JointState(self.position, self.velocity, self._model.gravity(self.position))
             return
-        torque = self._weak.given(self._torque, shares) if shares else self._torque
+        torque = self._weak.limited(self._torque, shares) if shares else self._torque
         acceleration = self._model.forward_dynamics(self.position, self.velocity, torque, wrench_at_tcp)
         velocity = self.velocity + acceleration * self._period
         position = self.position + velocity * self._period
@@ -269,7 +269,7 @@ class KinematicWrench:
             return faults.silence.wrench
         if not faults.biased:
             return said
-        x, y, z, a, b, c = faults.off(self._turn())
+        x, y, z, a, b, c = faults.wrench_bias(self._turn())
         (fx, fy, fz), (tx, ty, tz) = said.force, said.torque
         return Wrench((fx + x, fy + y, fz + z), (tx + a, ty + b, tz + c))
 

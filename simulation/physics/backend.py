@@ -401,7 +401,7 @@ class PhysicsHardware:
     def put_obstacle(self, body: Fixture) -> ObjectId:
         """Carry out a fault: add an obstacle and return its name."""
         name = self._static.obstacles.put(body)
-        self._items.sleepers.stand(self._static.number(name))
+        self._items.sleepers.add_static(self._static.number(name))
         return name
 
     def take_obstacle(self, name: ObjectId) -> None:

@@ -130,6 +130,6 @@ class PhysicsWrench:
         a, b, c, d, e, f = senses.noise.wrench(senses.step, senses.now, senses.reading.turn)
         fx, fy, fz, tx, ty, tz = senses.reading.wrench
         if faults.biased:
-            more = faults.off(senses.reading.turn)
+            more = faults.wrench_bias(senses.reading.turn)
             a, b, c, d, e, f = (one + other for one, other in zip((a, b, c, d, e, f), more, strict=True))
         return Wrench((fx + a, fy + b, fz + c), (tx + d, ty + e, tz + f))

@@ -54,7 +54,7 @@ def patched_urdf(robot: RobotDescription, folder: Path) -> str:
     for n, part in enumerate(shapes):
         _put_shape(links[part.link], part, folder / f"hull_{n}.obj")
     for link in links.values():
-        _show_what_collides(link)
+        _add_collision_visuals(link)
         if link.find("inertial") is None:
             _add_no_mass(link)
     for n, name in enumerate(robot.gripper.fingers):
@@ -104,7 +104,7 @@ def _collision(link: ElementTree.Element, pose: Pose) -> ElementTree.Element:
     return ElementTree.SubElement(collision, "geometry")
 
 
-def _show_what_collides(link: ElementTree.Element) -> None:
+def _add_collision_visuals(link: ElementTree.Element) -> None:
     for collision in link.findall("collision"):
         visual = copy.deepcopy(collision)
         visual.tag = "visual"

@@ -170,14 +170,16 @@ class ChildReader:
         match slot.arity:
             case "one":
                 label = "" if slot.key == "do" else slot.key
-                found = self._one(value, loc, trail, names, label)
+                found = self._node_or_sequence(value, loc, trail, names, label)
                 return (("", found),) if found else ()
             case "many":
                 return self._many(declaration, slot, value, loc, trail, names)
             case "table":
                 return self._table(slot, value, loc, trail, names)
 
-    def _one(self, value: Value, loc: Location, trail: str, names: ChildNames, label: str) -> NodeSpec | None:
+    def _node_or_sequence(
+        self, value: Value, loc: Location, trail: str, names: ChildNames, label: str
+    ) -> NodeSpec | None:
         """Read one node. A list is a Sequence, named so under `do` and after its slot elsewhere."""
         if not isinstance(value, list):
             return self._node(value, loc, trail, names)
@@ -230,7 +232,7 @@ class ChildReader:
                 self._check_pattern(key, (*loc, key), trail)
             elif not NAME_PATTERN.fullmatch(key):
                 self._fault((*loc, key), trail, f"{show(key)} cannot name a case", code="P232", key=True)
-            node = self._one(body, (*loc, key), trail, names, key)
+            node = self._node_or_sequence(body, (*loc, key), trail, names, key)
             if node is not None:
                 found.append((key, node))
         return tuple(found)

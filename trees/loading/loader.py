@@ -318,7 +318,7 @@ class TreeSetReader:
             message = f"{name!r} is a node already; a tree needs another name"
         elif name in homes:
             message, code = f"the tree {name!r} is given twice", "P247"
-            hint = f"first on {homes[name].key_mark(loc).told(str(document.path))}"
+            hint = f"first on {homes[name].key_mark(loc).describe(str(document.path))}"
         if message:
             self._fault(document, loc, message, hint, code=code, key=True)
         return not message
@@ -453,7 +453,7 @@ class MissionHead:
         return goal
 
     def _goal_fault(self, goal: str, error: expression_syntax.ExpressionError, code: str) -> None:
-        mark, message = self._pointer.told(self._document.mark(("goal",)), goal, error)
+        mark, message = self._pointer.describe(self._document.mark(("goal",)), goal, error)
         self._faults.add(Diagnostic(mark, "goal", message, "", code))
 
     def plugins(self) -> tuple[str, ...]:

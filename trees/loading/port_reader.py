@@ -289,7 +289,7 @@ class PortReader:
         if self._faults.full or not isinstance(value, str):
             self._fault(loc, trail, f"{what}: {error}", code="P225")
             return
-        mark, message = self._pointer.told(self._document.mark(loc), value, error)
+        mark, message = self._pointer.describe(self._document.mark(loc), value, error)
         self._faults.add(Diagnostic(mark, trail, f"{what}: {message}", "", "P225"))
 
 

@@ -95,7 +95,9 @@ def write_composed_urdf(
     Meshes of installed packages are named as `package://package/path`, so that the text does not depend on
     the folder of the packages. Raises UrdfError when arm and gripper do not fit together.
     """
-    return _kept(composed_urdf(arm, mounting, inertias or {}, attachments or {}, flange), arm.path.stem)
+    return _cached_file(
+        composed_urdf(arm, mounting, inertias or {}, attachments or {}, flange), arm.path.stem
+    )
 
 
 def composed_urdf(
@@ -247,7 +249,7 @@ def mount_tool(root: ElementTree.Element, robot: RobotDescription) -> None:
     ElementTree.SubElement(element, "origin", xyz=numbers_text(moved.position), rpy=numbers_text(moved.rpy()))
 
 
-def _kept(text: str, stem: str) -> Path:
+def _cached_file(text: str, stem: str) -> Path:
     """Return a file with that text, named by its hash; an existing one is used again."""
     data = text.encode()
     folder = Path(tempfile.gettempdir()) / f"picktree-{os.getuid()}"

@@ -320,7 +320,7 @@ class CameraDescription(CameraSettings):
 
 MAX_HIDDEN_SHARE = 0.25
 """Greatest share of the items' areas that the arm at `home` may hide from a camera."""
-MIN_FELT_MASS = 0.03
+MIN_DETECTABLE_MASS = 0.03
 """Least mass whose weight a wrist surely feels in the hand, kg. A load of 12 g tells it from an empty hand,
 and a weighing is off by 15 g at most."""
 

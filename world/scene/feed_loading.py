@@ -86,7 +86,7 @@ def _check_heap(
     check: DocumentChecker, loc: Location, entry: Spawn, bodies: Sequence[Fixture | Bin] | None
 ) -> None:
     """Faults of how and into what items are poured."""
-    area = _given(check, loc, "area")
+    area = _has_key(check, loc, "area")
     if not area and entry.into is None:
         hint = "a rectangle on the table; or 'into', a tote"
         check.fault(loc, "'area' is missing", hint, code="P105", key=True)
@@ -324,7 +324,7 @@ def check_feed(
     check_kinds(check, loc, entry, {**catalogue, ASSORTMENT: None} if poured else catalogue)
     with check.readable():
         if which == "area" and entry.area is not None:
-            if _given(check, loc, "spacing"):
+            if _has_key(check, loc, "spacing"):
                 check.fault((*loc, "spacing"), "only items on a belt have a spacing", code="P112", key=True)
             if check_area(check, loc, entry.area, standing, workspace):
                 check_crowding(check, loc, entry, entry.area, entry.gap, catalogue)
@@ -335,7 +335,7 @@ def check_feed(
         if which == "into" and entry.into is not None:
             check_tote(check, loc, entry.into, standing)
             for key in ("gap", "spacing", "tumbled", "when"):
-                if _given(check, loc, key):
+                if _has_key(check, loc, key):
                     hint = "a tote comes full when it is exchanged, and its items lie anywhere"
                     check.fault((*loc, key), "items come with their tote", hint, code="P112", key=True)
     with check.readable():
@@ -357,7 +357,7 @@ def _check_on_belt(
         check.fault((*loc, "belt"), f"there is no belt {describe(name)}", hint, code="P420")
     for key in ("gap", "tumbled", "when"):
         with check.readable():
-            if _given(check, loc, key):
+            if _has_key(check, loc, key):
                 hint = "a belt runs whenever the robot is ready" if key == "when" else "give its 'spacing'"
                 check.fault((*loc, key), "items on a belt come one by one", hint, code="P112", key=True)
     with check.readable():
@@ -393,7 +393,7 @@ def _check_room(
         check.fault((*loc, "of", kind), message, code="P414", key=True)
     least = (across + MIN_BELT_GAP) / (1 - SPACING_SPREAD)
     if entry.spacing < least:
-        given = _given(check, loc, "spacing")
+        given = _has_key(check, loc, "spacing")
         at: Location = (*loc, "spacing") if given else (*loc, "of", kind)
         message = f"items that are {1000 * across:.0f} mm across would touch on the belt"
         hint = f"a spacing of at least {1000 * math.ceil(1000 * least) / 1000:.0f} mm"
@@ -525,6 +525,6 @@ def _top(name: str, entry: FixtureFile) -> Corners:
     return (x + float(low[0]), y + float(low[1])), (x + float(high[0]), y + float(high[1]))
 
 
-def _given(check: DocumentChecker, loc: Location, key: str) -> bool:
+def _has_key(check: DocumentChecker, loc: Location, key: str) -> bool:
     """Return whether an entry has a key; `clear` is the same as no `when`."""
     return check.document.get((*loc, key)) not in (None, "clear")

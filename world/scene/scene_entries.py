@@ -437,11 +437,11 @@ def check_fits(
         to = rules[n][1]
         if hole_geometry.tightest_hole(bored[to], entry.shape) is None:
             misses = f"does not fit the hole {to!r}" if "/" in to else f"fits no hole of {to!r}"
-            hint = _wanted(entry.shape)
+            hint = _hole_hint(entry.shape)
             check.fault(("destinations", n, "to"), f"a {kind} {misses}", hint, code="P435")
 
 
-def _wanted(shape: Shape) -> str:
+def _hole_hint(shape: Shape) -> str:
     match shape:
         case Cylinder(radius, _) | Sphere(radius):
             return f"it needs a round hole wider than {2000 * radius:g} mm"

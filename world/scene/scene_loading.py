@@ -27,7 +27,7 @@ from picktree.world import Bounds
 
 from .description import (
     MESH_SETS,
-    MIN_FELT_MASS,
+    MIN_DETECTABLE_MASS,
     Bin,
     CatalogueEntry,
     Delivery,
@@ -289,9 +289,9 @@ class _Parts:
         with check.readable():
             for name in dict.fromkeys(kind for entry in (*self.spawn, *self.feed) for kind in entry.counts):
                 known = self.catalogue.get(name)
-                if known is not None and known.mass < MIN_FELT_MASS:
+                if known is not None and known.mass < MIN_DETECTABLE_MASS:
                     message = f"{1000 * known.mass:g} g are less than the wrist surely feels"
-                    least = f"below {1000 * MIN_FELT_MASS:g} g"
+                    least = f"below {1000 * MIN_DETECTABLE_MASS:g} g"
                     hint = f"{least} the opening of the fingers alone tells that it is held"
                     check.fault(("catalogue", name, "mass"), message, hint, code="P427", severity="warning")
 
