@@ -100,7 +100,7 @@ def check() -> None:
 
 @cache
 def missing_instructions() -> tuple[str, ...]:
-    """Instructions of x86-64-v3 that the processor lacks; empty where this cannot be read."""
+    """Return the instructions of x86-64-v3 that the processor lacks; empty when they cannot be read."""
     try:
         with _PROCESSOR.open(encoding="ascii", errors="replace") as lines:
             flags = next((line.split() for line in lines if line.startswith("flags")), None)
@@ -110,7 +110,7 @@ def missing_instructions() -> tuple[str, ...]:
 
 
 def numpy_kernels() -> str:
-    """Highest instruction set for which numpy has kernels in use, such as `X86_V3`. Loads numpy."""
+    """Return the highest instruction set of numpy's active kernels, such as `X86_V3`. Loads numpy."""
     import numpy as np
 
     config = cast("dict[str, Any]", np.show_config(mode="dicts") or {})
@@ -119,7 +119,7 @@ def numpy_kernels() -> str:
 
 
 def blas_kernels() -> Mapping[str, str]:
-    """Kernels of each OpenBLAS in this process by the package that brings it, such as `Haswell, 1 thread`."""
+    """Return the kernels of each OpenBLAS in this process by its package, such as `Haswell, 1 thread`."""
     from threadpoolctl import threadpool_info
 
     return {

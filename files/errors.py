@@ -30,7 +30,7 @@ class Mark:
         return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
 
     def describe(self, file: str) -> str:
-        """The line, for a reader of that file: `line 12`, or `line 12 of common.yaml`."""
+        """Describe the line for a reader of that file: `line 12`, or `line 12 of common.yaml`."""
         return f"line {self.line}" + (f" of {self.file}" if self.file != file else "")
 
 

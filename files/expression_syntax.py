@@ -94,7 +94,8 @@ def syntax_error(problem: str, at: int) -> ExpressionError:
 
 
 def tokens(text: str) -> Iterator[Token]:
-    """Ends with a token of kind end. Raises ExpressionError at what has no meaning."""
+    """Return the tokens of the text; the last one has the kind end. Raises ExpressionError at an invalid
+    character."""
     at = 0
     while at < len(text):
         match = _TOKEN.match(text, at)
@@ -115,7 +116,7 @@ def tokens(text: str) -> Iterator[Token]:
 
 
 def number_of(token: Token) -> int | float:
-    """The value of a token of kind number. Raises ExpressionError when it is too large."""
+    """Return the value of a token of kind number. Raises ExpressionError when it is too large."""
     whole = token.text.isdigit()
     number = int(token.text) if whole and len(token.text) <= 20 else float(token.text)
     if abs(number) > MAX_INTEGER if whole else math.isinf(number):
@@ -262,7 +263,7 @@ Part: TypeAlias = (
 
 
 def children(part: Part) -> tuple[Part, ...]:
-    """The parts that a part is made of, in their order."""
+    """Return the direct parts of a part, in their order."""
     match part:
         case LiteralValue() | Name():
             return ()
@@ -283,7 +284,7 @@ def children(part: Part) -> tuple[Part, ...]:
 
 
 def walk(root: Part) -> Iterator[Part]:
-    """The part and all below it, parents first."""
+    """Yield the part and all parts below it, parents first."""
     todo = [root]
     while todo:
         part = todo.pop()
@@ -311,7 +312,7 @@ _BINDING: Mapping[str, int] = {
 
 
 def parse(text: str) -> Part:
-    """Raises ExpressionError with a sentence and the character."""
+    """Parse an expression. Raises ExpressionError with a sentence and the character."""
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the expression is longer than {MAX_LENGTH} characters")
     if not text.strip():
@@ -379,7 +380,7 @@ class _Parser:
         return Conditional(start.at, test, yes, no)
 
     def _operators(self, least: int) -> Part:
-        """A value, with the operators after it that bind at least so tightly."""
+        """Parse a value and the operators after it that bind at least this tightly."""
         left = self._operand()
         while True:
             token = self._token

@@ -58,11 +58,12 @@ class Expression:
 
     @classmethod
     def parse(cls, text: str) -> Expression:
-        """Raises ExpressionError (a ValueError) with a sentence and the offset."""
+        """Parse an expression. Raises ExpressionError (a ValueError) with a sentence and the offset."""
         return _parsed(text)
 
     def evaluate(self, names: Mapping[str, object], attributes: Attributes | None = None) -> object:
-        """The value with these names. Raises ExpressionError; never runs anything but the operators."""
+        """Return the value with these names. Raises ExpressionError; never runs anything but the
+        operators."""
         return _Evaluation(names, attributes).value(self.root)
 
     def __str__(self) -> str:
@@ -159,7 +160,7 @@ class _Evaluation:
 
 
 def _apply(at: int, what: str, function: Callable[..., object], *given: object) -> object:
-    """The function's value. Raises ExpressionError in the words of the language."""
+    """Return the value of the function. Raises ExpressionError in the words of the language."""
     try:
         return function(*given)
     except ZeroDivisionError:
@@ -222,7 +223,7 @@ def _ordered(function: Callable[[object, object], object]) -> Callable[[object, 
 
 
 def _alike(values: Iterable[object]) -> list[Never]:
-    """The values, which have an order among them: all numbers, or all texts. Raises TypeError."""
+    """Return the values if they can be ordered: all numbers, or all texts. Raises TypeError."""
     given = list(values)
     if not all(isinstance(value, str) for value in given):
         for value in given:
@@ -280,7 +281,7 @@ def _rounded(value: object, digits: object = None) -> object:
 
 
 def _sum(a: object, b: object) -> object:
-    """The sum of two numbers; a text is joined with a text or a number."""
+    """Return the sum of two numbers, or a text joined with a text or a number."""
     if not isinstance(a, str) and not isinstance(b, str):
         return _bounded(_number(a) + _number(b))
     joined = _as_text(a) + _as_text(b)
@@ -389,7 +390,7 @@ def list_of(element: ValueType) -> ValueType:
 
 
 def join(types: Iterable[ValueType]) -> ValueType:
-    """The type of a value that has one of these types."""
+    """Return the common type of values of these types."""
     found = tuple(dict.fromkeys(types))
     plain = tuple(dict.fromkeys(ValueType(t.kind, t.element) for t in found if t.kind != "null"))
     if not plain:
@@ -451,7 +452,7 @@ _FAMILIES = ((*_NUMBERS, "bool"), _TEXTS, ("list",), ("mapping",))
 def check_types(
     expression: Expression, names: Mapping[str, ValueType], attributes: Mapping[str, ValueType]
 ) -> ValueType:
-    """The expression's type. Raises ExpressionError for what cannot have a value with such names.
+    """Return the type of the expression. Raises ExpressionError when it cannot have a value with these names.
 
     `attributes` are those of an object. A name that is not in `names` is unknown.
     """
@@ -570,7 +571,7 @@ def _unfit(what: str, given: Iterable[ValueType], at: int) -> ExpressionError:
 
 
 def _type_of_sum(at: int, left: ValueType, right: ValueType) -> ValueType:
-    """The type of a sum, or of a text that is joined with a text or a number."""
+    """Return the type of a sum, or of a text joined with a text or a number."""
     if any(t.kind in ("text", "word") for t in (left, right)):
         if any(t.kind not in ("any", *_TEXTS, *_NUMBERS) for t in (left, right)):
             raise _unfit("+", (left, right), at)
@@ -623,7 +624,7 @@ def _related(related: ComparisonLink, left: ValueType, right: ValueType) -> None
 
 
 def _check_choice(part: Part, other: ValueType) -> None:
-    """A literal text, or each in a list, against all that the other side can be."""
+    """Check a literal text, or each text of a list, against all possible values of the other side."""
     if isinstance(part, ListOf):
         for item in part.items:
             _check_choice(item, other)

@@ -58,20 +58,20 @@ class CheckReport:
         return len(self.faults) - self.errors
 
     def exit_code(self, *, strict: bool = False) -> int:
-        """2: there are errors; 1: there are warnings, and these count; else 0."""
+        """Return 2 for errors, 1 for warnings if these count, else 0."""
         return 2 if self.errors else 1 if strict and self.warnings else 0
 
     def to_text(self, paint: Paint = plain) -> str:
-        """Every fault with its line, and a line with the counts."""
+        """Return every fault with its line, and a line with the counts."""
         sources = SourceLines(self.texts)
         return "\n".join([*(as_text(fault, sources, paint) for fault in self.faults), self.summary()])
 
     def to_github(self) -> str:
-        """Annotations, and a line with the counts."""
+        """Return annotations, and a line with the counts."""
         return "\n".join([*map(as_github, self.faults), self.summary()])
 
     def to_json_text(self) -> str:
-        """One object; `docs/check.md` says what is in it."""
+        """Return one JSON object; `docs/check.md` describes its content."""
         faults = [
             {
                 "file": fault.mark.file,
@@ -97,7 +97,7 @@ class CheckReport:
         return json.dumps(report, indent=2) + "\n"
 
     def summary(self) -> str:
-        """The counts, in one line.
+        """Return the counts in one line.
 
         >>> CheckReport(("a.yaml", "b.yaml"), (), ()).summary()
         '2 files, no faults'
@@ -181,7 +181,7 @@ class _Round:
         return (*document.faults, *(fault for fault in found if fault.mark not in spoilt))
 
     def _judged(self, file: str) -> list[Diagnostic]:
-        """The faults of one file in its order, without what its comments allow."""
+        """Return the faults of one file in its order, without suppressed warnings."""
         found = tuple(self._found.get(file, ()))
         text = self._text(file)
         kept = apply_suppressions(found, text, file, self._codes, complete=file in self._complete)
@@ -226,7 +226,7 @@ class _Round:
 
 
 def _yaml_files(folder: Path) -> Iterator[Path]:
-    """All YAML files below a folder, sorted; hidden ones and what links lead to are left out."""
+    """Return all YAML files below a folder, sorted, without hidden files and targets of links."""
     for parent, folders, names in os.walk(folder):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         for name in sorted(names):

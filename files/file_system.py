@@ -57,10 +57,10 @@ def require_utf8(name: str | Path) -> None:
 
 @contextmanager
 def whole(paths: Sequence[Path], output: Path) -> Generator[list[Path]]:
-    """Names beside the files to write to; the files take their own names together when all are whole.
+    """Yield temporary names to write to; at the end all files take their own names together.
 
-    Where a name is that of a device or a pipe, it is written to itself. Raises PicktreeError, of `output`,
-    when the disk refuses; nothing of what was begun remains, nor folders that were made for it.
+    A device or a pipe is written directly. Raises PicktreeError for `output` when the disk refuses; partial
+    files and new folders are then removed.
     """
     beside: list[Path] = []
     made: list[Path] = []
@@ -96,8 +96,8 @@ EXAMPLES: Final = ROOT / "examples"
 
 @cache
 def rooms() -> tuple[str, ...]:
-    """Names of the top-level packages, sorted. Only they have an `__init__.py`: tests and examples have
-    none."""
+    """Return the names of the top-level packages, sorted. Only they have an `__init__.py`: tests and examples
+    have none."""
     return tuple(sorted(file.parent.name for file in ROOT.glob("*/__init__.py")))
 
 
@@ -170,5 +170,5 @@ def is_folder(path: Path) -> bool:
 
 
 def shipped_names(folder: Path) -> tuple[str, ...]:
-    """Names of the shipped files of a folder, sorted."""
+    """Return the names of the shipped files of a folder, sorted."""
     return tuple(sorted(path.stem for path in folder.glob("*.yaml")))

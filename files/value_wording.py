@@ -17,7 +17,7 @@ MAX_NEAR_NAMES = 3
 
 
 def suggest_name(name: str, known: Iterable[str], *, most: int = 1) -> str:
-    """A hint: "did you mean 'Grasp'?", or "known: a, b, c", or nothing when nothing is known.
+    """Return a hint: "did you mean 'Grasp'?", "known: a, b, c", or "" without known names.
 
     `most`: number of near names that the hint may have, as "did you mean 'a', 'b' or 'c'?".
     """
@@ -39,7 +39,7 @@ def suggest_name(name: str, known: Iterable[str], *, most: int = 1) -> str:
 
 
 def describe(value: object) -> str:
-    """A value as a fault names it: `'yes'`, `3`, `a list`, `nothing`."""
+    """Return a value in the words of a fault: `'yes'`, `3`, `a list`, `nothing`."""
     match value:
         case None:
             return "nothing"

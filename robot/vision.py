@@ -160,8 +160,8 @@ class Vision:
         """Capture an image with `camera`. Nothing is charged, and the belief does not change before
         `observe_image`; the caller defers that until the charged time has passed.
 
-        Raises Failure: perception.not_found when there is no such camera, perception.no_image when this frame
-        does not come, is old, is the one before again, or scatters far more than this camera's do.
+        Raises Failure(perception.not_found) for an unknown camera, and Failure(perception.no_image) for a
+        frame that is missing, old, repeated, or far noisier than usual.
         """
         if camera not in self._cameras:
             raise Failure(

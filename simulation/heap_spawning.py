@@ -152,8 +152,8 @@ def read_thing(file: Path, assortment: Assortment) -> Thing:
 def _solid(file: Path, raw: bytes, scale: float, side: float) -> dict[str, Array]:
     """Return the bodies of a mesh, in SI, with the origin in its centre of mass.
 
-    `volume`, the corners (n, 3) of its hull as `0` and of its parts from `1` on, and the `stickers` (k, 4, 4)
-    of tags with that side; side 0: no stickers.
+    `volume`; the corners (n, 3) of its hull as `0`, and of its parts from `1` on; the `stickers` (k, 4, 4) of
+    tags. `side` is that of a tag; 0: no stickers.
     """
     try:
         parts = [points * scale for points in mesh_reader.parse_groups(raw)]

@@ -76,7 +76,7 @@ def _flat(values: Iterable[Plain]) -> tuple[Plain, ...]:
 
 
 def constant(value: object, mark: Mark, writer: str = "") -> ValueSource:
-    """A literal, or a default."""
+    """Return the source of a literal or a default."""
     return ValueSource(type_of_value(value), mark, writer, values=(cast("Plain", value),), certain=True)
 
 
@@ -96,14 +96,15 @@ _TYPES: Mapping[str, ValueType] = {
 
 
 def type_of_port(port: PortDeclaration) -> ValueType:
-    """The type of the values that come out of the port."""
+    """Return the type of the values of an output."""
     one = _TYPES.get(port.type.name, ANY)
     found = list_of(one) if port.type.many else one
     return replace(found, optional=port.type.optional)
 
 
 def distinct(sources: Iterable[ValueSource]) -> tuple[ValueSource, ...]:
-    """Each kind of source once, with the first writer; beyond a bound only that there are others."""
+    """Return each kind of source once, with the first writer; beyond MAX_SOURCES one unknown source for the
+    rest."""
     found: dict[object, ValueSource] = {}
     for source in sources:
         values = repr(source.values)
@@ -127,9 +128,10 @@ _TAKES: Mapping[str, tuple[str, ...]] = {
 
 
 def type_mismatch(source: ValueSource, target: PortDeclaration, text: str, *, strict: bool) -> str | None:
-    """Why the input does not take what comes from there, as a sentence; `text` is what the file says.
+    """Return the reason why the input cannot take the value, as a sentence; None when it can. `text` is the
+    text of the file.
 
-    strict: the name of a place is no object, unless the input asks for one.
+    strict: the name of a place is no object, unless the input takes places.
     """
     if not _fits(source.type, target, strict=strict):
         return f"{text} is {source.type.words()}, not {target.type.words()}"
@@ -192,7 +194,7 @@ class PlacedNode:
 
 
 def placed_nodes(tree: TreeSpec) -> Iterator[PlacedNode]:
-    """The nodes of a tree, parents first."""
+    """Yield the nodes of a tree, parents first."""
     todo = [PlacedNode(tree.root, f"{tree.name}/{tree.root.name}", tree)]
     while todo:
         placed = todo.pop()
@@ -220,7 +222,7 @@ class NodeExpression:
 
 
 def expressions_of(spec: NodeSpec) -> Iterator[NodeExpression]:
-    """All expressions of one node."""
+    """Yield all expressions of one node."""
     for name, expression in spec.preconditions.items():
         yield NodeExpression(name, expression)
     for key, bound in spec.ports.items():
@@ -256,7 +258,8 @@ def ports_of(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> tuple[PortDeclara
 
 
 def uses_of(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> Iterator[KeyUse]:
-    """The keys of one node. A wire to a port of a sub-tree reads or writes as the port's direction says."""
+    """Yield the key uses of one node. A wire to a port of a sub-tree reads or writes by the direction of the
+    port."""
     for port in ports_of(spec, trees):
         bound = spec.ports.get(port.key)
         if isinstance(bound, Reference):
@@ -330,7 +333,7 @@ class TreeKeys(Mapping[str, ValueType]):
         return own or (self is root and any(ROOT_KEY + key in keys.writes for keys in self._below.values()))
 
     def sources(self, key: str) -> tuple[ValueSource, ...]:
-        """All that may write the key; nothing when nobody in the tree does."""
+        """Return the sources of the key; empty when no node of the tree writes it."""
         found = self._sources.get(key)
         if found is None:
             if key in self._open or len(self._open) >= MAX_CHAIN:

@@ -40,9 +40,9 @@ from .references import ATTRIBUTE_TYPES, Constant, ExpressionLocator, PortExpres
 def expression_faults(
     circuit: ValueFlow, pointer: ExpressionLocator, unfinished: Collection[str] = ()
 ) -> Iterator[Diagnostic]:
-    """A fault for each expression that can have no value.
+    """Yield a fault for each expression that can have no value.
 
-    `unfinished`: trees of which not all could be read, so that a name may be written where nobody sees it.
+    `unfinished`: trees with unreadable parts, which may write any name.
     """
     for name, keys in circuit.keys.items():
         for placed in keys.places.values():
@@ -70,7 +70,7 @@ def expression_fault(
 
 
 def wiring_faults(circuit: ValueFlow) -> Iterator[Diagnostic]:
-    """At each input the first thing that does not fit; attributes, cases and writes that cannot be."""
+    """Yield the first misfit of each input, and faults of attributes, cases and writes."""
     for keys in circuit.keys.values():
         for placed in keys.places.values():
             yield from _attributes(keys, placed)
@@ -88,7 +88,7 @@ def _misfit(arrival: ArrivingValue) -> Diagnostic:
 
 
 def _attributes(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
-    """References to attributes of what is no object."""
+    """Yield a fault for each attribute of a value that is no object."""
     for key, bound in placed.spec.ports.items():
         if isinstance(bound, Reference) and bound.attributes:
             mark = placed.spec.mark_at(key)
@@ -110,7 +110,7 @@ _MAY_BE_OBJECTS = ("any", "word", "object")
 
 
 def _cases(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
-    """Cases that the value which decides can never be."""
+    """Yield a fault for each case that the deciding value can never be."""
     if placed.spec.node is None:
         return
     for slot in placed.spec.node.declaration.slots:
@@ -167,7 +167,8 @@ def _as_label(value: object) -> str:
 
 
 def _writes(keys: TreeKeys, facts: frozenset[str]) -> Iterator[Diagnostic]:
-    """Writes to inputs of the tree or of another type than its output has; keys that hide a fact."""
+    """Yield a fault for each write to an input of the tree or of another type than its output, and for each
+    key that hides a fact."""
     for port in keys.tree.ports:
         if port.key in facts:
             yield Diagnostic(_declared(keys, port.key), keys.tree.name, *_hidden(port.key), "P259")

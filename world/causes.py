@@ -240,7 +240,7 @@ def register_cause(cause: Cause) -> Cause:
 
 
 def known_causes() -> Mapping[str, Cause]:
-    """A copy of all registered causes, for `restore_causes`."""
+    """Return a copy of all registered causes, for `restore_causes`."""
     return dict(_causes)
 
 
@@ -251,7 +251,7 @@ def restore_causes(causes: Mapping[str, Cause]) -> None:
 
 
 def all_causes() -> tuple[Cause, ...]:
-    """Every registered cause, in the order of registration."""
+    """Return every registered cause, in the order of registration."""
     return tuple(_causes.values())
 
 

@@ -37,7 +37,7 @@ class InterlockedHoles:
 
 
 def outline(hole: Hole, grown: float = 0.0) -> Polygon:
-    """The walls from above, in the fixture's frame, moved outwards by `grown` m."""
+    """Return the walls from above, in the fixture's frame, moved outwards by `grown` m."""
     if hole.form == "round":
         reach = (hole.size[0] / 2 + grown) / math.cos(math.pi / ROUND_HOLE_SIDES)
         angles = (np.arange(ROUND_HOLE_SIDES) + 0.5) * (2 * math.pi / ROUND_HOLE_SIDES)
@@ -50,7 +50,7 @@ def outline(hole: Hole, grown: float = 0.0) -> Polygon:
 
 
 def convex_pieces(fixture: Fixture) -> tuple[tuple[ConvexMesh, Pose], ...]:
-    """Convex pieces, which together are the fixture's solid, with their poses in its frame.
+    """Return convex pieces that together are the solid of the fixture, with their poses in its frame.
 
     The fixture is a box, and its holes were checked on reading.
     """
@@ -86,7 +86,7 @@ def _bored(box: Box, holes: tuple[Hole, ...], *, layers: bool = False) -> tuple[
 
 
 def partition_top(box: Box, holes: Sequence[Hole]) -> list[tuple[Polygon, Hole | None]] | InterlockedHoles:
-    """The box from above, cut until there is one hole in each polygon at most."""
+    """Return the box from above, cut into polygons with at most one hole each."""
     x, y, _ = box.size
     whole = np.array([(x, y), (-x, y), (-x, -y), (x, -y)]) / 2
     return _parted(whole, tuple(holes))
@@ -131,9 +131,10 @@ def _cut(holes: Sequence[Hole]) -> tuple[Array, float] | None:
 
 
 def wall_thickness(one: Hole, other: Hole) -> float:
-    """Wall between the mouths of two holes, chamfers included, m; 0 or less where they overlap.
+    """Return the thickness of the wall between the mouths of two holes, chamfers included, m; 0 or less where
+    they overlap.
 
-    Exact where the nearest points lie on a side and anything; a little too small between two corners.
+    Exact when a nearest point is on a side; a little too small between two corners.
     """
     mouths = (outline(one, one.chamfer), outline(other, other.chamfer))
     best = -math.inf
@@ -205,7 +206,7 @@ def _prism(polygon: Polygon, low: float, high: float) -> tuple[ConvexMesh, Pose]
 
 
 def _hull(levels: Iterable[tuple[Polygon, float]]) -> tuple[ConvexMesh, Pose]:
-    """The hull of polygons at heights, about the middle of its corners."""
+    """Return the hull of polygons at heights, about the middle of its corners."""
     corners = np.unique(np.vstack([np.column_stack([p, np.full(len(p), z)]) for p, z in levels]), axis=0)
     x, y, z = (float(c) for c in corners.mean(axis=0))
     around = corners - (x, y, z)
@@ -299,7 +300,7 @@ def named_holes(fixtures: Iterable[Fixture], name: str) -> tuple[Hole, ...] | No
 
 
 def find_hole(scene: PlanningScene, hole_id: str) -> tuple[Fixture, Hole]:
-    """The hole of that id and the fixture in which it is. Raises Failure(world.unknown_object)."""
+    """Return the hole of that id and its fixture. Raises Failure(world.unknown_object)."""
     for fixture in scene.fixtures.values():
         for hole in fixture.holes:
             if hole.id == hole_id:
@@ -323,10 +324,10 @@ def occupied(scene: PlanningScene, hole_id: str) -> bool:
 
 
 def fitting_hole(scene: PlanningScene, object_id: str, into: str | None = None) -> Hole | None:
-    """The free hole into which the object belongs: by form and size, that which leaves it the least room.
+    """Return the free hole into which the object fits with the least clearance.
 
-    `into` is a fixture with holes, or one hole; default: the object's destination. None when that has no
-    holes, or when the object fits no hole of it that is free. Raises Failure(world.unknown_object).
+    `into` is a fixture with holes, or one hole; default: the object's destination. None when it has no holes,
+    or no free hole that fits the object. Raises Failure(world.unknown_object).
     """
     target = into if into is not None else scene.destination(object_id)
     holes = None if target is None else named_holes(scene.fixtures.values(), target)

@@ -152,7 +152,7 @@ class PlanningScene:
         return found
 
     def destination(self, object_id: str) -> ObjectId | None:
-        """The bin where the object belongs by the scene's rules."""
+        """Return the bin for the object by the scene's rules."""
         return self._destination(self.get(object_id))
 
     @property
@@ -161,7 +161,7 @@ class PlanningScene:
         return next((o for o in self._objects.values() if o.attached), None)
 
     def new_id(self, stem: str) -> ObjectId:
-        """An id that was never given before, such as `red_block_2`."""
+        """Return an id that was never used before, such as `red_block_2`."""
         n = self._numbers.get(stem, 0) + 1
         self._numbers[stem] = n
         return ObjectId(f"{stem}_{n}")
@@ -187,7 +187,7 @@ class PlanningScene:
         )
 
     def detach(self, object_id: str, pose: Pose, place: str, reason: str = "released") -> None:
-        """The object is believed to rest at `pose` in the world from now on."""
+        """Detach the object from the hand; it is believed to rest at `pose` in the world from now on."""
         self.put(replace(self.get(object_id), object_in_tcp=None, pose=pose, place=place), reason)
 
     def carry(self, tcp_in_world: Pose) -> None:
@@ -247,7 +247,7 @@ class PlanningScene:
         return copy
 
     def take_changes(self) -> tuple[BeliefChange, ...]:
-        """Changes since the last call, for the record."""
+        """Return the changes since the last call, for the record."""
         changes = tuple(self._changes)
         self._changes.clear()
         return changes

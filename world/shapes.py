@@ -69,7 +69,7 @@ Shape: TypeAlias = Box | Cylinder | Sphere | ConvexMesh | CompoundMesh
 
 
 def scaled(shape: Shape, factor: float) -> Shape:
-    """The shape, `factor` times as large along each of its axes."""
+    """Return the shape, `factor` times as large along each of its axes."""
     match shape:
         case Box((x, y, z)):
             return Box((x * factor, y * factor, z * factor))
@@ -248,10 +248,9 @@ def greatest_length(shape: Shape) -> float:
 
 
 def convex_hull(points: Array, options: str | None = None) -> ConvexHull:
-    """The convex hull of points (n, 2) or (n, 3), by qhull. `options` are qhull's own.
+    """Return the convex hull of points (n, 2) or (n, 3), by qhull. `options` are qhull's own.
 
-    Raises:
-        RuntimeError: The points have no extent in one direction, and are not joggled (option `QJ`).
+    Raises: RuntimeError: The points have no extent in one direction, and are not joggled (option `QJ`).
     """
     kind = library_parts.library_part(
         "scipy.spatial._qhull", "scipy.spatial.ConvexHull", "scipy.linalg", "scipy._lib"

@@ -75,7 +75,7 @@ class AttemptMemory:
         return found.message if found is not None and found.is_valid(subject, scene) else None
 
     def remaining(self, node: str, subject: str, candidates: Iterable[C]) -> list[C]:
-        """Candidates not tried before by this node on this subject, in their order.
+        """Return the candidates that this node has not tried on this subject, in their order.
 
         When all were tried the memory is cleared and all are offered again: the scene may have changed.
         """
@@ -98,7 +98,7 @@ class AttemptMemory:
         self._tried.pop(f"{node}|{subject}", None)
 
     def forget(self, subject: str) -> None:
-        """An object is gone for good: nothing that was tried on it is of use any more."""
+        """Discard all attempts and refusals of an object that is gone for good."""
         for memory in (self._tried, self.refusals):
             for key in [key for key in memory if key.rpartition("|")[2] == subject]:
                 del memory[key]
@@ -127,7 +127,7 @@ class FeedProgress:
         self._exchanges: dict[ObjectId, int] = {}
 
     def exchanged(self, signals: FeedSignals) -> tuple[ObjectId, ...]:
-        """Bins that were exchanged since this was asked last."""
+        """Return the bins that were exchanged since the last call."""
         counts = signals.exchanges
         found = tuple(bin_id for bin_id, n in counts.items() if n > self._exchanges.get(bin_id, 0))
         self._exchanges.update((bin_id, counts[bin_id]) for bin_id in found)
@@ -163,7 +163,7 @@ GRASP, PUSH = "grasp", "push"
 
 
 def items_to_do(scene: PlanningScene) -> tuple[BeliefObject, ...]:
-    """Items that are believed to lie elsewhere than where they belong, and are not put aside."""
+    """Return the items that are believed to be outside their destination and are not set aside."""
     return tuple(
         o
         for o in scene.objects
@@ -177,10 +177,10 @@ def items_to_do(scene: PlanningScene) -> tuple[BeliefObject, ...]:
 def facts(
     scene: PlanningScene, *, looked: bool, stopped: bool, exhausted: bool, done: int, now: float
 ) -> Mapping[str, bool | int | float | str]:
-    """Their values. `items_left` is true before anybody has looked, too: nothing is known of the table.
-    It is true while a heap is left.
+    """Return the values of the facts. `items_left` is true also before the first look, when the table is
+    unknown, and while a heap is left.
 
-    `exhausted`: the feed's line says that nothing more will come; `done`: items placed so far.
+    `exhausted`: the feed signals that nothing more will come; `done`: items placed so far.
     """
     held = scene.held
     left = len(items_to_do(scene))

@@ -82,7 +82,7 @@ class Document:
         character: int | None = None,
         severity: Severity = "error",
     ) -> Diagnostic:
-        """A fault of the value there, or (`key`) of its key, or of one of its characters (from 0)."""
+        """Return a fault of the value there, or (`key`) of its key, or of one of its characters (from 0)."""
         if character is not None:
             mark = self.character_mark(loc, character)
         else:

@@ -126,7 +126,7 @@ class DocumentChecker:
             return partial_model(model, value, places)
 
     def each(self, model: type[Model], section: str, *, most: int = MAX_ENTRIES) -> dict[str, Model]:
-        """The models of a mapping's values by key, each as far as it can be read."""
+        """Return the models of a mapping's values by key, without unreadable parts."""
         value = self.document.get((section,))
         if value is None:
             return {}
@@ -144,7 +144,7 @@ class DocumentChecker:
         return {name: self.read(model, (section, name)) for name in value if not self.full}
 
     def sequence(self, model: type[Model], section: str, *, most: int = MAX_ENTRIES) -> list[Model]:
-        """The models of a list's entries, each as far as it can be read."""
+        """Return the models of a list's entries, without unreadable parts."""
         return [self.read(model, loc) for loc in self.places(section, most=most) if not self.full]
 
     def places(self, section: str, *, most: int = MAX_ENTRIES) -> list[Location]:
@@ -182,7 +182,7 @@ class DocumentChecker:
         return None
 
     def written(self, loc: Location, number: float, unit: str) -> str:
-        """A quantity as the file gives it."""
+        """Return a quantity in the words of the file."""
         value = self.document.get(loc)
         return value if isinstance(value, str) else f"{number:g} {unit}".strip()
 
@@ -193,7 +193,8 @@ class DocumentChecker:
 
 
 def _follows(detail: Any) -> bool:
-    """A list that pydantic calls too short only because it left out its faulty entries."""
+    """Whether the fault only follows from others: pydantic calls a list too short without its faulty
+    entries."""
     context = cast("Mapping[str, object]", detail.get("ctx") or {})
     least, given = context.get("min_length"), detail.get("input")
     return (
@@ -304,7 +305,7 @@ def _length(model: type[AnyModel], path: Location, value: object, context: Mappi
 
 
 def _annotation(model: object, path: Location) -> object:
-    """The declared type of the value at `path` below a model."""
+    """Return the declared type of the value at `path` below a model."""
     here = bare(model)
     for part in path:
         origin, parts = get_origin(here), get_args(here)

@@ -109,7 +109,8 @@ class Quantity(BeforeValidator):
 def quantity(
     unit: str, *, above: float | None = None, least: float | None = None, most: float | None = None
 ) -> Quantity:
-    """A number with a unit: greater than `above`, not under `least`, not over `most` (SI)."""
+    """Return the type of a number with a unit: greater than `above`, not under `least`, not over `most`
+    (SI)."""
 
     def read(value: object) -> float:
         if not isinstance(value, str | int | float):
@@ -306,7 +307,7 @@ def read_model(model: type[Model], value: object) -> Model:
 
 
 def partial_model(model: type[Model], value: object, faulty: Collection[Location]) -> Model:
-    """The model of `value`, of which the parts in `faulty` (pydantic's places) could not be read."""
+    """Return the model of `value` without the parts in `faulty` (pydantic's places)."""
     found: dict[str, object] = {}
     for name, field in model_fields(model).items():
         key = field.alias or name
@@ -376,7 +377,7 @@ def _converted(annotation: object) -> bool:
 
 
 def bare(annotation: object) -> object:
-    """An annotation without `Annotated` and `| None`, in the form in which files give it."""
+    """Return an annotation without `Annotated` and `| None`, in the form of files."""
     while True:
         origin, parts = get_origin(annotation), get_args(annotation)
         if origin is Annotated:

@@ -52,7 +52,7 @@ class YamlReadResult:
 
 
 def read(text: str, file: str) -> YamlReadResult:
-    """The text's one document. Raises FileError when the text cannot be read to its end."""
+    """Return the only document of the text. Raises FileError when the text cannot be read to its end."""
     return _Reader(text, file).read()
 
 
@@ -68,7 +68,8 @@ _COLON = re.compile(r"\s*:")
 
 
 def resolve(text: str) -> str | int | float | bool | None:
-    """The value of a plain scalar in YAML 1.2's core schema. Raises ValueError for a number too long."""
+    """Return the value of a plain scalar in YAML 1.2's core schema. Raises ValueError for a number too
+    long."""
     if _NULL.fullmatch(text):
         return None
     if _BOOL.fullmatch(text):

@@ -222,8 +222,8 @@ def approach(
     the grasp.
 
     The fingers move to the grasp's opening on the way there. For a flat object the descent ends early; the
-    rest is a guarded move. Where a finger may come down on an object, the last part is so slow that the guard
-    of the motion stops the arm in time; `gently`: all of the way down.
+    rest is a guarded move. If a finger may come down on an object, the last part is slow enough for the guard
+    to stop the arm in time. With `gently` all of the descent is.
     """
     widest, narrowest = world.gripper.span(grasp.opening)
     scaling = world.handling.scaling(speed)

@@ -113,8 +113,8 @@ class SeenThing:
 def present(world: World, task: PresentTask) -> Doing[None]:
     """Hold the thing before the camera, look at it, and refine its belief. The arm ends before the camera.
 
-    Raises grasp.double when more than one thing is in the hand, grasp.slipped when the thing is lost,
-    perception.not_found when no look shows it, and the failures of cameras, planner and motions.
+    Raises grasp.double for more than one thing in the hand, grasp.slipped for a lost thing,
+    perception.not_found when no look shows it. It also raises the failures of cameras, planner and motions.
     """
     held, _ = yield from check_held_object(world, task.object)
     if _is_done(world, task):

@@ -164,7 +164,7 @@ class PushMotion(CompliantMotion):
         self.blocked = against > self._force
 
     def _settle(self, felt: ContactState, period: float) -> None:
-        """Stand where the path ends, or where something stopped the push, before leaving."""
+        """Hold the arm at the end of the path, or where the push stopped, before it withdraws."""
         if self.blocked:
             # A body that resists is not pressed any longer.
             self._offset = felt.position[:2] - self._planned()[:2]

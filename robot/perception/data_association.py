@@ -85,10 +85,10 @@ def update_belief(
 
     `held_at` is the held object's pose in the world at that time; None: it has not moved since.
 
-    Ids stay with their objects: matched first by place, then by kind for objects that left their place. An
-    attached object is not touched. An item is removed only when its place is clearly seen to be empty, or
-    when it was given up where it is merely supposed to lie. A detection at the place of a given-up item is
-    that item in any colour: a camera may mistake the colour.
+    Objects keep their ids: they are matched first by place, then by kind for objects that left their place.
+    An attached object is not touched. An item is removed only when its place is clearly seen to be empty, or
+    when it was given up at a merely supposed place. A detection at the place of a given-up item is that item
+    in any colour: a camera may mistake the colour.
     """
     held = scene.held
     if held is not None and held_at is not None:
@@ -151,7 +151,7 @@ def _unmatched(detections: Sequence[Detection], matched: dict[ObjectId, Detectio
 
 
 def _nearness(item: BeliefObject, detection: Detection) -> float:
-    """Distance on the table or in the same bin, m; inf beyond the gate or for another colour."""
+    """Return the distance on the table or in the same bin, m; inf beyond the gate or for another colour."""
     if item.colour != detection.colour:
         return math.inf
     same_bin = detection.place != "table" and item.place == detection.place
@@ -170,7 +170,7 @@ def _gate(item: BeliefObject, distance: float = MATCH_DISTANCE) -> float:
 
 
 def _displacement(item: BeliefObject, detection: Detection) -> float:
-    """Distance to a detection of the same kind and colour, m, or to any where the item was given up.
+    """Return the distance to a detection of the same kind and colour, m, or to any where the item was given up.
 
     It is inf to others, and beyond `MAX_DISPLACEMENT`.
     """

@@ -36,8 +36,8 @@ from .motion_plans import ContactPair
 
 
 def _settle_coal() -> None:
-    """Measure one distance. The first query of coal decides the last bits of all later results in a process,
-    so it must be the same query in each process."""
+    """Measure one distance. The first query of coal decides the last bits of all later results in a process.
+    So each process starts with the same query."""
     box, here = coal.Box(1.0, 1.0, 1.0), coal.Transform3s(np.eye(3), np.zeros(3))
     there = coal.Transform3s(np.eye(3), np.array((1.6, 1.3, 2.4)))
     coal.distance(box, here, box, there, coal.DistanceRequest(), coal.DistanceResult())

@@ -59,7 +59,7 @@ def read_tcp(text: str, path: Path) -> TcpFile | None:
 
 
 def robot_names() -> tuple[str, ...]:
-    """Names of the shipped robots."""
+    """Return the names of the shipped robots."""
     return file_system.shipped_names(SHIPPED)
 
 

@@ -82,8 +82,8 @@ def asks_for(destinations: Iterable[Destination], name: str) -> bool:
 
 
 def destination_rule(destinations: Iterable[Destination]) -> Callable[[Sortable], ObjectId | None]:
-    """The bin, fixture with holes or hole of the first rule that holds for the item, or None. The expressions
-    were checked on reading."""
+    """Return a function from an item to the bin, fixture with holes or hole of the first rule that holds for
+    it, or None. The expressions were checked on reading."""
     rules = [(Expression.parse(d.where), d.to) for d in destinations]
     return lambda item: next((to for rule, to in rules if rule_holds(rule, item)), None)
 

@@ -85,7 +85,7 @@ def check_spawn(
 def _check_heap(
     check: DocumentChecker, loc: Location, entry: Spawn, bodies: Sequence[Fixture | Bin] | None
 ) -> None:
-    """Faults of how and into what items are poured."""
+    """Check the pouring of items: manner and target."""
     area = _has_key(check, loc, "area")
     if not area and entry.into is None:
         hint = "a rectangle on the table; or 'into', a tote"
@@ -273,7 +273,7 @@ def check_assortment(check: DocumentChecker, entry: Assortment | None) -> bool:
 
 
 def assortment(document: Document, entry: Assortment | None) -> Assortment | None:
-    """The assortment of a file without faults; None: it has none."""
+    """Return the assortment of a file without faults; None without one."""
     if entry is None:
         return None
     return replace(entry, meshes=_meshes(document, entry.meshes))
@@ -401,8 +401,8 @@ def _check_room(
 
 
 def reach(shape: Shape, lying: float) -> float:
-    """Greatest distance of a point of the shape from its centre as seen from above, m; `lying` is the share
-    of the cylinders that lie."""
+    """Return the greatest distance of a point of the shape from its centre, seen from above, m. `lying`:
+    share of the cylinders on their side."""
     match shape:
         case Sphere(radius):
             return radius
@@ -431,7 +431,7 @@ def _check_times(check: DocumentChecker, loc: Location, entry: Delivery, when: W
 
 
 def check_totes(check: DocumentChecker, feed: Sequence[Delivery], *, exchanged: bool) -> None:
-    """Totes into which two entries come, or that nobody exchanges."""
+    """Check for totes that two entries fill, or that are never exchanged."""
     feeding: dict[str, int] = {}
     for n, entry in enumerate(feed):
         with check.readable():
@@ -453,7 +453,7 @@ def check_belts(
     feed: Sequence[Delivery],
     workspace: Bounds | None,
 ) -> None:
-    """Belts to which nothing comes or too much, or that stop where no arm reaches."""
+    """Check for belts without items or with too many, and for belts that stop out of reach."""
     feeding: dict[str, int] = {}
     for n, entry in enumerate(feed):
         with check.readable():
@@ -482,7 +482,7 @@ def check_belts(
 
 
 def _may_feed(check: DocumentChecker, entry: Delivery, name: str, bodies: Mapping[str, FixtureFile]) -> bool:
-    """Also one in which the belt's name is wrong, missing or cannot be read."""
+    """Whether the entry may feed this belt; True also when its belt is wrong, missing or unreadable."""
     with check.readable():
         if entry.belt is None:
             return entry.area is None and entry.into is None
@@ -497,7 +497,7 @@ def _may_be_belt(check: DocumentChecker, entry: FixtureFile) -> bool:
 
 
 def belt(name: str, entry: FixtureFile) -> Belt:
-    """A belt without faults."""
+    """Return a belt without faults."""
     assert entry.speed is not None and entry.eye is not None
     return Belt(ObjectId(name), entry.speed, entry.eye)
 
@@ -517,7 +517,7 @@ def delivery(entry: Delivery, bodies: Mapping[str, FixtureFile]) -> Delivery:
 
 
 def _top(name: str, entry: FixtureFile) -> Corners:
-    """The rectangle in the world around a belt's top."""
+    """Return the rectangle in the world around a belt's top."""
     fixture = body(name, entry)
     assert isinstance(fixture, Fixture)
     low, high = extents(fixture.shape, fixture.pose.rotation())

@@ -55,9 +55,10 @@ CONVEX_VOLUME_RATIO = 1.05
 
 
 def load_body(path: Path, scale: float) -> ConvexMesh:
-    """The body of a mesh file, scaled to m, about its centre of mass; in convex parts if it is not convex.
+    """Return the body of a mesh file, scaled to m, about its centre of mass; in convex parts if it is not
+    convex.
 
-    The file of parts beside it is taken for them, if it is of this mesh. Raises MeshError.
+    The parts come from the file of parts beside it, if that belongs to this mesh. Raises MeshError.
     """
     try:
         raw = file_text.read_bytes(path, MAX_MESH_BYTES)
@@ -131,7 +132,7 @@ MAX_PLATE_HEIGHT_RATIO = 1 / 3
 
 
 def check_body(check: DocumentChecker, name: str, entry: FixtureFile) -> None:
-    """Faults of a fixture, a bin or a tote."""
+    """Check a fixture, a bin or a tote."""
     loc: Location = ("fixtures", name)
     which = check.one_of(loc, FixtureFile.one_of)
     if name in RESERVED_NAMES or (which in CONTAINERS and name == "table"):
@@ -195,7 +196,7 @@ def _check_drive(check: DocumentChecker, loc: Location, entry: FixtureFile, whic
 
 
 def body(name: str, entry: FixtureFile) -> Fixture | Bin:
-    """A fixture, bin or tote without faults. A belt is a fixture, too."""
+    """Return a fixture, bin or tote without faults. A belt is a fixture, too."""
     pose, loose = entry.pose(), entry.uncertainty or NO_UNCERTAINTY
     outside = entry.bin or entry.tote
     if outside is not None and entry.wall is not None:
@@ -213,7 +214,7 @@ def body(name: str, entry: FixtureFile) -> Fixture | Bin:
 
 
 def check_unknown(check: DocumentChecker, loc: Location, entry: UnknownFile) -> None:
-    """Faults of a body that the robot is not told of."""
+    """Check an unknown body."""
     check.one_of(loc, UnknownFile.one_of)
     _check_turn(check, loc, entry)
 
@@ -226,7 +227,7 @@ def _check_turn(check: DocumentChecker, loc: Location, entry: PlacedFile) -> Non
 
 
 def hidden_body(name: str, entry: UnknownFile) -> Fixture:
-    """Such a body without faults."""
+    """Return an unknown body without faults."""
     shape = _primitive(entry)
     assert shape is not None
     return Fixture(ObjectId(name), shape, entry.pose(), entry.colour)
@@ -242,7 +243,7 @@ def _primitive(entry: UnknownFile | CatalogueFile) -> Shape | None:
 
 
 def check_camera(check: DocumentChecker, name: str, entry: CameraFile) -> None:
-    """Faults of a camera."""
+    """Check a camera."""
     loc: Location = ("cameras", name)
     with check.readable():
         if np.allclose(entry.at, entry.look_at, atol=1e-6):
@@ -259,7 +260,7 @@ def check_camera(check: DocumentChecker, name: str, entry: CameraFile) -> None:
 
 
 def camera(name: str, entry: CameraFile) -> CameraDescription:
-    """A camera without faults, with its optical frame."""
+    """Return a camera without faults, with its optical frame."""
     pose = look_at_frame(entry.at, entry.look_at, entry.up)
     assert pose is not None
     settings = {each.name: getattr(entry, each.name) for each in fields(CameraSettings)}
@@ -267,10 +268,10 @@ def camera(name: str, entry: CameraFile) -> CameraDescription:
 
 
 def look_at_frame(at: Vector3, target: Vector3, up: Vector3 | None) -> Pose | None:
-    """The optical frame (x right, y down, z forward) at `at` that looks at `target`.
+    """Return the optical frame (x right, y down, z forward) at `at` that looks at `target`.
 
-    None when `up` is along the line of sight. Without `up`, the world's z is up in the picture, or its x
-    when the camera looks straight up or down.
+    None when `up` is along the line of sight. Without `up`, the world's z is up in the picture, or its x when
+    the camera looks straight up or down.
     """
     forward = _unit(np.subtract(target, at))
     candidates = (up,) if up is not None else ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
@@ -287,7 +288,7 @@ def _unit(vector: Array) -> Array:
 
 
 def kind(check: DocumentChecker, name: str, entry: CatalogueFile) -> CatalogueEntry | None:
-    """A kind of the catalogue; None when it has faults."""
+    """Return a kind of the catalogue; None when it has faults."""
     loc: Location = ("catalogue", name)
     form = check.one_of(loc, CatalogueFile.one_of)
     if name in RESERVED_KINDS:
@@ -355,7 +356,7 @@ def _check_form(check: DocumentChecker, loc: Location, entry: HoleFile) -> None:
 
 
 def _readable(check: DocumentChecker, entries: Mapping[str, HoleFile], height: float) -> dict[str, Hole]:
-    """Those that could be read."""
+    """Return the readable entries by name."""
     found: dict[str, Hole] = {}
     for name, entry in entries.items():
         with check.readable():
@@ -453,14 +454,14 @@ def _hole_hint(shape: Shape) -> str:
 
 
 def holes(name: str, entry: FixtureFile) -> tuple[Hole, ...]:
-    """The holes of a box."""
+    """Return the holes of a box."""
     assert entry.box is not None
     made = [_hole(ObjectId(f"{name}/{key}"), hole, entry.box[2]) for key, hole in (entry.holes or {}).items()]
     return tuple(hole for hole in made if hole is not None)
 
 
 def _hole(hole_id: ObjectId, entry: HoleFile, height: float) -> Hole | None:
-    """None when it has no form."""
+    """Return the hole of an entry; None for an entry without a form."""
     form: HoleForm
     if entry.round is not None:
         form, size = "round", (entry.round, entry.round)

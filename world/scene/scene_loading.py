@@ -67,7 +67,7 @@ from .scene_schema import SECTIONS, CameraFile, CatalogueFile, FixtureFile, Scen
 def condition(
     check: DocumentChecker, loc: Location, text: str, names: Mapping[str, ValueType], *, code: str
 ) -> Expression | None:
-    """The expression; None when it cannot be read or cannot be answered, with the fault at its character."""
+    """Return the expression; None for a faulty one, with the fault at its character."""
     try:
         expression = Expression.parse(text)
         kind = check_types(expression, names, {})
@@ -99,7 +99,7 @@ class CheckedScene(CheckedFile[SceneDescription]):
 
 
 def load_scene(name_or_path: str, beside: Path | None = None) -> SceneDescription:
-    """The scene of that shipped name, or of a file whose path counts from `beside`.
+    """Return the shipped scene of that name, or the scene of a file whose path counts from `beside`.
 
     Raises FileError with all faults of the file, PicktreeError when there is no such file.
     """
@@ -114,7 +114,7 @@ def parse_scene(text: str, path: Path) -> SceneDescription:
 
 
 def scene_names() -> tuple[str, ...]:
-    """Names of the shipped scenes."""
+    """Return the names of the shipped scenes."""
     return file_system.shipped_names(SHIPPED)
 
 
@@ -134,7 +134,8 @@ def check_scene(own: Document) -> CheckedScene:
 
 
 def _on_base(document: Document, depth: int) -> Document:
-    """The document laid on the scene that its `base:` names. Raises FileError with the faults of the base."""
+    """Return the document merged into the scene of its `base:`. Raises FileError with the faults of the
+    base."""
     name = document.data.get("base")
     if not isinstance(name, str):
         return document
@@ -237,7 +238,7 @@ class _Parts:
         )
 
     def _robot(self, name: str) -> Path | None:
-        """The robot's file; its path counts from the file that names it: this one or its base."""
+        """Return the robot file; its path counts from the naming file: this one or its base."""
         try:
             return file_system.find_file(name, ROBOTS, Path(self.document.mark(("robot",)).file), "robot")
         except PicktreeError as error:
@@ -258,7 +259,7 @@ class _Parts:
         return None
 
     def _workspace(self) -> Bounds | None:
-        """None when it is faulty."""
+        """Return the workspace; None for a faulty one."""
         with self.checker.readable():
             workspace = self.rest.limits.workspace
             if all(a < b for a, b in zip(workspace.min, workspace.max, strict=True)):
@@ -284,7 +285,7 @@ class _Parts:
                 check.fault(("exchange",), message, hint, code="P425", key=True, severity="warning")
 
     def _check_weights(self) -> None:
-        """Warn of items that come and are lighter than a wrist can feel."""
+        """Warn of items that are lighter than the wrist sensor can detect."""
         check = self.checker
         with check.readable():
             for name in dict.fromkeys(kind for entry in (*self.spawn, *self.feed) for kind in entry.counts):
