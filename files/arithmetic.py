@@ -51,8 +51,8 @@ _warned = False
 def pin() -> None:
     """Set the variables of the libraries that are not loaded yet, here and for all child processes.
 
-    A processor without AVX2 keeps what the libraries choose, so that the import of numpy does not crash;
-    `check` refuses to simulate there.
+    A processor without AVX2 keeps the kernels that the libraries choose, so that the import of numpy does not
+    crash; `check` refuses to simulate there.
     """
     global _tuned
     tunables = os.environ.get(TUNABLES, "")

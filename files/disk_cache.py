@@ -1,4 +1,4 @@
-"""Disk cache: results of slow computations, kept for later processes and found by what they are made from.
+"""Disk cache: results of slow computations, kept for later processes and found by their inputs.
 
 The key of an entry is a hash over the content of its inputs, and over the source files and library versions
 that compute it. So an entry is never out of date, and a change of any of them makes a new one. Entries are
@@ -85,9 +85,9 @@ def cached_arrays(
 
 
 def kept(kind: str, inputs: Iterable[str], makers: Iterable[Maker]) -> bytes | None:
-    """Return what `keep` has put under these inputs; None when there is nothing.
+    """Return the content that `keep` stored under these inputs; None without one.
 
-    Unlike an array, it may be out of date: the content itself must say what it was made from.
+    Unlike an array, it may be out of date: the content itself must state its sources.
     """
     folder = cache_folder()
     return None if folder is None else _read(folder / _entry_name(kind, inputs, makers))
@@ -109,7 +109,7 @@ class CacheContent:
     size: int
 
     def to_text(self, *, cleared: bool = False) -> str:
-        """Return a line for people. `cleared`: this is what was there before it was deleted.
+        """Return a line for people. `cleared`: this is the content before the deletion.
 
         >>> CacheContent(Path("/home/ada/.cache/picktree"), 3, 1_234_567).to_text()
         '/home/ada/.cache/picktree: 3 entries, 1.2 MB'
@@ -132,7 +132,7 @@ def cache_content() -> CacheContent:
 
 
 def clear_cache() -> CacheContent:
-    """Delete all entries and return what was there. Raises PicktreeError when one cannot be deleted."""
+    """Delete all entries and return their count and size. Raises PicktreeError when one cannot be deleted."""
     before = cache_content()
     for _, _, path in _files(before.folder):
         try:
@@ -157,7 +157,7 @@ def _entry_name(kind: str, inputs: Iterable[str | bytes | Path], makers: Iterabl
 
 @cache
 def _maker(source: Maker) -> bytes:
-    """Return what tells this source, or this library, from another version of it."""
+    """Return an identifier of the version of this source or library."""
     if not isinstance(source, str):
         file = source if isinstance(source, Path) else Path(source.__file__ or "")
         return hashlib.sha256(file.read_bytes()).digest()

@@ -11,7 +11,7 @@ from typing import Generic, Literal, NoReturn, TypeAlias, TypeVar
 
 
 class PicktreeError(Exception):
-    """Bad input or a broken set-up. The text is for the user: where, what, and what would be right."""
+    """Bad input or a broken set-up. The text is for the user: place, problem, and remedy."""
 
 
 Location: TypeAlias = tuple[str | int, ...]
@@ -41,7 +41,7 @@ def _no_code() -> NoReturn:
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
     """Fault at a place in a file. `where` is the dotted path of the value, or the node's path in the tree.
-    `hint` says what would be right, `code` names the page that explains the fault (P104)."""
+    `hint` is the remedy, `code` names the page that explains the fault (P104)."""
 
     mark: Mark
     where: str
@@ -61,7 +61,7 @@ class Diagnostic:
 MAX_FAULTS = 100
 """Maximum number of faults reported for one file."""
 SPOILING_CODES = ("P113", "P116", "P120")
-"""Faults of form that spoil the value at their place: what else is said of it only follows."""
+"""Faults of form that spoil the value at their place: further faults of that value only follow from them."""
 
 
 def too_many(mark: Mark) -> Diagnostic:

@@ -358,7 +358,7 @@ class ValueType:
     element: ValueType | None = None
     optional: bool = False
     choices: tuple[str, ...] = ()
-    """All texts that it can be; empty when nobody knows."""
+    """All texts that it can be; empty when they are unknown."""
 
     def words(self) -> str:
         """Return the type in words for a sentence: "a list, each a number"."""

@@ -30,7 +30,7 @@ _PICKTREE_DOCUMENT = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class UnsavedText:
-    """A text to be checked that is not in its file: `path` says what lies beside it and how it is called."""
+    """Unsaved text to be checked; `path` gives its name and its folder."""
 
     path: Path
     raw: bytes

@@ -25,7 +25,7 @@ _FACTORS: Mapping[str, tuple[float, str]] = {
     "lb": (453.59237, "g"), "lbs": (453.59237, "g"), "oz": (28.349523125, "g"), "kgf": (9.80665, "N"),
     "lbf": (4.4482216152605, "N"), "rpm": (6.0, "deg/s"), "rev": (360.0, "deg"),
 }  # fmt: skip
-"""Units that are not read, with what one of them is."""
+"""Units that files may not use, with the equivalent in a permitted unit."""
 
 
 _FRACTIONS: Mapping[str, str] = {"½": "0.5", "¼": "0.25", "¾": "0.75"}

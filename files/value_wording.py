@@ -1,4 +1,4 @@
-"""Values as a fault names them, and what an author may have meant by one that does not fit."""
+"""Values in the words of a fault, and suggestions for values that do not fit."""
 
 from __future__ import annotations
 

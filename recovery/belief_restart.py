@@ -181,7 +181,7 @@ def _recognise(world: World, known: Mapping[ObjectId, BeliefObject]) -> None:
 
 
 def _resync_report(world: World, to_do: Sequence[ObjectId], held: bool) -> ResyncReport:
-    """Count the items sorted in the time between, and record what cannot be known."""
+    """Count the items sorted in the time between, and record the uncertain ones."""
     done: list[ObjectId] = []
     gone: list[ObjectId] = []
     for name in to_do:

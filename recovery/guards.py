@@ -98,7 +98,7 @@ class WouldARetreatHelp(WouldHelp):
 
 
 class WouldAnotherGraspHelp(WouldHelp):
-    """Whether to take hold of the object elsewhere, or anew, may help."""
+    """Whether another grasp may help, at another place or after a new look."""
 
     helps = (
         "grasp.missed", "grasp.slipped", "planning.no_ik", "planning.goal_in_collision", "planning.no_path",
@@ -129,7 +129,8 @@ class WouldPushingHelp(WouldHelp):
 
 
 class WouldWaitingHelp(WouldHelp):
-    """Whether time alone may help: a sensor, a camera or the arm may come to itself, what rolls may lie."""
+    """Whether waiting may help: a sensor, a camera or the arm may recover, and a rolling object may come to
+    rest."""
 
     helps = (
         "perception.no_image", "safety.stale_sensor", "safety.watchdog", "control.tracking",

@@ -342,7 +342,7 @@ class RecoveryControl(ControlNode, abstract=True):
         return len(reports) > 1 and self._is_still_unknown(reports[-2], reports[-1], label)
 
     def _is_still_unknown(self, before: FailureReport, last: FailureReport, label: str) -> bool:
-        """Return whether the object is unknown although what is tried against that has just been done.
+        """Return whether the object is still unknown after its handler has just run.
 
         It was unknown before, or the same handler has looked for it, and it was given up.
         """

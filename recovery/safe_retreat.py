@@ -20,7 +20,7 @@ class SafeRetreat(Skill):
 
     Where the arm is believed to be in contact, it moves slowly in the direction that reduces the depth
     fastest, the whole arm considered. It gives way to contact at any part of the arm, and tries another
-    direction. When there is no safe way it fails with what was tried, and stays where it is.
+    direction. Without a safe path it fails with the list of attempts, and the arm stays in place.
     """
 
     flow = control_flow.LeafFlow(hand_by=("hand", {"open": "empty", "put_down": "empty"}))

@@ -15,7 +15,7 @@ GIVE_UP: Final = "give up"
 
 @dataclass(frozen=True, slots=True)
 class OperatorQuestion:
-    """Question to the operator, with the situation in which a node asks it."""
+    """Question to the operator, with the situation of the asking node."""
 
     node: str
     """Path of the node that asks."""

@@ -135,8 +135,8 @@ class Vision:
         return found
 
     def inspect(self, camera: str) -> Generator[None, None, HeldView]:
-        """Capture an image with a fixed `camera`, and return what it shows in the hand. The cost is that of
-        an observation; the belief does not change. Raises as `observe`."""
+        """Capture an image with a fixed `camera`, and return the view of the hand. The cost is that of an
+        observation; the belief does not change. Raises as `observe`."""
         shot = yield from self._patiently(lambda: self.capture_now(camera))
         with self._stopwatch.measure("perception"):
             seen = self._perceive.held(shot.image, shot.joints, shot.width)
@@ -146,11 +146,11 @@ class Vision:
         return seen
 
     def observe(self, camera: str) -> Generator[None, None, ObservationSummary]:
-        """Observe with `camera`; the belief changes after the charged time. All that is not set aside is
-        recognised anew.
+        """Observe with `camera`; the belief changes after the charged time. All objects that are not set
+        aside are recognised again.
 
-        Raises Failure: perception.not_found when there is no such camera, perception.no_image when none comes
-        within a few frames, or only old ones or the same one.
+        Raises Failure: perception.not_found for an unknown camera, perception.no_image when a few frames
+        bring no new image.
         """
         shot = yield from self._patiently(lambda: self.capture_now(camera))
         yield from self._charge()

@@ -126,7 +126,7 @@ class Checkpoint:
     """Items that came after the start or left; None without such items, as in older logs."""
     feeder: FeederState | None = None
     obstacles: tuple[Fixture, ...] | None = None
-    """Obstacles that the robot does not know; None: those of the scene, as in older logs."""
+    """Obstacles that are unknown to the robot; None: those of the scene, as in older logs."""
     pressed: tuple[PressedItem, ...] = ()
     """Fragile items that have been between the fingers."""
     time: int | None = None
@@ -189,7 +189,7 @@ class KinematicState:
     """Items that came after the start or left; None without such items, as in older logs."""
     feeder: FeederState | None = None
     obstacles: tuple[Fixture, ...] | None = None
-    """Obstacles that the robot does not know; None: those of the scene, as in older logs."""
+    """Obstacles that are unknown to the robot; None: those of the scene, as in older logs."""
 
     def to_plain(self, departed: int = 0) -> dict[str, Any]:
         """Return the state as JSON types, without the first `departed` items that left. Floats survive

@@ -386,8 +386,8 @@ class FaultInjector:
 
     @property
     def no_plan(self) -> Callable[[], bool] | None:
-        """Callback that tells for each planning request whether the planner finds nothing; None: no fault of
-        the file does that."""
+        """Callback for each planning request: whether the planner finds nothing; None without such a fault in
+        the file."""
         return self._hardware.faults.no_plan if any(isinstance(f, NoPlan) for f in self._faults) else None
 
     def node_started(self, path: str) -> None:

@@ -87,7 +87,7 @@ def read_entry(check: DocumentChecker, loc: Location) -> Fault | None:
 
 
 def _check_entry(check: DocumentChecker, loc: Location, entry: Fault) -> None:
-    """Check what several values of an entry say together."""
+    """Check the combination of values of an entry."""
     match entry:
         case ItemFault():
             with check.readable():

@@ -1,4 +1,4 @@
-"""Obstacles that the robot does not know, by name in order of arrival, and the check whether a place is
+"""Obstacles that are unknown to the robot, by name in order of arrival, and the check whether a place is
 free."""
 
 from __future__ import annotations

@@ -131,7 +131,7 @@ class TrueBody(Body):
 
 @dataclass(frozen=True, slots=True)
 class TrueObstacle:
-    """True state of an obstacle that the robot does not know. It is no item and has no score."""
+    """True state of an obstacle that is unknown to the robot. It is no item and has no score."""
 
     id: ObjectId
     shape: Shape

@@ -1,4 +1,4 @@
-"""AwaitItems and ExchangeBin: tell the feed what the robot waits for, and wait until it has come."""
+"""AwaitItems and ExchangeBin: requests to the feed, and waiting for their completion."""
 
 from __future__ import annotations
 

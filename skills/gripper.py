@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class OpenGripper(Skill):
-    """Open the fingers; what they held is believed to be gone from the hand."""
+    """Open the fingers; a held object is removed from the hand in the belief."""
 
     example = """
     OpenGripper: {width: 60 mm}

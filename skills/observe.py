@@ -1,4 +1,4 @@
-"""Observe and Present: look through a camera at the scene, or at what is in the hand."""
+"""Observe and Present: look through a camera at the scene, or at the thing in the hand."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Statuses of a node in BehaviorTree.CPP's words, and its flow as data: which children it ticks, and
-what their results lead to. The linter analyses it.
+"""Statuses of a node in BehaviorTree.CPP's words, and its flow as data: the order of its children, and the
+consequences of their results. The linter analyses it.
 """
 
 from __future__ import annotations
@@ -68,7 +68,8 @@ class LeafFlow:
     fails_with: str = ""
     """Input without which the leaf has none of its declared causes; empty: it always has them."""
     hand_by: tuple[str, Mapping[object, Hand]] | tuple[()] = ()
-    """Input whose value decides what the hand holds, with the contents by value; else it is `hand_after`."""
+    """Input whose value decides the content of the hand, with the contents by value; else it is
+    `hand_after`."""
     empties: tuple[str, str] = ("", "")
     """Input with the bin that success empties, and the input that prevents it in a rehearsal; empty: none."""
     gives_up: bool = False
@@ -85,7 +86,7 @@ class ChildFlow:
     reactive: bool = False
     """Whether the children before the running one are ticked again at every tick."""
     own: Mapping[NodeStatus, NodeStatus] = field(default_factory=dict[NodeStatus, NodeStatus])
-    """Ends of the node itself, by what the child does; IDLE: before its first tick."""
+    """Ends of the node itself, by the status of the child; IDLE: before its first tick."""
     own_unless: str = ""
     """Input that prevents the ends in `own` when it is 0; empty: none."""
     pauses: bool = False

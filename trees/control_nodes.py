@@ -78,7 +78,7 @@ class OrderedNode(ControlNode, abstract=True):
 
 
 class ReactiveNode(OrderedNode, abstract=True):
-    """Node that ticks its children anew at each tick, from the first."""
+    """Node that ticks its children again at each tick, from the first."""
 
     remembers = positions = ()
     counted = ()
@@ -138,10 +138,10 @@ class SequenceWithMemory(OrderedNode):
 
 
 class PipelineSequence(OrderedNode):
-    """Ticks its children again at each tick, from the first to the furthest that has run, as Nav2's.
+    """Ticks its children again at each tick, from the first to the furthest that has run, as in Nav2.
 
-    A child that runs again does not hold up those behind it that have begun. It ends when a child fails, or
-    when the last has succeeded; what still runs is then halted. SKIPPED when all were skipped.
+    A child that runs again does not delay later children that have begun. It ends when a child fails, or when
+    the last has succeeded; children that still run are then halted. SKIPPED when all were skipped.
     """
 
     flow = Pipeline(success=NEXT, skipped=NEXT, reactive=True)
@@ -169,7 +169,7 @@ class PipelineSequence(OrderedNode):
 
 
 class ReactiveSequence(ReactiveNode):
-    """Asks every child anew at each tick, from the first: conditions first, then what they guard.
+    """Ticks every child again at each tick, from the first: conditions first, then the guarded child.
 
     When an earlier child runs or fails, a later one that was RUNNING is halted, after the earlier was ticked.
     """
@@ -202,7 +202,7 @@ class Fallback(OrderedNode):
 
 
 class ReactiveFallback(ReactiveNode):
-    """Tries every child anew at each tick, from the first.
+    """Ticks every child again at each tick, from the first.
 
     When an earlier child runs or succeeds, a later one that was RUNNING is halted, after the earlier was
     ticked. Both hold the arm for a moment, and the one that acquired it last keeps it.
@@ -496,7 +496,7 @@ class Parallel(ParallelNode):
 
 
 class ParallelAll(ParallelNode):
-    """Ticks all children in each tick until every one has ended, whatever the others do.
+    """Ticks all children in each tick until every one has ended, independent of the results of others.
 
     It then fails when `max_failures` children or more have failed: with the first failure, the others'
     attached. A skipped child needs no end; SKIPPED when all were skipped.
@@ -533,7 +533,7 @@ def counted(number: int, total: int) -> int:
 
 
 class BranchNode(ControlNode, abstract=True):
-    """Node whose first child's answer selects the one that is ticked; reactive: anew at each tick."""
+    """Node whose first child selects the next one by its result; reactive: again at each tick."""
 
     parts = children("the condition, the child for true, the child for false", least=2, most=3)
     remembers = ("_chosen",)
@@ -559,9 +559,9 @@ class BranchNode(ControlNode, abstract=True):
 
 
 class IfThenElse(BranchNode):
-    """Asks its first child once; then ticks the second (yes) or the third (no) until it ends.
+    """Ticks its first child until it ends; then ticks the second after SUCCESS, the third after FAILURE.
 
-    Without a third child a no is FAILURE. SKIPPED when the condition is skipped.
+    Without a third child, FAILURE of the first is FAILURE of the node. SKIPPED when the condition is skipped.
     """
 
     flow = Branch()
@@ -581,10 +581,11 @@ class IfThenElse(BranchNode):
 
 
 class WhileDoElse(BranchNode):
-    """Asks its first child at every tick, and ticks the second while it holds, the third while not.
+    """Ticks its first child at every tick, then the second while the first succeeds, the third while it
+    fails.
 
     It is not a loop: it ends when the ticked child ends. As in BT.CPP the branch that is left is halted
-    before the other is ticked. Without a third child a no is FAILURE.
+    before the other is ticked. Without a third child, FAILURE of the first is FAILURE of the node.
     """
 
     flow = Branch(reactive=True)

@@ -1,5 +1,5 @@
-"""Data flow of a mission before anything runs: who writes a key and with what, and which values arrive
-at which inputs. Values flow through keys, lists and the ports of sub-trees.
+"""Data flow of a mission before anything runs: the writers of each key with their values, and the values that
+arrive at each input. Values flow through keys, lists and the ports of sub-trees.
 """
 
 from __future__ import annotations
@@ -275,7 +275,7 @@ def uses_of(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> Iterator[KeyUse]:
 
 
 class TreeKeys(Mapping[str, ValueType]):
-    """The types of a tree's keys by name, as an expression asks for them, and the sources behind them."""
+    """Types of a tree's keys by name, for expressions, with the sources of their values."""
 
     def __init__(
         self,
@@ -465,7 +465,7 @@ def _arrival(at: WiredInput, source: ValueSource, demand: _Demand) -> ArrivingVa
 
 
 class ValueFlow:
-    """The trees of a mission with their keys, and what arrives at each input.
+    """Trees of a mission with their keys, and the values that arrive at each input.
 
     Raises CycleError for sub-trees in a circle.
     """

@@ -43,7 +43,7 @@ class Decorator(ControlNode, abstract=True):
 
 
 class StatusDecorator(Decorator, abstract=True):
-    """Decorator that reports another status than the child's, as its `flow` says."""
+    """Decorator that replaces the child's status by its `flow`."""
 
     def on_tick(self) -> NodeStatus:
         state = self.relay()
@@ -210,7 +210,7 @@ class RunOnce(Decorator):
 class Repeat(Decorator):
     """Runs its child `num_cycles` times, or for as long as `while` holds; it fails when the child fails.
 
-    `while` is asked before each cycle. The tick ends between two cycles. A skipped child skips the loop.
+    `while` is evaluated before each cycle. The tick ends between two cycles. A skipped child skips the loop.
     """
 
     flow = Loop(success=AGAIN, runs="num_cycles", guard="while")
@@ -417,12 +417,12 @@ class ForEach(Decorator):
 
 
 class EntryNode(Node, abstract=True):
-    """Node that asks whether a key was written since it asked before. A write of an equal value counts."""
+    """Node that checks whether a key was written since its last check. A write of an equal value counts."""
 
     entry: In[object] = port("the key whose writes count", takes="key")
     remembers = ("_updated",)
     _updated: bool | None = None
-    """Whether the key was written since the last question; None: it was never asked."""
+    """Whether the key was written since the last check; None before the first check."""
 
     def bind(self, wiring: Wiring, runtime: Runtime) -> None:
         super().bind(wiring, runtime)

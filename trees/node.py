@@ -306,7 +306,7 @@ class Node(DescribedNode):
     def step(self, *, kept: bool = False) -> NodeStatus:
         """Run one tick. An exception in the node's code becomes the failure `internal.error`.
 
-        kept: the parent has not reset the node, so preconditions are not asked of one that has ended.
+        kept: the parent has not reset the node, so preconditions of a node that has ended are not evaluated.
         """
         began = time.perf_counter()
         self.ticked = True

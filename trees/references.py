@@ -65,7 +65,7 @@ class ExpressionLocator:
 
 
 ROOT_KEY: Final = "@"
-"""First character of a key that is one of the tree `Main`, in whatever tree it is named."""
+"""First character of a key of the tree `Main`, from any tree."""
 _REFERENCE = re.compile(r"\{(@?[A-Za-z_]\w{0,59})((?:\.[A-Za-z_]\w{0,59}){0,9})\}", re.ASCII)
 REFERENCE_IN_TEXT: Final = re.compile(_REFERENCE.pattern, re.ASCII)
 """Reference anywhere in a text."""

@@ -540,7 +540,7 @@ def checked_value(tree: BehaviourTree, key: str, value: object) -> Plain:
 
 
 def _ports_at(tree: BehaviourTree, key: str) -> list[PortDeclaration]:
-    """Return the ports that are wired to a key, as far as their types say anything."""
+    """Return the ports that are wired to a key, without untyped ones."""
     untyped = ("any", "expression")
     return [port for wired, port in _wired_keys(tree) if wired == key and port.type.name not in untyped]
 

@@ -210,9 +210,9 @@ MAX_DEPTH: Final = 30
 
 
 def unlike_comparisons(circuit: ValueFlow, pointer: ExpressionLocator) -> Iterator[Diagnostic]:
-    """Yield a fault for each comparison that fails with what a call gives, whatever the other values are.
+    """Yield a fault for each comparison that fails with the value of a call, for all other values.
 
-    The parameters of the mission have no call: what is set is not known.
+    Parameters of the mission have no call: their values are unknown.
     """
     calls = _Calls(circuit)
     for name, keys in circuit.keys.items():
@@ -259,7 +259,7 @@ class _Calls:
                     self._places.setdefault(placed.spec.id, []).append((keys, placed))
 
     def input_values(self, tree: str, key: str, depth: int = MAX_DEPTH) -> tuple[ValueSource, ...]:
-        """Return the values of an input, one for each call that says its type."""
+        """Return the values of an input, one for each call with a known type."""
         if depth and (tree, key) not in self._known:
             found = (self._at(*place, key, depth) for place in self._places.get(tree, ()))
             self._known[tree, key] = distinct(source for sources in found for source in sources)

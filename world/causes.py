@@ -245,7 +245,7 @@ def known_causes() -> Mapping[str, Cause]:
 
 
 def restore_causes(causes: Mapping[str, Cause]) -> None:
-    """Forget what was registered since: a plug-in failed, or its file is run again."""
+    """Discard later registrations, after a plug-in has failed or before its file runs again."""
     _causes.clear()
     _causes.update(causes)
 

@@ -111,7 +111,7 @@ def as_arrays(mesh: ConvexMesh) -> dict[str, Array]:
 
 
 def from_arrays(arrays: Mapping[str, Array], source: str, scale: float) -> ConvexMesh:
-    """Return the body of what `as_arrays` gave; other names are left out."""
+    """Return the body from the arrays of `as_arrays`; other names are ignored."""
     numbers = range(sum(name.isdecimal() for name in arrays))
     vertices, *parts = (arrays[str(n)] for n in numbers)
     return _mesh(vertices, source, scale, parts)

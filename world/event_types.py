@@ -132,7 +132,7 @@ class InternalErrorEvent(JournalEvent, kind="internal_error"):
 
 
 class HelpWantedEvent(JournalEvent, kind="help_wanted"):
-    """A node asks the operator."""
+    """A node requests a decision of the operator."""
 
     reason: Annotated[str, "question"]
     choices: Annotated[tuple[str, ...], "possible answers"]

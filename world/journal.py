@@ -244,7 +244,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Candidates:
-    """Candidate search: number of grasps that reached each stage, and what became of each one."""
+    """Candidate search: number of grasps that reached each stage, and the result of each one."""
 
     purpose: str
     object: str
@@ -256,7 +256,7 @@ class Candidates:
 
 @dataclass(frozen=True, slots=True)
 class ImageEntry:
-    """A camera shot, with what perception made of it in one line each."""
+    """A camera image, with the results of perception in one line each."""
 
     image: RgbdImage
     findings: tuple[str, ...] = ()

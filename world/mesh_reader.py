@@ -46,7 +46,7 @@ _LIBRARY = re.compile(rb"^\s*mtllib\s+(.*)", re.MULTILINE)
 
 
 class MeshError(ValueError):
-    """Error in a mesh file, with a hint at what would be right."""
+    """Error in a mesh file, with a remedy."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(f"{message}; {hint}" if hint else message)
@@ -224,7 +224,7 @@ def _prepared(raw: bytes, kind: str) -> bytes:
 
 
 def _ascii(raw: bytes) -> bytes:
-    """Return a text in ASCII: names in other letters tell nothing of geometry."""
+    """Return a text in ASCII: names in other letters do not affect the geometry."""
     wide = raw.startswith((b"\xff\xfe", b"\xfe\xff"))
     return raw.decode("utf-16" if wide else "utf-8-sig", errors="replace").encode("ascii", errors="replace")
 

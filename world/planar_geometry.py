@@ -1,4 +1,4 @@
-"""Poses and outlines in the plane: what lies on a table, as seen from above."""
+"""Poses and outlines in the plane: bodies on a table, seen from above."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class PlanarPose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanarOutline:
-    """A convex body from above: corners (n, 2), counter-clockwise, grown by `radius`; of what is round one
+    """A convex body from above: corners (n, 2), counter-clockwise, grown by `radius`; a round body has one
     corner, the origin."""
 
     corners: Array

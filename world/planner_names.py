@@ -87,6 +87,7 @@ PlannerName = Annotated[
 
 
 def _plain(name: str) -> str:
-    """Return a name without what differs between spellings: `RRT*`, `RRTstar` and `rrt_star` are the same."""
+    """Return a name without the differences between spellings: `RRT*`, `RRTstar` and `rrt_star` are the
+    same."""
     word = name[:60].lower().replace("*", "star").removeprefix("geometric::").removesuffix("kconfigdefault")
     return re.sub(r"[^a-z0-9]", "", word).removesuffix("1")

@@ -19,8 +19,8 @@ from .values import ObjectId, Pose, Vector3
 
 Role: TypeAlias = Literal["item", "obstacle", "heap"]
 FALLEN_SIGMA = 0.02
-"""Standard deviation of the position along each axis of what fell out of the hand and was not seen since, m.
-It marks it: what a camera sees never has exactly this one."""
+"""Standard deviation of the position along each axis of an object that fell out of the hand and was not seen
+since, m. It marks such objects: a detection never has exactly this value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +48,8 @@ class BeliefObject(Body):
     last_seen: float
     """Simulated seconds."""
     role: Role = field(default="item", kw_only=True)
-    """`item`: fitted to the catalogue, or a thing lifted out of a heap. `obstacle`: depth that nothing known
-    explains. `heap`: what lies in a tote or in a pile."""
+    """`item`: fitted to the catalogue, or a thing lifted out of a heap. `obstacle`: depth that no known body
+    explains. `heap`: the contents of a tote or a pile."""
     object_in_tcp: Pose | None = None
     """Set while the object is attached to the gripper."""
     place: str = "table"
@@ -61,7 +61,7 @@ class BeliefObject(Body):
     mass: float | None = None
     """Mass weighed in the hand, kg; None: not weighed."""
     seen_size: float | None = None
-    """Greatest length of what a camera saw of it, m; None: that of its shape."""
+    """Greatest length of its part that a camera saw, m; None: that of its shape."""
 
     tag: int | None = None
     """Number of the ArUco tag that was read on it; None: none was."""
@@ -167,7 +167,7 @@ class PlanningScene:
         return ObjectId(f"{stem}_{n}")
 
     def put(self, belief: BeliefObject, reason: str) -> None:
-        """Add the object, or replace what is believed of it. A weighed mass is kept."""
+        """Add the object, or replace its belief. A weighed mass is kept."""
         before = self._objects.get(belief.id)
         if belief.mass is None and before is not None and before.mass is not None:
             belief = replace(belief, mass=before.mass)

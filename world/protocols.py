@@ -188,8 +188,8 @@ class Hardware(Protocol):
     def stamps(self) -> SensorStamps: ...
     @property
     def feels_effort(self) -> bool:
-        """Whether `JointState.effort` is what the joints exert while the arm moves, too, so that it may be
-        judged by the robot's dynamics."""
+        """Whether `JointState.effort` is the effort of the joints also during motions, so that it can be
+        checked against the robot's dynamics."""
         ...
 
     @property
@@ -211,7 +211,7 @@ NO_SIGNALS = FeedSignals()
 
 
 class NoFeed:
-    """`protocols.Feed`: nobody is there to hear."""
+    """`protocols.Feed` of a scene without a feed."""
 
     def ready(self) -> None: ...
 

@@ -11,7 +11,7 @@ import numpy as np
 class RandomStreams:
     """Random generators by (seed, stream name, count).
 
-    `take` counts how often a stream was asked, and that count is state: it belongs into a checkpoint.
+    `take` counts the generators of each stream; the count is state and belongs into a checkpoint.
     """
 
     def __init__(self, seed: int) -> None:

@@ -21,7 +21,7 @@ KINDS = ("mission", "scene", "robot", "faults", "cases", "plan")
 class Document:
     """A file that was read. `data` is the whole mapping, `picktree` and `kind` included.
 
-    `faults` are those of its form that do not keep it from being read: whoever checks it adds to them.
+    `faults` are those of its form that leave it readable; checks add their faults to them.
     """
 
     path: Path

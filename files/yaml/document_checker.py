@@ -61,7 +61,7 @@ class DocumentChecker:
 
     @property
     def full(self) -> bool:
-        """Whether so much is wrong that nobody wants to know more."""
+        """Whether the number of faults exceeds MAX_FAULTS."""
         return len(self.faults) > MAX_FAULTS
 
     def readable(self) -> AbstractContextManager[None]:

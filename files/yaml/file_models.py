@@ -97,7 +97,7 @@ class FileModel(BaseModel):
 
 @dataclass(frozen=True)
 class Quantity(BeforeValidator):
-    """Reads a number with a unit, and says so in a JSON Schema under `unit`."""
+    """Reads a number with a unit, and declares it in a JSON Schema under `unit`."""
 
     unit: str = ""
     bounds: tuple[tuple[str, float], ...] = ()
@@ -215,7 +215,7 @@ Angle = Annotated[float, quantity("rad")]
 Duration = Annotated[float, quantity("s", least=0)]
 Mass = Annotated[float, quantity("kg", above=0)]
 ItemMass = Annotated[float, quantity("kg", above=0, most=20)]
-"""Mass of what an arm on a table takes."""
+"""Mass of an item for an arm on a table."""
 Force = Annotated[float, quantity("N", above=0)]
 Share = Annotated[float, quantity("", least=0, most=1)]
 Vector = tuple[Length, Length, Length]
@@ -408,7 +408,7 @@ class FileName:
 
 
 def file_names(model: type[AnyModel], data: object) -> Iterator[FileName]:
-    """Yield the names of other files in a document's data, in whatever form they are written."""
+    """Yield the names of other files in a document's data, in any of their forms."""
     for pattern, role in _forms(model):
         for loc, value in _matching(pattern, data, ()):
             if isinstance(value, str):
@@ -479,7 +479,7 @@ def _marked(kind: Any, loc: Location, above: tuple[object, ...]) -> Iterator[tup
 
 
 def _alternatives(kind: Any, marks: tuple[object, ...] = ()) -> Iterator[tuple[Any, tuple[object, ...]]]:
-    """Yield the members of an annotation, each with what `Annotated` says of it."""
+    """Yield the members of an annotation, each with its metadata in `Annotated`."""
     while get_origin(kind) is Annotated:
         kind, *more = get_args(kind)
         kind = next((mark.form for mark in more if isinstance(mark, ReadAs)), kind)

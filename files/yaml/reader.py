@@ -27,7 +27,7 @@ s."""
 
 @dataclass(slots=True)
 class YamlNode:
-    """A value with its place; `size` and `height` count what an alias would repeat."""
+    """A value with its place; `size` and `height` count the nodes that an alias would repeat."""
 
     value: Value
     mark: Mark

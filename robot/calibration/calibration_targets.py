@@ -69,8 +69,8 @@ def touch_points(target: Pose, size: Vector3, at_tips: Array, turned: float) -> 
     """Return all touch points of a block of `size` m at `target` in the world; `at_tips` as from
     `fingertip_corners`.
 
-    `turned`: of the hand's x axis against the target's when it is upright, rad, a multiple of a right angle.
-    It makes no difference but to what the arm can reach.
+    `turned`: angle of the upright hand's x axis to the target's, rad, a multiple of a right angle. It only
+    changes the reachability of the points.
     """
     deepest = size[2] / 2 - MAX_PAD_SHARE * float(np.ptp(at_tips[:, 2]))
     low = max((SIDE_TOUCH_HEIGHT - 0.5) * size[2], deepest)

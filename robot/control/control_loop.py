@@ -214,7 +214,7 @@ class Watchdog:
 
 
 class Supervision:
-    """Supervisor of what the sensors read: it reports to the safety monitor, whose stop is latched."""
+    """Supervisor of the sensor readings: it reports to the safety monitor, whose stop is latched."""
 
     def __init__(
         self,

@@ -27,7 +27,7 @@ linkage: 0.97 and more."""
 FORCE_RISE_TICKS = 4
 """Ticks in which the force of fingers that have just stopped may still rise."""
 MAX_MET_OPENING = 2e-3
-"""Opening up to which the fingers touch each other, m. Their force then says nothing about an object."""
+"""Opening up to which the fingers touch each other, m. Their force then does not show an object."""
 MIN_FINGER_TRAVEL = 1e-3
 """Travel up to which fingers have not moved, m, when the commanded opening is farther off."""
 OPENING_SPARE_TIME = 0.5
@@ -71,7 +71,7 @@ class GripperControl:
         """Greatest force of `press`, N: the limit of the held object. It is reset when the fingers open."""
 
     def save(self) -> GripperProgress:
-        """Return what is in force: fingers that still open do so after a restart, too."""
+        """Return the active command: fingers that still open continue after a restart."""
         return GripperProgress(self._command, self._from, self._command_time, self.bound)
 
     def restore(self, progress: GripperProgress) -> None:

@@ -107,7 +107,8 @@ class SlipDetector:
         self._estimates: list[MassEstimate] = []
 
     def feel(self, felt: MassEstimate) -> None:
-        """Add a tick. It is left out when its acceleration is too large to tell this payload from none."""
+        """Add a tick. It is left out when its acceleration is too large to distinguish this payload from
+        none."""
         if felt.unsure <= MAX_ERROR_SHARE * self.payload.mass:
             self._estimates = [*self._estimates, felt][-MIN_SLIP_TICKS:]
 

@@ -293,7 +293,7 @@ SLIDING_SPEED = 0.02
 SLIDING_PRESS_SHARE = 0.75
 """Force on the surface while the leaning peg slides, as a share of `press`."""
 MIN_WALL_RESISTANCE = 0.5
-"""Least resistance that shows a wall, N. A slide with less says nothing about walls."""
+"""Least resistance that shows a wall, N. A shorter slide gives no evidence of walls."""
 MAX_SLIDES = 3
 """Maximum number of slides of a leaning peg around one grid point; each begins at the wall found before."""
 SPIRAL_FORCE_SHARE = 0.35
@@ -324,7 +324,7 @@ class InsertionMotion(PegMotion):
     """Insertion from the air above a hole's mouth: touch, search, press.
 
     It begins with the peg upright over the believed middle. It ends with the peg at rest at the bottom, or
-    out of the hole and above it; `outcome` says which.
+    out of the hole and above it; `outcome` gives the case.
     """
 
     def __init__(

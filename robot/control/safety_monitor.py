@@ -248,7 +248,7 @@ class MonitorState(LatchState):
 class SafetyMonitor:
     """Monitor of force, joints, speed, torques, workspace, tracking, load, sensors, and attention to motions.
 
-    `stopped` says why motion is refused.
+    `stopped` is the reason why motion is refused.
 
     After `acknowledge` a persisting violation is tolerated as long as it does not grow, for the retreat that
     acknowledged it. Otherwise the way out would trip the same stop. It stops the next owner of a motion
@@ -309,7 +309,7 @@ class SafetyMonitor:
 
     @property
     def pushed(self) -> bool:
-        """Whether a joint exerts now what nothing explains, acknowledged or not."""
+        """Whether the effort of a joint is unexplained now, acknowledged or not."""
         return self._latch.is_violated(UNEXPLAINED_NAME)
 
     def acknowledge(self, by: str = "") -> bool:

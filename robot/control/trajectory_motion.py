@@ -69,7 +69,7 @@ class TrajectoryCheck(Protocol):
     """Check that every trajectory passes before the arm starts it, and during the motion."""
 
     def passes(self, trajectory: Trajectory) -> Generator[None, None, None]:
-        """Return when the trajectory may begin. Raises the Failure that says why it may not."""
+        """Return when the trajectory may begin. Raises a Failure with the reason when it may not."""
         ...
 
     def blocked(self, trajectory: Trajectory, done: float) -> Failure | None:
@@ -145,8 +145,8 @@ class TrajectoryMotion:
         """Take over the motion that another skill handed over, without braking, and follow it to its end.
 
         `guard` replaces the force limit that the motion began with, N, if it had one; None keeps it. The
-        other arguments are as in `along`. When the motion has ended before (see `ongoing`), the failure says
-        why: world.disturbed, safety.*, or control.timeout when no skill took it over in time.
+        other arguments are as in `along`. When the motion has ended before (see `ongoing`), the failure has
+        the cause: world.disturbed, safety.*, or control.timeout when no skill took it over in time.
         """
         over = self._handed_over
         if over is None:

@@ -376,8 +376,8 @@ WIDE_EXCESSES = (0.036, 0.028)
 whose place is wrong by up to half of the excess. A camera mounted 8 mm beside its believed place, along both
 axes of the table, moves objects by 11 mm."""
 MIN_TIP_REACH = WORKSPACE_MARGIN + 0.002
-"""Least reach of the finger tips beyond the TCP beside a flat object, m. The tips meet what it lies on
-before the TCP comes to the edge of the workspace, which may be there, too."""
+"""Least reach of the finger tips beyond the TCP beside a flat object, m. The tips meet the support of the
+object before the TCP reaches the edge of the workspace, which may be at the same height."""
 OUTER_ROOM = 0.007
 """Distance beyond the margin that each finger of a wider hand keeps from bodies outside of it, m."""
 

@@ -1,4 +1,4 @@
-"""Grip force: what mass, friction and the item's limit need and allow."""
+"""Grip force: required by mass and friction, and limited by the item."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
 """Grasps of things in a heap, from its height map alone: no shape, no catalogue, no random numbers.
 
-The hand is swept over the map by dilation, for each approach and twelve yaws. That gives the lowest height
-of the finger tips at each cell. Profiles between the pads rank what is left. Height maps were searched for
-places that a hand fits by Fischinger and Vincze (IROS 2012); here its dimensions come from the robot's model.
+The hand is swept over the map by dilation, for each approach and twelve yaws. That gives the lowest height of
+the finger tips at each cell. Profiles between the pads rank the remaining places. Height maps were searched
+for places that a hand fits by Fischinger and Vincze (IROS 2012); here its dimensions come from the robot's
+model.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ the finger tips, m."""
 MIN_SAMPLED = 0.008
 """Least width in which colours are sampled, m."""
 CENTRINGS = 2
-"""Number of times that the hand is moved to the middle of what lies between the pads."""
+"""Number of times that the hand is moved to the middle of the thing between the pads."""
 PROFILE_ROWS, PROFILE_REACH, AXIS_REACH = 4, 20, 20
 """Half-sizes in cells: of a profile across and along the closing direction, and of the search for a thing's
 ends."""
@@ -70,7 +71,7 @@ class Tier:
 
 STRICT_TIER = Tier(90e-6, 0.012, 0.85)
 SURE_TIER, SURE_TILTED_TIER = replace(STRICT_TIER, score=1.35), replace(STRICT_TIER, score=1.1)
-"""Scores up to which nearly all grasps hold: these come first, whatever else is near."""
+"""Scores up to which nearly all grasps hold: these come first, independent of other things near."""
 LOOSE_TIER = Tier(65e-6, MIN_OVERLAP, 0.60)
 
 
@@ -107,7 +108,7 @@ STAGES: tuple[tuple[Tier, tuple[Approach, ...]], ...] = (
 
 @dataclass(frozen=True, slots=True)
 class _Graded:
-    """Place of a grasp with what its profile shows."""
+    """Place of a grasp with the measures of its profile."""
 
     sweep: _Sweep
     at: tuple[int, int]
@@ -260,7 +261,7 @@ class _Sweep:
         return np.maximum.reduce(swept)
 
     def grasps(self) -> list[_Graded]:
-        """Return the graded grasps of this closing direction, with the hand centred on what it grips."""
+        """Return the graded grasps of this closing direction, with the hand centred on the gripped thing."""
         picked = np.concatenate([self._places(k) for k in range(len(self._halves))])
         for _ in range(CENTRINGS):
             picked = np.unique(self._inside(picked), axis=0)

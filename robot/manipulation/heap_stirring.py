@@ -2,10 +2,10 @@
 them.
 
 Strokes are planned from the height map. The hand is swept over the map, as for grasps: the fingers must fit
-where a stroke begins, and the palm all along it. A stroke is worth the volume that it moves, and what its new
-place is better for a grasp. Pushes that make grasps possible were planned from height maps by Danielczuk et
-al. ("Linear push policies to increase grasp access for robot bin picking", CASE 2018); the value here is
-another one.
+where a stroke begins, and the palm all along it. The value of a stroke is the volume that it moves, weighted
+by the gain of the new place for a grasp. Pushes that make grasps possible were planned from height maps by
+Danielczuk et al. ("Linear push policies to increase grasp access for robot bin picking", CASE 2018); the
+value here is another one.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ class HeapStroke:
     drags: bool
     """Whether the fingers come down on things behind a crest and drag them, instead of pushing them."""
     worth: float
-    """Moved volume, weighted by what it gains, m³."""
+    """Moved volume, weighted by its gain for grasps, m³."""
 
     def tcp_at(self, way: float, tip: float, flipped: bool) -> Pose:
         """Return the TCP pose in the world after `way` m. `tip`: reach of the finger tips beyond the TCP, m.
@@ -165,9 +165,9 @@ class _Surfaces:
     """Surfaces of a heap (n, m), m in the map's frame."""
 
     solid: Heights
-    """Heights of everything: what was never seen is as high as the rim, and walls are enlarged."""
+    """Heights of everything: cells that were never seen are as high as the rim, and walls are enlarged."""
     things: Heights
-    """Heights of what was seen of things; the floor elsewhere."""
+    """Heights of the seen parts of things; the floor elsewhere."""
     ease: Heights
     """Value of a place for a grasp, 0 … 1: the room of the hand there, and the distance from the walls."""
 
@@ -549,7 +549,7 @@ def _opening(world: World, one: HeapStroke) -> float:
 
 
 def _execute(world: World, task: HeapPickTask, one: HeapStroke, start: Pose) -> Doing[str]:
-    """Make the stroke from its start, and move out of the view. Return what was felt, in words."""
+    """Make the stroke from its start, and move out of the view. Return the contact in words."""
     x, y, _ = start.position
     path = straight(planar_geometry.PlanarPose(x, y, one.start.yaw), one.length)
     mass, names = world.robot.hand_mass, (heap_geometry.heap_id(task.tote),)

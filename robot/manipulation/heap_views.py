@@ -124,7 +124,7 @@ def _sheared(heights: Heights, d: Heights, cell: float, tilt: float, lags: int) 
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Heights between the pads at places (k,), and what the pads touch when they close."""
+    """Heights between the pads at places (k,), and the contacts of the closing pads."""
 
     patch: Heights
     """Heights (k, rows, columns), m; rows lie along the pads, columns along the closing direction."""

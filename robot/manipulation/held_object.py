@@ -2,7 +2,7 @@
 release.
 
 The release is the counterpart of the grip check: the fingers open, and the load shows that the object is
-gone. The load of a light object says nothing; the opening then decides both.
+gone. The load of a light object gives no evidence; the opening then decides both.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ class GripCheck:
     light: LightObject | None = None
     """Believed object, where its weight cannot be felt. None: the load has to show it."""
     thin: bool = False
-    """Whether the object may be so thin that its width does not tell it from nothing."""
+    """Whether the object may be too thin to be distinguished from an empty hand by its width."""
 
     @property
     def empty(self) -> bool:

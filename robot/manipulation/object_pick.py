@@ -200,7 +200,7 @@ CLEAR_LIFT_SHARE = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClosedGrip:
-    """Closed fingers at a grasp, with what they are to carry."""
+    """Closed fingers at a grasp, with their payload."""
 
     candidate: PickPlaceCandidate
     belief: BeliefObject

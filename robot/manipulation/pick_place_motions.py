@@ -277,7 +277,7 @@ def line_speed_share(model: RobotModel, start: Array, end: Pose, speed: float) -
 
 
 def touchable(world: World, object_id: ObjectId) -> tuple[ObjectId, ...]:
-    """Return what the hand may touch at a grasp: the object, and the tote of a heap.
+    """Return the bodies that the hand may touch at a grasp: the object, and the tote of a heap.
 
     The map of a heap has the walls of its tote, and its grasps keep the hand from them.
     """

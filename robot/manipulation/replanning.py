@@ -36,7 +36,7 @@ class TargetMoved(Failure):
 
 
 class BeliefWatch(ABC):
-    """Monitor of a motion, for each tick: it judges anew whenever a counter of the belief has changed."""
+    """Monitor of a motion, for each tick: it checks again whenever a counter of the belief has changed."""
 
     def __init__(self, counter: Callable[[], int]) -> None:
         self._counter, self._counted = counter, counter()

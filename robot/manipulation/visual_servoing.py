@@ -48,7 +48,7 @@ class PatchMatch:
     others: tuple[TrackedSighting, ...]
     """Sightings of other objects: at most one for each, from its own patch."""
     ambiguous: bool
-    """Whether two patches may be the target, and nothing tells them apart."""
+    """Whether two patches may be the target, and nothing distinguishes them."""
     seen: int
     """Number of patches that may be the target, whether it fits them or not."""
 

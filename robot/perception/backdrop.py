@@ -150,7 +150,7 @@ class SupportSurface:
     """Height in the world, m."""
     in_bin: bool
     heaped: bool = False
-    """Whether what lies there is taken out as a heap, without being recognised."""
+    """Whether things there are picked from a heap, without being recognised."""
 
 
 class SupportSurfaces:

@@ -114,7 +114,7 @@ class PosedCamera:
         return rays_of(self.intrinsics) @ self.rotation.T
 
     def heights(self, depth: Array) -> Array:
-        """Return the height in the world (h, w) of what is seen at `depth` (h, w), m."""
+        """Return the height in the world (h, w) of the surfaces at `depth` (h, w), m."""
         rays, (right, down, ahead) = rays_of(self.intrinsics), self.rotation[2].tolist()
         found: Array = rays[0, :, 0] * right + (rays[:, :1, 1] * down + ahead)
         found *= depth

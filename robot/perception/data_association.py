@@ -81,7 +81,7 @@ class ObservationSummary:
 def update_belief(
     scene: PlanningScene, view: PerceivedView, now: float, held_at: Pose | None = None
 ) -> ObservationSummary:
-    """Update the items and obstacles of `scene` with what `view` showed at time `now`, s.
+    """Update the items and obstacles of `scene` with the `view` at time `now`, s.
 
     `held_at` is the held object's pose in the world at that time; None: it has not moved since.
 
@@ -170,9 +170,10 @@ def _gate(item: BeliefObject, distance: float = MATCH_DISTANCE) -> float:
 
 
 def _displacement(item: BeliefObject, detection: Detection) -> float:
-    """Return the distance to a detection of the same kind and colour, m, or to any where the item was given up.
+    """Return the distance to a detection of the same kind and colour, m; for a given-up item to any
+    detection.
 
-    It is inf to others, and beyond `MAX_DISPLACEMENT`.
+    It is inf for other detections, and beyond `MAX_DISPLACEMENT`.
     """
     distance = item.pose.distance(detection.pose)
     alike = (item.colour, item.kind) == (detection.colour, detection.kind) and distance < MAX_DISPLACEMENT

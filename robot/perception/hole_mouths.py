@@ -1,4 +1,5 @@
-"""Hole mouths: those of a scene with what protrudes from them, and their detection in a depth picture.
+"""Hole mouths: those of a scene with the objects that protrude from them, and their detection in a depth
+picture.
 
 In a hole, rays pass below the face around it. The face is a plane through the depth around the hole. A ray
 whose depth goes beyond that plane passed through the mouth, and was still between the walls a little below

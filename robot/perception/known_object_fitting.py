@@ -46,7 +46,7 @@ DEPTH_STEP = 0.008
 MIN_BODY_PIXELS = 24
 """Least number of pixels of a body."""
 PART_GROWTH_PIXELS = 6
-"""Number of pixels by which the parts regain what was cut away between them."""
+"""Number of pixels by which the parts grow back into the cut between them."""
 _SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))
 
 
@@ -161,7 +161,7 @@ converges."""
 SUPPORTED_TOLERANCE = 5e-4
 """Distance from its support below which an object is believed to rest on it, m."""
 MIN_KNOWN_CONFIDENCE = 0.6
-"""Least believed confidence of a known object of which a good fit is asked."""
+"""Least believed confidence of a known object that needs a good fit."""
 UNEXPLAINED_DISTANCE = 0.5
 """Distance from all silhouettes beyond which the middle of a pixel belongs to none of them, pixels."""
 MIN_REAL_OUTLINE = 0.5
@@ -180,7 +180,7 @@ class KnownSighting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownContents:
-    """Known objects in a blob, and what else it shows."""
+    """Known objects in a blob, and its other contents."""
 
     found: Sequence[KnownSighting] = ()
     left: Sequence[PixelPatch] = ()
@@ -188,9 +188,9 @@ class KnownContents:
     most: int = MAX_PARTS
     """Greatest number of items that the blob may be split into when none was found.
 
-    A split is the dearest search of a picture, and would be tried in each as long as the blob lies there.
-    Where it shows only items that were set aside, nobody asks where exactly they are: 1. Where something
-    shows beside them, it may be one more than these."""
+    A split is the most expensive search of a picture, and would be tried in each picture of the blob. It is 1
+    for a blob of only set-aside items, whose exact poses are not needed. With other pixels beside them, it
+    may be one more than these."""
 
 
 def known_objects(
@@ -200,11 +200,11 @@ def known_objects(
     floor: SupportSurface,
     known: Sequence[BeliefObject],
 ) -> KnownContents:
-    """Return the `known` objects that the blob shows near their believed poses, and what they leave of it.
+    """Return the `known` objects that the blob shows near their believed poses, and the rest of the blob.
 
     An object is left out where no other explanation could be excluded: most of it is hidden, the fit is not
-    good, it moved or turned. An uncertain object stays so, and of one that was set aside nobody asks what it
-    is: for these, a fit that explains the blob at all is enough. `floor` is the support under the blob.
+    good, it moved or turned. An uncertain object stays uncertain, and the identity of a set-aside object is
+    not needed: for these, any fit that explains the blob is enough. `floor` is the support under the blob.
     """
     touching: list[tuple[BeliefObject, StandingPose]] = []
     rests = (*fitter.rests, *fitter.leaning)
@@ -258,7 +258,7 @@ class _Cut:
     """Piece of each item; None for one that shows too little of its outline."""
 
     def unclaimed_patches(self, missing: Sequence[bool]) -> list[PixelPatch]:
-        """Claim the patches of what belongs to no item, or to one that is `missing` (k,)."""
+        """Claim the patches that belong to no item, or to one that is `missing` (k,)."""
         rows, columns = self.blob.patch.rows, self.blob.patch.columns
         free = np.zeros(self.picture.owner.shape, dtype=np.bool_)
         free[rows, columns] = np.array([*missing, True])[self.owners]

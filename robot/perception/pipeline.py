@@ -135,7 +135,7 @@ class Perception:
         held: BeliefObject | None,
         known: Sequence[BeliefObject] = (),
     ) -> PerceivedView:
-        """Return what the picture shows, taken with the arm at `joints` (n,) rad and the fingers `width` m
+        """Return the view in a picture, taken with the arm at `joints` (n,) rad and the fingers `width` m
         open.
 
         A patch that one of the `known` objects fits near its believed pose is that object. All others are
@@ -177,7 +177,7 @@ class Perception:
         return track_objects(shot.picture, fitter, objects)
 
     def held(self, image: RgbdImage, joints: Array, width: float) -> HeldView:
-        """Return what the picture of a fixed camera shows in the hand, with the arm at `joints` (n,) rad."""
+        """Return the view of the hand in the picture of a fixed camera, with the arm at `joints` (n,) rad."""
         believed = PosedCamera.at(image.intrinsics, image.camera_in_world)
         backdrop = self._backdrop(believed, image)
         depth = np.where(np.isfinite(image.depth), image.depth, 0.0).astype(np.float64)

@@ -94,7 +94,7 @@ class StablePose:
 
     @cached_property
     def least_top(self) -> float:
-        """Least height above the support that most of what is seen may have, m: a cup shows its floor."""
+        """Least height above the support of most visible points, m: a cup shows its floor."""
         mesh = self.entry.shape
         if not isinstance(mesh, CompoundMesh):
             return self.height
@@ -218,7 +218,7 @@ def body_points(shape: Shape) -> Array:
 
 
 def part_points(shape: Shape) -> list[Array]:
-    """Return points (n, 3) of each convex part of a shape, whose hulls cover what is seen of it."""
+    """Return points (n, 3) of each convex part of a shape, whose hulls cover its visible surface."""
     match shape:
         case Sphere(radius):
             return [body_points(Box((2 * radius, 2 * radius, 2 * radius)))]

@@ -201,7 +201,7 @@ class RobotMask:
 def hidden_shares(robot: RobotModel, scene: SceneDescription, configuration: Array) -> dict[str, float]:
     """Return the share of the items' areas that the arm hides at a configuration (n,), rad, by camera.
 
-    Cameras on the hand are left out: they move with what hides. Empty for a scene without such areas.
+    Cameras on the hand are left out: they move with the arm. Empty for a scene without such areas.
     """
     points = [_grid(*load.rectangle) for load in scene.loads]
     if not points:
@@ -223,7 +223,7 @@ def _grid(low: tuple[float, float], high: tuple[float, float]) -> Array:
 
 
 def held_part(held: BeliefObject | None) -> tuple[Shape, Pose] | None:
-    """Return the shape of what is held with its pose in the TCP frame."""
+    """Return the shape of the held object with its pose in the TCP frame."""
     return None if held is None or held.object_in_tcp is None else (held.shape, held.object_in_tcp)
 
 

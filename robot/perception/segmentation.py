@@ -52,7 +52,7 @@ MAX_HIDDEN_BORDER_SHARE = 0.12
 MAX_DEPTH_SAMPLES = 80
 """Number of pixels of a blob whose depth is kept for fits."""
 MIN_HIDING_HEIGHT = 0.006
-"""Height above a blob from which a neighbour hides what lies behind it, m."""
+"""Height above a blob from which a neighbour hides the surface behind it, m."""
 TOP_QUANTILE = 0.8
 """Quantile of the heights that is taken as the top: from above, most pixels show the top."""
 
@@ -87,7 +87,7 @@ class SegmentationInput:
         return patch
 
     def give_back(self, patch: PixelPatch) -> None:
-        """Let the patch own its pixels, whatever claimed them meanwhile."""
+        """Return its pixels to the patch, also those that other patches have claimed."""
         self.owner[patch.rows, patch.columns] = patch.number
 
 

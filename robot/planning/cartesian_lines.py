@@ -23,7 +23,7 @@ MAX_JOINT_JUMP = 0.2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineResult:
-    """Result of a line: `path` (m, n) rad up to its end, and what ended it early."""
+    """Result of a line: `path` (m, n) rad up to its end, and the reason of an early end."""
 
     path: Array
     fraction: float

@@ -49,8 +49,8 @@ from .motion_plans import ContactPair
 DISTANCE_DECIMALS = 9
 """Number of decimals to which distances in m are rounded."""
 MAX_CACHED_MODELS = 2
-"""Greatest number of geometry models in memory. Each pair of bodies takes 6 kB, a model of 94 bodies
-6 MB; to build one anew takes 2 ms."""
+"""Greatest number of geometry models in memory. Each pair of bodies takes 6 kB, a model of 94 bodies 6 MB; to
+build a new one takes 2 ms."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,7 +123,7 @@ class CollisionChecker:
         self._seen: _Seen | None = None
         self._still: tuple[CollisionBody, ...] = ()
         self._cached_models: list[tuple[_Seen, CollisionModel]] = []
-        """Geometry models with what each was placed for last, the one used last first."""
+        """Geometry models with their last belief, the most recently used first."""
         nothing = _Seen({}, {}, (), frozenset(), 0.0)
         self._now = self._built(CollisionModelKey((), None, frozenset(), 0.0), nothing)
 

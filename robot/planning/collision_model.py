@@ -327,7 +327,7 @@ class RobotCollisionGeometry:
 
 
 class SplitGeometry:
-    """Geometry model in the parts that the broad phase takes: what moves with the robot, and what is around
+    """Geometry model in the two parts of the broad phase: bodies that move with the robot, and bodies around
     it."""
 
     def __init__(self, robot: RobotCollisionGeometry, geometry: pin.GeometryModel, count: int) -> None:
@@ -367,7 +367,7 @@ class MarginChecker:
         self.model = robot.model
         self.data = robot.model.createData()
         self.tool_joint = self.data.oMi[robot.tcp_joint]
-        """Pose in the world at the last tested configuration: a view of what pinocchio writes."""
+        """Pose in the world at the last tested configuration: a view of the memory that pinocchio writes."""
         self._geometry = geometry
         self._geometry_data = pin.GeometryData(geometry.whole)
         self._geometry_data.setSecurityMargins(geometry.whole, margins, True, False)
@@ -398,8 +398,8 @@ class MarginChecker:
         """Return the number of configurations of `arm` before the first that is not free, or without `hit`
         before the first that is.
 
-        `postures`: configurations of the whole robot that the arm's is put into. It must be free in all.
-        `inside` says whether the tool is where it may be; None: it may be everywhere.
+        `postures`: configurations of the whole robot, in which that of the arm is inserted. It must be free
+        in all. `inside` returns whether the tool is in its permitted room; None: it may be everywhere.
         """
         model, data, geometry, geometry_data = (
             self.model,

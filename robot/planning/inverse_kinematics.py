@@ -436,7 +436,7 @@ class InverseKinematics:
         return q
 
     def nearest(self, tcp_in_world: Pose, near: Array) -> NearestReach:
-        """Explain how near the arm comes to an unreachable pose, and what keeps it from the pose.
+        """Explain how near the arm comes to an unreachable pose, and the obstruction.
 
         `near` (n,) is one of the seeds. For explanations: some ten milliseconds, not counted.
         """

@@ -2,8 +2,8 @@
 simulated time.
 
 A second process plans it where there is one. Its answer depends on its order alone, so that a run with a
-worker is the same run, bit for bit. Plan provenance records what each trajectory was planned for, so that it
-can be checked again.
+worker is the same run, bit for bit. Plan provenance records the requests and the belief of each trajectory,
+so that it can be checked again.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from .trajectory_check import StartTolerance, is_trajectory_free
 
 IMPROVING_CHECKS = 2000
 """Number of collision checks by which a leg's path is improved ahead. They take 50 ms of the simulated second
-in which nobody waits for the plan."""
+before the plan is needed."""
 _STANDARD_STREAMS = 3
 """Number of open files that a worker keeps beside its connection."""
 
@@ -55,7 +55,7 @@ class ChainOrder:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChainAnswer:
-    """Plan of a chain, or the failure that it came to, with what it took."""
+    """Plan of a chain, or its failure, with the cost of the search."""
 
     plan: MotionPlan | Failure
     checks: int
@@ -65,7 +65,8 @@ class ChainAnswer:
 
 
 def solve_chain(solver: RequestSolver, order: ChainOrder) -> ChainAnswer:
-    """Plan a chain with a solver whose belief is that of the order, and shorten what was not direct."""
+    """Plan a chain with a solver whose belief is that of the order, and shorten the paths that are not
+    direct."""
     solver.finds_nothing, solver.improving = order.finds_nothing, IMPROVING_CHECKS
     checks, descents = solver.collision.checks, solver.ik.solves
     plan: MotionPlan | Failure
@@ -334,7 +335,7 @@ class LookaheadPlanner:
         return prepared.generation == self._generation
 
     def forget(self) -> None:
-        """Drop what was prepared, as a checkpoint does."""
+        """Drop prepared results, as a checkpoint does."""
         while self._pending:
             self._next()
         self._free = 0.0

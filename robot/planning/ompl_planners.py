@@ -2,12 +2,11 @@
 
 They search joint space; under path constraints, the projected state space.
 
-The request's functions alone check configurations and edges. Each search seeds OMPL's generator, makes its
-objects anew and ends on a count. So the same problem gives the same path.
+The request's functions alone check configurations and edges. Each search seeds OMPL's generator, creates new
+objects and ends on a count. So the same problem gives the same path.
 
-Sucan, Moll and Kavraki, "The Open Motion Planning Library", IEEE RAM 19 (2012).
-Kingston, Moll and Kavraki, "Exploring implicit spaces for constrained sampling-based planning", IJRR 38
-(2019).
+Sucan, Moll and Kavraki, "The Open Motion Planning Library", IEEE RAM 19 (2012). Kingston, Moll and Kavraki,
+"Exploring implicit spaces for constrained sampling-based planning", IJRR 38 (2019).
 """
 
 from __future__ import annotations

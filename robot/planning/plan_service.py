@@ -117,8 +117,8 @@ class PlanService:
         self._disagreements: list[VerifierDisagreement] = []
         self.made = PlanProvenanceStore(scene, width)
         self.finds_nothing: Callable[[], bool] | None = None
-        """Callback for each request: whether no path is found, whatever there is; None: never. For injected
-        faults."""
+        """Callback for each request: whether it finds no path, even where one exists; None: never. For
+        injected faults."""
         self._manner = PlannerOverrides()
 
     @contextmanager
@@ -271,7 +271,7 @@ class PlanService:
         return answer
 
     def _resolved(self, order: ChainOrder, outcome: LookaheadOutcome) -> None:
-        """Record what was planned ahead."""
+        """Record the result of look-ahead planning."""
         plan, belief = outcome.answer.plan, order.belief
         self._thinking.add_unowed(outcome.cost)
         if isinstance(plan, MotionPlan):
@@ -303,7 +303,7 @@ class PlanService:
                 self._thinking.spend(spent.seconds)
 
     def forget(self) -> None:
-        """Drop what was planned ahead, as a checkpoint does."""
+        """Drop the results of look-ahead planning, as a checkpoint does."""
         self._ahead.forget()
 
     def reachable(self, tcp_in_world: Pose, *, near: Array | None = None) -> Array | None:
@@ -323,7 +323,7 @@ class PlanService:
             return next((q for q in solutions if solver.collision.free(q)), None)
 
     def reached(self, request: Request) -> ReachResult:
-        """Test whether the arm reaches the first pose of a request's goal, and if not, what is in the way.
+        """Test whether the arm reaches the first pose of a request's goal, and if not, find the obstruction.
         Nothing is planned.
 
         The search starts near the request's start, in the scene as the request supposes it. Answers at once;

@@ -1,6 +1,6 @@
 """Planning failures: their sentences and their evidence.
 
-Obstructions tell why no path was found, and why a configuration that reaches the goal is no goal.
+Obstructions explain why no path was found, and why a configuration that reaches the goal is invalid.
 """
 
 from __future__ import annotations
@@ -104,8 +104,8 @@ class ObstructionSearch:
         return self._blocked(hit)
 
     def enclosure(self, where: str, root: Array) -> Enclosure | None:
-        """Return the enclosure of a configuration; None: a search from it leaves, or its checks are spent too
-        early to tell.
+        """Return the enclosure of a configuration; None when a search from it leads out, or when its checks
+        are spent too early for a result.
 
         The search grows a tree towards random configurations.
         """
@@ -352,7 +352,7 @@ def goal_rejected(each: Sequence[GoalRejection], poses: int) -> Failure:
 
 
 def how_rejected(rejection: GoalRejection, verb: str = "is") -> str:
-    """Describe a rejection, beginning with what is wrong."""
+    """Describe a rejection, beginning with the violation."""
     if rejection.contacts:
         worst = rejection.contacts[0]
         return f"{worst.a} {verb} {how_near(worst)} {worst.b}{_format_margin(worst)}"

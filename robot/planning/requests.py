@@ -208,7 +208,7 @@ class PlannerOverrides:
 
 
 def check_request(model: RobotModel, request: Request) -> None:
-    """Raise PicktreeError for a senseless request, with what is wrong and what would be right."""
+    """Raise PicktreeError for an invalid request, with problem and remedy."""
     _configuration(model, "the start", request.start)
     if isinstance(request.target, JointGoal):
         _configuration(model, "the goal", request.target.position)

@@ -1,4 +1,5 @@
-"""Scene queries without the arm, by python-fcl: whether a spot is free, and what the hand would touch.
+"""Scene queries without the arm, by python-fcl: whether a spot is free, and which bodies the hand would
+touch.
 
 The verifier of trajectories uses the same geometries.
 """

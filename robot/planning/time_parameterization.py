@@ -2,7 +2,7 @@
 jerk and torque.
 
 The fastest profile of the path's speed comes from TOPP-RA. Its acceleration jumps. Therefore the time law
-s(t), not the joints, is averaged over a short window. The path stays what was checked, and the acceleration
+s(t), not the joints, is averaged over a short window. The path stays the checked one, and the acceleration
 becomes continuous.
 
 Pham and Pham, "A new approach to time-optimal path parameterization based on reachability analysis", IEEE

@@ -232,8 +232,8 @@ class KinematicHardware:
         self.bodies.settle()
 
     def obstacles(self) -> tuple[TrueObstacle, ...]:
-        """Return the obstacles that the robot does not know. The arm passes through them: only their tops are
-        solid here."""
+        """Return the obstacles that are unknown to the robot. The arm passes through them: only their tops
+        are solid here."""
         return self._obstacles.truth()
 
     def room_for(self, body: Fixture) -> bool:

@@ -246,7 +246,7 @@ class KinematicBodies:
         self._prisms: dict[ObjectId, Prism] = {}
         self._outlines: dict[ObjectId, tuple[KinematicBody, Placed]] = {}
         self._tops: tuple[Top, ...] | None = None
-        """Tops of all bodies that are not held; None: to be collected anew."""
+        """Tops of all bodies that are not held; None: to be collected again."""
         self.held: ObjectId | None = None
         self.highest = 0.0
         """Height of the highest top of all bodies that are not held, m."""
@@ -279,7 +279,7 @@ class KinematicBodies:
         self._measure()
 
     def put(self, body: KinematicBody) -> None:
-        """Set an item at its pose, whatever is below."""
+        """Set an item at its pose, without a check of its support."""
         self._items[body.id] = body
         if body.present and body.id != self.held:
             self._prisms[body.id] = Prism.of(body.id, body.entry.shape, body.pose)
@@ -298,7 +298,7 @@ class KinematicBodies:
         return known[1]
 
     def shift(self, items: Iterable[ObjectId], way: Vector3) -> None:
-        """Move items horizontally by `way`, m, whatever is in the way."""
+        """Move items horizontally by `way`, m, without a check for collisions."""
         for name in items:
             body = self._items[name]
             self._items[name] = body.at(body.pose.shifted(way))

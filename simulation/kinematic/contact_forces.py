@@ -79,7 +79,7 @@ class KinematicPushing:
         self._before = None
 
     def step(self, rotation: Array, position: Array, width: float, tip: float) -> tuple[float, float]:
-        """Push items that the fingers reach, and return the friction force (x, y) of what slides, in the
+        """Push items that the fingers reach, and return the friction force (x, y) of sliding items, in the
         world, N.
 
         `rotation` (3, 3) and `position` (3,) are the TCP's in the world. The fingers are `width` m open and

@@ -278,7 +278,7 @@ class PhysicsHardware:
         return self._items.inventory.count
 
     def _with_marks(self, bodies: Iterable[TrueBody]) -> tuple[TrueBody, ...]:
-        """Return the bodies with what has crushed them and their seating in holes."""
+        """Return the bodies with their crush forces and their seating in holes."""
         crushed = map(self.crushing.with_crush_force, bodies)
         return tuple(map(self._seated, crushed)) if self._boards else tuple(crushed)
 
@@ -385,7 +385,7 @@ class PhysicsHardware:
         self._body.weaken(faults.torque_shares, faults.jam, faults.grip_share)
 
     def obstacles(self) -> tuple[TrueObstacle, ...]:
-        """Return the obstacles that the robot does not know."""
+        """Return the obstacles that are unknown to the robot."""
         return self._static.obstacles.truth()
 
     def room_for(self, body: Fixture) -> bool:

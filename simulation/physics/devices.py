@@ -34,7 +34,7 @@ class IdealSensors:
     def start(self, step: int, time: int, reading: checkpoints.RobotReading) -> None:
         """Continue after that number of steps, at a time in units of 1/`engine.RESOLUTION` s."""
         self.step = step
-        """Number of steps so far, of whatever length."""
+        """Number of steps so far, of any length."""
         self.time = time
         """Time since time 0, in units of 1/`engine.RESOLUTION` s."""
         self.now = time / RESOLUTION

@@ -247,7 +247,7 @@ MAX_SETTLING_STEPS = 600
 MAX_POURING_STEPS = 1200
 """The same number for scenes with heaps: layers of items fall for up to a second."""
 MIN_SPREADING_STEPS = 120
-"""Number of steps after the walls of a pile are gone: what leant on them begins to fall slowly."""
+"""Number of steps after the walls of a pile are gone: an item that leant on them begins to fall slowly."""
 CREEP_SPEED, CREEP_SPIN = 0.004, 0.1
 """Speed, m/s, and angular speed, rad/s, below which the items of a heap count as resting before time 0."""
 

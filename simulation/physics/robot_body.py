@@ -1,5 +1,5 @@
-"""Robot in pybullet: joints, motors, gear and wrist sensor, all as the robot file says. Its URDF is
-adapted to the engine, and motors replace the closed chains of fingers on linkages.
+"""Robot in pybullet: joints, motors, gear and wrist sensor of the robot file. Its URDF is adapted to the
+engine, and motors replace the closed chains of fingers on linkages.
 """
 
 from __future__ import annotations

@@ -108,7 +108,7 @@ def test_table_of_all_nodes() -> None:
         "  GoTo      Move the arm, free of collisions, to a named configuration of the robot file.\n"
         "\n"
         "Control nodes\n"
-        "  Sequence  Ticks its children in order until one fails; goes on with the child that was RUNNING.\n"
+        "  Sequence  Ticks its children in order until one fails; resumes at the child that was RUNNING.\n"
     )
 
 

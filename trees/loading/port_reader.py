@@ -105,7 +105,7 @@ def _as_expression(text: str) -> str:
 
 
 def _literal_hint(value: Value, port: PortDeclaration) -> str:
-    """Return what is meant by a literal that does not fit its port; "" where that is not known."""
+    """Return a hint for a literal that does not fit its port; "" without one."""
     if port.type.many:
         return f"write [{value}]" if isinstance(value, str | int | float) and "{" not in str(value) else ""
     if port.type.name not in ("int", "float") or not isinstance(value, str):
@@ -315,7 +315,7 @@ class TreePorts:
         self._faults = faults
 
     def doc(self, tree: str, body: Value) -> str:
-        """Return what a tree says of itself under `doc`; "" for nothing."""
+        """Return the description of a tree under `doc`; "" without one."""
         value = body.get("doc") if isinstance(body, dict) else None
         if value is None or isinstance(value, str):
             return (value or "").strip()

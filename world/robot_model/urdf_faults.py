@@ -207,7 +207,7 @@ def _limit_faults(where: str, kind: str, limit: ElementTree.Element | None) -> I
 
 
 def origin_faults(where: str, origin: ElementTree.Element | None) -> Iterator[str]:
-    """Yield what is wrong with an <origin>, if there is one."""
+    """Yield the faults of an <origin>, if there is one."""
     if origin is None:
         return
     for key, most, told in (("xyz", MAX_OFFSET, "millimetres"), ("rpy", MAX_ANGLE, "degrees")):
@@ -224,7 +224,7 @@ def origin_faults(where: str, origin: ElementTree.Element | None) -> Iterator[st
 def vector_faults(
     where: str, element: ElementTree.Element, key: str, example: str = "0 0 1"
 ) -> Iterator[str]:
-    """Yield what is wrong with an attribute of three numbers; `example`: one that is right."""
+    """Yield the faults of an attribute of three numbers; `example`: a valid one."""
     text = element.get(key, "")
     numbers = numbers_of(text)
     if numbers is not None and len(numbers) == 3:
@@ -249,7 +249,7 @@ def number_faults(
     needed: bool = True,
     least: float | None = None,
 ) -> Iterator[str]:
-    """Yield what is wrong with an attribute of one number in `unit`."""
+    """Yield the faults of an attribute of one number in `unit`."""
     text = element.get(key)
     if text is None:
         if needed:
@@ -264,7 +264,7 @@ def number_faults(
 
 
 def _misread(text: str, unit: str) -> str:
-    """Return the second half of a sentence: what is there instead of a number, and what would be right."""
+    """Return the second half of a sentence: the text in place of a number, and a remedy."""
     plain = text.strip()
     within = f", in {unit}" if unit else ""
     if not plain:

@@ -168,7 +168,7 @@ def parse_urdf(raw: bytes, name: str) -> ElementTree.Element:
 
 
 def _complete(root: ElementTree.Element, name: str) -> None:
-    """Add what libraries miss that are stricter than others, and remove what they stumble over."""
+    """Add elements that strict libraries require, and remove elements that they reject."""
     if not root.get("name"):
         root.set("name", name)
     for inertial in root.iterfind("link/inertial"):

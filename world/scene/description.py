@@ -321,13 +321,13 @@ class CameraDescription(CameraSettings):
 MAX_HIDDEN_SHARE = 0.25
 """Greatest share of the items' areas that the arm at `home` may hide from a camera."""
 MIN_DETECTABLE_MASS = 0.03
-"""Least mass whose weight a wrist surely feels in the hand, kg. A load of 12 g tells it from an empty hand,
-and a weighing is off by 15 g at most."""
+"""Least mass in the hand that the wrist sensor reliably detects, kg. A load of 12 g differs from an empty
+hand, and the error of a weighing is at most 15 g."""
 
 
 @dataclass(frozen=True, slots=True)
 class CatalogueEntry:
-    """A kind of item: what perception may recognise and the simulation may spawn."""
+    """A kind of item, which perception may recognise and the simulation may spawn."""
 
     kind: str
     form: Form
@@ -417,7 +417,7 @@ class Assortment(file_models.FileValue):
     """Least mass of a thing; lighter ones are left out, because the wrist sensor cannot detect them."""
     tags: tuple[TagNumber, ...] = ()
     """Numbers of ArUco tags (4 × 4, the first 50), given out in turn, shuffled. Each thing has its tag on all
-    flat faces that carry one. Rules of `destinations` may ask for `tag`."""
+    flat faces that carry one. Rules of `destinations` may use `tag`."""
     tag_size: Annotated[float, file_models.quantity("m", least=0.005, most=0.2)] = 0.02
     """Side of a tag's black square."""
 
@@ -608,7 +608,7 @@ class SceneSettings(file_models.FileValue):
     """True pose of the hand in its frame of the robot file; three lengths mean `offset`. Only the simulation
     reads it."""
     assortment: Assortment | None = None
-    """Things without a catalogue, for entries of `spawn` that ask for `assortment`."""
+    """Things without a catalogue, for entries of `spawn` with `assortment`."""
     calibration: SceneCalibration | None = None
     """Corrections of cameras and tool, written by `picktree calibrate`."""
 

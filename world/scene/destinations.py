@@ -41,7 +41,7 @@ class Sortable(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ItemTraits:
-    """Traits of an item that rules may ask for."""
+    """Traits of an item that rules may use."""
 
     colour: str
     form: str
@@ -55,15 +55,15 @@ class ItemTraits:
 
 
 def rule_holds(rule: Expression, item: Sortable) -> bool:
-    """Return whether a rule holds for an item. One that asks for what is not known of it does not."""
+    """Return whether a rule holds for an item. A rule with an unknown trait does not hold."""
     names = {name: getattr(item, name) for name in rule.names}
     return all(value is not None for value in names.values()) and bool(rule.evaluate(names))
 
 
 def unknown_traits(destinations: Iterable[Destination], item: Sortable) -> tuple[str, ...]:
-    """Return the traits of an item that are not known, and that rules ask for up to the first one that holds.
+    """Return the unknown traits of an item in the rules up to the first one that holds.
 
-    Without any the item has its destination for good.
+    Without unknown traits the destination of the item is final.
     """
     found: dict[str, None] = {}
     for rule in (Expression.parse(each.where) for each in destinations):
@@ -104,7 +104,7 @@ def colours_of_destinations(
 
 
 def is_at(place: str, destination: str) -> bool:
-    """Whether what is at `place`, a bin or a hole, is at its destination: that itself, or any hole of it.
+    """Whether an object at `place`, a bin or a hole, is at its destination: that place, or any hole of it.
 
     >>> is_at("board/left", "board"), is_at("board/left", "board/right"), is_at("red_bin", "red_bin")
     (True, False, True)
@@ -123,11 +123,11 @@ def rule_names(kinds: Iterable[str]) -> Mapping[str, ValueType]:
 
 
 MEASURES = {"mass": 5.0, "size": 1.5, "tag": 49.0}
-"""Numbers of an item that a rule may ask for, with the greatest one that an item may have: kg, m, a tag."""
+"""Numeric traits that a rule may use, with their greatest value: kg, m, a tag."""
 
 
 def can_hold(rule: Expression, names: Mapping[str, ValueType], *, most: int) -> bool:
-    """Whether a rule holds for any item; True also when `most` trials do not tell.
+    """Whether a rule holds for any item; True also when `most` trials give no result.
 
     Measures are tried at the rule's own numbers and on both sides of them.
     """

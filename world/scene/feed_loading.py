@@ -121,7 +121,7 @@ def check_tote(
 def check_kinds(
     check: DocumentChecker, loc: Location, entry: ItemLoad, catalogue: Mapping[str, CatalogueEntry | None]
 ) -> None:
-    """Whether the catalogue has what the entry asks for."""
+    """Check that the catalogue has the kinds of the entry."""
     with check.readable():
         for name in entry.counts:
             if name not in catalogue:

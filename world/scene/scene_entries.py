@@ -83,8 +83,8 @@ def load_body(path: Path, scale: float) -> ConvexMesh:
 
 
 def _body(raw: bytes, path: Path, scale: float, told: list[Array] | None) -> ConvexMesh:
-    """The body of a mesh file's content, of the parts that are `told` if it is not convex. Raises
-    MeshError."""
+    """Return the body of a mesh file's content; `told`: its parts from the file beside it, for a body that is
+    not convex. Raises MeshError."""
     triangles = mesh_reader.parse_mesh(raw, path)
     import trimesh  # slow to import
 
@@ -420,9 +420,9 @@ def check_fits(
     catalogue: Mapping[str, CatalogueEntry | None],
     bored: Mapping[str, tuple[Hole, ...]],
 ) -> None:
-    """Whether each kind that comes, in each colour in which it comes, fits a hole of where it belongs.
+    """Check that each kind, in each of its colours, fits a hole of its destination.
 
-    `rules` are those of the destinations with what they name; `bored` are the holes by the names of fixtures
+    `rules` are those of the destinations with their targets; `bored` are the holes by the names of fixtures
     and by their own.
     """
     told: set[tuple[int, str]] = set()
