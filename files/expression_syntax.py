@@ -101,7 +101,7 @@ def tokens(text: str) -> Iterator[Token]:
         match = _TOKEN.match(text, at)
         if match is None:
             problem = next(
-                (said for strange, said in _SYMBOL_HINTS.items() if text.startswith(strange, at)), ""
+                (hint for strange, hint in _SYMBOL_HINTS.items() if text.startswith(strange, at)), ""
             )
             raise syntax_error(problem or f"the character {text[at]!r} has no meaning here", at)
         kind, found = str(match.lastgroup), match[0]

@@ -148,9 +148,9 @@ def apply_suppressions(
     allowances, wrong = _suppressions(text, file, tuple(known))
     allowed = {(a.code, a.mark.line) for a in allowances}
     kept = [f for f in faults if f.severity == "error" or (f.code, f.mark.line) not in allowed]
-    said = {(f.code, f.mark.line): f.severity for f in faults}
+    severities = {(f.code, f.mark.line): f.severity for f in faults}
     for allowance in allowances:
-        severity = said.get((allowance.code, allowance.mark.line))
+        severity = severities.get((allowance.code, allowance.mark.line))
         if severity == "error":
             message, hint = f"{allowance.code} is an error: no comment allows it", "mend it"
             wrong.append(Diagnostic(allowance.mark, "", message, hint, "P131", "warning"))

@@ -284,12 +284,12 @@ def to_sarif(report: CheckReport, version: str, folder: Path) -> str:
 
 
 def _rule(code: str) -> Json:
-    told = page(code)
+    explained = page(code)
     return {
         "id": code,
-        "shortDescription": {"text": told.title},
-        "fullDescription": {"text": told.explanation},
-        "help": {"text": f"picktree explain-code {code}", "markdown": told.text},
+        "shortDescription": {"text": explained.title},
+        "fullDescription": {"text": explained.explanation},
+        "help": {"text": f"picktree explain-code {code}", "markdown": explained.text},
     }
 
 

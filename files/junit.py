@@ -67,8 +67,8 @@ def _add(suite: ElementTree.Element, case: JunitCase) -> None:
     if case.outcome == "skipped":
         ElementTree.SubElement(made, "skipped", {"message": _valid(case.message)})
     elif case.outcome != "passed":
-        told = {"message": _valid(case.message), "type": _valid(case.kind)}
-        ElementTree.SubElement(made, case.outcome, told).text = _valid(case.detail)
+        attributes = {"message": _valid(case.message), "type": _valid(case.kind)}
+        ElementTree.SubElement(made, case.outcome, attributes).text = _valid(case.detail)
     if case.output:
         ElementTree.SubElement(made, "system-out").text = _valid(case.output)
 

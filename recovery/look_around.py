@@ -120,10 +120,10 @@ class ResetGripper(Skill):
                 grasp.NO_CANDIDATE, f"the hand is not free: it holds {held.id}", object=held.id, held=held.id
             )
         yield from world.control.settle()
-        said = ""
+        problem = ""
         for number in range(1, self.tries + 1):
-            said = yield from self._to_and_fro(world)
-            if not said:
+            problem = yield from self._to_and_fro(world)
+            if not problem:
                 world.journal.note(
                     event_types.GripperResetEvent(f"the fingers follow again, at try {number}", self.path)
                 )
@@ -131,7 +131,7 @@ class ResetGripper(Skill):
             yield from self._pause(world)
         raise Failure(
             control.GRIPPER,
-            f"after {self.tries} tries the fingers still do not follow: {said}",
+            f"after {self.tries} tries the fingers still do not follow: {problem}",
             width=world.gripper.width,
             tries=self.tries,
         )

@@ -316,10 +316,10 @@ class RecoveryControl(ControlNode, abstract=True):
             self._reports = (*self._reports[:-1], refusal)
             return self._give_up()
         self._handler = label
-        told = f"tried (attempt {self._runs} of {self.most_runs()})" if not ends else "done instead"
+        progress = f"tried (attempt {self._runs} of {self.most_runs()})" if not ends else "done instead"
         self.world.journal.note(
             event_types.RecoveryEvent(
-                f"{report.cause} in {report.node}: {label} is {told}",
+                f"{report.cause} in {report.node}: {label} is {progress}",
                 self.path,
                 cause=report.cause.name,
                 failed=report.node,

@@ -62,7 +62,7 @@ class AwaitItems(Skill):
 
     def run(self, world: World) -> Steps:
         began, arm = world.clock.now, _Obstruction(self.clearance)
-        asked = False
+        requested = False
         while True:
             bin_belief.apply_bin_exchanges(world, self.path)
             signals, waited = world.feed.read(), world.clock.now - began
@@ -71,10 +71,10 @@ class AwaitItems(Skill):
                 return
             if signals.exhausted:
                 return
-            if not asked:
+            if not requested:
                 world.feed.ready()
                 bin_belief.forget_belt_items(world)
-                asked = True
+                requested = True
             if arm.obstructs_for_long(signals, world.clock.now):
                 raise Failure(
                     feed.OBSTRUCTED,

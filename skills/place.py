@@ -69,8 +69,8 @@ class Place(Skill):
         held = yield from object_placement.lower_and_release(world, task, spot)
         if self.into in world.scene.regions:
             world.scene.remove(held.id, held_object.PUT_BACK)
-            told = f"{held.id} is put back into {self.into}"
-            world.journal.note(event_types.PutDownEvent(told, self.path, object=held.id))
+            message = f"{held.id} is put back into {self.into}"
+            world.journal.note(event_types.PutDownEvent(message, self.path, object=held.id))
             return
         world.journal.note(
             event_types.ItemDoneEvent(

@@ -266,9 +266,9 @@ def uses_of(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> Iterator[KeyUse]:
             yield KeyUse(spec, port.key, bound.key, port, port.direction == "out")
             if port.remapped and port.direction == "out":
                 yield KeyUse(spec, port.key, bound.key, port, writes=False)  # the tree may read it, too
-    for asked in expressions_of(spec):
-        for name in sorted(asked.expression.names):
-            yield KeyUse(spec, asked.key, name, asked.expression, writes=False)
+    for place in expressions_of(spec):
+        for name in sorted(place.expression.names):
+            yield KeyUse(spec, place.key, name, place.expression, writes=False)
     for name, assignments in spec.postconditions.items():
         for assignment in assignments:
             yield KeyUse(spec, name, assignment.key, assignment, writes=True)

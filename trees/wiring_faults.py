@@ -46,27 +46,27 @@ def expression_faults(
     """
     for name, keys in circuit.keys.items():
         for placed in keys.places.values():
-            for asked in expressions_of(placed.spec):
+            for node_expression in expressions_of(placed.spec):
                 try:
-                    check_types(asked.expression, keys, ATTRIBUTE_TYPES)
+                    check_types(node_expression.expression, keys, ATTRIBUTE_TYPES)
                 except UnknownName as error:
                     if name not in unfinished:
-                        yield expression_fault(placed, asked, error, pointer, "P227")
+                        yield expression_fault(placed, node_expression, error, pointer, "P227")
                 except expression_syntax.ExpressionError as error:
-                    yield expression_fault(placed, asked, error, pointer, "P226")
+                    yield expression_fault(placed, node_expression, error, pointer, "P226")
 
 
 def expression_fault(
     placed: PlacedNode,
-    asked: NodeExpression,
+    node_expression: NodeExpression,
     error: expression_syntax.ExpressionError,
     pointer: ExpressionLocator,
     code: str,
 ) -> Diagnostic:
     """Return the fault of an expression."""
-    start = placed.spec.mark_at(asked.key)
-    mark, message = pointer.describe(start, asked.expression.text, error, asked.before)
-    return Diagnostic(mark, placed.path, f"{asked.what}: {message}", "", code)
+    start = placed.spec.mark_at(node_expression.key)
+    mark, message = pointer.describe(start, node_expression.expression.text, error, node_expression.before)
+    return Diagnostic(mark, placed.path, f"{node_expression.what}: {message}", "", code)
 
 
 def wiring_faults(circuit: ValueFlow) -> Iterator[Diagnostic]:
@@ -220,9 +220,11 @@ def unlike_comparisons(circuit: ValueFlow, pointer: ExpressionLocator) -> Iterat
         if not open_ or name == MAIN:
             continue
         for placed in keys.places.values():
-            for asked in expressions_of(placed.spec):
-                inputs = [key for key in open_ if key in asked.expression.names]
-                fault = _first_fault(calls, keys, placed, asked, inputs, pointer) if inputs else None
+            for node_expression in expressions_of(placed.spec):
+                inputs = [key for key in open_ if key in node_expression.expression.names]
+                fault = (
+                    _first_fault(calls, keys, placed, node_expression, inputs, pointer) if inputs else None
+                )
                 if fault is not None:
                     yield fault
 
@@ -231,16 +233,18 @@ def _first_fault(
     calls: _Calls,
     keys: TreeKeys,
     placed: PlacedNode,
-    asked: NodeExpression,
+    node_expression: NodeExpression,
     inputs: list[str],
     pointer: ExpressionLocator,
 ) -> Diagnostic | None:
-    names: dict[str, ValueType] = {name: keys[name] for name in asked.expression.names if name in keys}
+    names: dict[str, ValueType] = {
+        name: keys[name] for name in node_expression.expression.names if name in keys
+    }
     for key in inputs:
         for source in calls.input_values(keys.tree.name, key):
-            error = unlike_sides(asked.expression, {**names, key: source.type}, ATTRIBUTE_TYPES)
+            error = unlike_sides(node_expression.expression, {**names, key: source.type}, ATTRIBUTE_TYPES)
             if error is not None:
-                fault = expression_fault(placed, asked, error, pointer, "P226")
+                fault = expression_fault(placed, node_expression, error, pointer, "P226")
                 hint = f"{key!r} is {source.type.words()}, {source.describe(fault.mark.file)}"
                 return replace(fault, hint=hint)
     return None

@@ -259,8 +259,8 @@ def _loaded(raw: bytes, kind: str, materials: dict[str, bytes], *, by_object: bo
     try:
         loaded = trimesh.load_scene(io.BytesIO(raw), kind, process=False, **options)  # pyright: ignore[reportUnknownMemberType]
     except (ValueError, NotImplementedError) as error:
-        said = str(error).strip().partition("\n")[0] or type(error).__name__
-        raise MeshError(f"the mesh file cannot be read: {said}") from None
+        message = str(error).strip().partition("\n")[0] or type(error).__name__
+        raise MeshError(f"the mesh file cannot be read: {message}") from None
     except Exception:  # noqa: BLE001 - the library of each format has errors of its own
         raise MeshError(DAMAGED) from None
     return loaded

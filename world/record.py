@@ -65,8 +65,8 @@ class ItemCount:
             (self.set_aside, "set aside"),
             (self.without_destination, "without a destination"),
         )
-        told = ", ".join(f"{number} {words}" for number, words in others if number)
-        return f"{counts}; {told}" if told else counts
+        listed = ", ".join(f"{number} {words}" for number, words in others if number)
+        return f"{counts}; {listed}" if listed else counts
 
 
 @dataclass(frozen=True)

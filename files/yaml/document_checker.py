@@ -119,8 +119,10 @@ class DocumentChecker:
             return read_model(model, value)
         except pydantic.ValidationError as error:
             details = [detail for detail in error.errors(include_url=False) if not _follows(detail)]
-            said = [d for d in details if d["type"] != "missing" or d["loc"] not in {(k,) for k in needed}]
-            for detail in said[: MAX_FAULTS + 1]:
+            reported = [
+                d for d in details if d["type"] != "missing" or d["loc"] not in {(k,) for k in needed}
+            ]
+            for detail in reported[: MAX_FAULTS + 1]:
                 self._add(_to_diagnostic(self.document, model, loc, detail))
             places = [tuple(part for part in d["loc"] if part != "[key]") for d in details]
             return partial_model(model, value, places)

@@ -119,9 +119,9 @@ class _Reader:
             for event in yaml.parse(self._text, yaml.CSafeLoader):
                 self._take(event)
         except yaml.YAMLError as error:
-            told = {fault.mark for fault in self._faults}
+            reported = {fault.mark for fault in self._faults}
             for fault in syntax_faults(error, self._text, self._file):
-                if fault.mark not in told:
+                if fault.mark not in reported:
                     self._add_fault(fault)
             raise FileError(self._faults) from None
         if self._root is None:

@@ -389,13 +389,13 @@ def _wrong_indent(text: str, at: yaml.Mark) -> tuple[int, int, _Words] | None:
     if above is None or ":" not in here[indent:] or ":" in here[indent : at.column]:
         return None
     before = _code(lines[above])
-    column, said = len(before) - len(before.lstrip()), before.strip().removeprefix("- ")
-    if _KEY_AND_VALUE.fullmatch(said) and indent > column:
+    column, content = len(before) - len(before.lstrip()), before.strip().removeprefix("- ")
+    if _KEY_AND_VALUE.fullmatch(content) and indent > column:
         key = here.strip().partition(":")[0]
-        message = f"{key!r} is indented deeper than {said.partition(':')[0]!r} above it, which has a value"
+        message = f"{key!r} is indented deeper than {content.partition(':')[0]!r} above it, which has a value"
         return at.line + 1, indent + 1, _Words(message, f"begin it in column {column + 1}")
-    words = said.split()
-    if 1 < len(words) <= 3 and ":" not in said and words[0].isidentifier():
+    words = content.split()
+    if 1 < len(words) <= 3 and ":" not in content and words[0].isidentifier():
         value = " ".join(words[1:])
         return above + 1, column + len(words[0]) + 1, _Words(
             "a ':' is missing behind this key", f"write '{words[0]}: {value}'"

@@ -377,10 +377,10 @@ class BiasEstimator:
         A wrench that the joints do not carry is bias, however large.
         """
         before = self._wrist.force
-        anew = self._wrist.zeroed
+        was_zeroed = self._wrist.zeroed
         learnt = self._wrist.zero(WRIST_WINDOW, state.position, partial(self._is_carried_by_joints, state))
         by = math.dist(before, self._wrist.force)
-        if learnt and anew and by > MAX_BIAS_STEP:
+        if learnt and was_zeroed and by > MAX_BIAS_STEP:
             self._monitor.forget_efforts()
             words = (
                 f"the wrist felt {by:.1f} N that no joint carries: its bias has jumped, and is learnt anew"

@@ -102,8 +102,8 @@ def has_room(world: World, belief: BeliefObject) -> bool:
         if clear < math.inf:
             continue
         pair = (("gripper", str(belief.id)),)
-        asked = Request(PoseGoal((grasp.tcp_in_world,)), width=grasp.opening, allowed=pair)
-        if world.plan.reached(asked).q is not None:
+        request = Request(PoseGoal((grasp.tcp_in_world,)), width=grasp.opening, allowed=pair)
+        if world.plan.reached(request).q is not None:
             return True
     return False
 

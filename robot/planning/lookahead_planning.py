@@ -252,11 +252,15 @@ class LookaheadResult:
     """
 
     def __init__(
-        self, order: ChainOrder, asked: float, generation: int, resolve: Callable[[LookaheadResult], None]
+        self,
+        order: ChainOrder,
+        order_time: float,
+        generation: int,
+        resolve: Callable[[LookaheadResult], None],
     ) -> None:
-        """Arguments: `asked`, the simulated time of the order, s. `resolve` sets the outcome."""
+        """Arguments: `order_time`, the simulated time of the order, s. `resolve` sets the outcome."""
         self.order = order
-        self.asked = asked
+        self.order_time = order_time
         self.generation = generation
         """Number of checkpoints before it; any later checkpoint drops it."""
         self.outcome: LookaheadOutcome | None = None
@@ -352,7 +356,7 @@ class LookaheadPlanner:
             assert self._worker is not None
             answer = self._worker.receive(result.order)
         cost = answer.thoughts * self._cost
-        self._free = max(self._free, result.asked) + cost
+        self._free = max(self._free, result.order_time) + cost
         result.outcome = LookaheadOutcome(answer, cost, self._free)
         return result.order, result.outcome
 

@@ -234,7 +234,7 @@ class StartTolerance:
         """Whether q keeps the full margins."""
         checker = self._near_start(q) if self._zones else None
         if checker is not None:
-            return self._collision.asked(checker, q, self._widened or self._collision.room)
+            return self._collision.check_with(checker, q, self._widened or self._collision.room)
         return self._collision.free(q, self._widened)
 
     def count_free(self, configurations: Array) -> int:
@@ -253,7 +253,7 @@ class StartTolerance:
         """Whether q keeps halved margins: for samples between configurations that were found free."""
         checker = self._near_start(q) if self._zones else None
         if checker is not None:
-            return self._collision.asked(checker, q, self._widened or self._collision.room)
+            return self._collision.check_with(checker, q, self._widened or self._collision.room)
         return self._collision.nearly_free(q, self._widened)
 
     def excess_at(self, q: Array) -> Array:

@@ -156,9 +156,11 @@ class TrajectoryVerifier:
         None where every pair is further away than its margin plus `reach` m.
         """
         view = self._among(configurations, scene, width)
-        asked = (margins or self._margins).between
+        margin_between = (margins or self._margins).between
         parts = [thing.part for thing in view.things]
-        keep: Array = np.array([asked(parts[int(pair[0])], parts[int(pair[1])]) for pair in view.pairs])
+        keep: Array = np.array(
+            [margin_between(parts[int(pair[0])], parts[int(pair[1])]) for pair in view.pairs]
+        )
         bounds = view.sweep.bounds(view.pairs)
         found: list[TightestPair | None] = []
         for moment in range(len(configurations)):

@@ -306,8 +306,8 @@ class KinematicHardware:
                 command = GripperCommand(self.gripper.target, self.gripper.force)
                 return jam_command(command, self.gripper.width, self.robot.gripper.max_force)
             case fault_entries.WrenchDead():
-                said = self.wrench.read()
-                return (*said.force, *said.torque, self.stamps.wrench)
+                reading = self.wrench.read()
+                return (*reading.force, *reading.torque, self.stamps.wrench)
             case _:
                 return (0.0,) if fault_entries.counted(fault) else ()
 

@@ -264,13 +264,13 @@ class KinematicWrench:
         self._turn = turn
 
     def read(self) -> Wrench:
-        faults, said = self._faults, self.reading
+        faults, reading = self._faults, self.reading
         if faults.silence is not None:
             return faults.silence.wrench
         if not faults.biased:
-            return said
+            return reading
         x, y, z, a, b, c = faults.wrench_bias(self._turn())
-        (fx, fy, fz), (tx, ty, tz) = said.force, said.torque
+        (fx, fy, fz), (tx, ty, tz) = reading.force, reading.torque
         return Wrench((fx + x, fy + y, fz + z), (tx + a, ty + b, tz + c))
 
 

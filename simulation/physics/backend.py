@@ -375,8 +375,8 @@ class PhysicsHardware:
                 width = self._body.fingers.width(reading.position[n:])
                 return jam_command(self._body.grip, width, self.robot.gripper.max_force)
             case fault_entries.WrenchDead():
-                said = self.wrench.read()
-                return (*said.force, *said.torque, self.wrench.stamp)
+                reading = self.wrench.read()
+                return (*reading.force, *reading.torque, self.wrench.stamp)
             case _:
                 return (0.0,) if fault_entries.counted(fault) else ()
 

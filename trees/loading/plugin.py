@@ -96,8 +96,8 @@ class _Watch(ast.NodeTransformer):
 
     def _watched(self, call: ast.Call) -> ast.Call:
         place = f"{self._file}, line {call.lineno}"
-        said = [ast.Constant(ast.unparse(call.func)), ast.Constant(place)]
-        helper = ast.Call(ast.Name(_HELPER, ast.Load()), [call, *said], [])
+        arguments = [ast.Constant(ast.unparse(call.func)), ast.Constant(place)]
+        helper = ast.Call(ast.Name(_HELPER, ast.Load()), [call, *arguments], [])
         return ast.copy_location(helper, call)
 
 

@@ -210,7 +210,7 @@ def origin_faults(where: str, origin: ElementTree.Element | None) -> Iterator[st
     """Yield the faults of an <origin>, if there is one."""
     if origin is None:
         return
-    for key, most, told in (("xyz", MAX_OFFSET, "millimetres"), ("rpy", MAX_ANGLE, "degrees")):
+    for key, most, wrong_unit in (("xyz", MAX_OFFSET, "millimetres"), ("rpy", MAX_ANGLE, "degrees")):
         if (text := origin.get(key)) is None:
             continue
         faults = [*vector_faults(where, origin, key)]
@@ -218,7 +218,7 @@ def origin_faults(where: str, origin: ElementTree.Element | None) -> Iterator[st
         if not faults and max(map(abs, numbers_of(text) or (0.0,))) > most:
             scale, unit = (1e-3, "m") if key == "xyz" else (math.pi / 180, "rad")
             right = " ".join(f"{scale * number:.6g}" for number in numbers_of(text) or ())
-            yield f'{where}: <origin {key}="{text}"> is in {unit}: are these {told}? Write "{right}"'
+            yield f'{where}: <origin {key}="{text}"> is in {unit}: are these {wrong_unit}? Write "{right}"'
 
 
 def vector_faults(

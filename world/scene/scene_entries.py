@@ -64,7 +64,7 @@ def load_body(path: Path, scale: float) -> ConvexMesh:
         raw = file_text.read_bytes(path, MAX_MESH_BYTES)
     except file_text.Unreadable as error:
         raise mesh_reader.MeshError(f"{path}: {error.message}") from None
-    told = convex_decomposition.read_parts(path, raw, scale)
+    saved_parts = convex_decomposition.read_parts(path, raw, scale)
     makers = (
         Path(__file__),
         mesh_reader,
@@ -75,16 +75,21 @@ def load_body(path: Path, scale: float) -> ConvexMesh:
         "pycollada",
         "coacd",
     )
-    inputs = (raw, path.suffix, repr(scale), repr([part.tolist() for part in told or ()]))
+    inputs = (raw, path.suffix, repr(scale), repr([part.tolist() for part in saved_parts or ()]))
     kept = disk_cache.cached_arrays(
-        "mesh-body", inputs, makers, lambda: convex_decomposition.as_arrays(_body(raw, path, scale, told))
+        "mesh-body",
+        inputs,
+        makers,
+        lambda: convex_decomposition.as_arrays(_body(raw, path, scale, saved_parts)),
     )
     return convex_decomposition.from_arrays(kept, str(path), scale)
 
 
-def _body(raw: bytes, path: Path, scale: float, told: list[Array] | None) -> ConvexMesh:
-    """Return the body of a mesh file's content; `told`: its parts from the file beside it, for a body that is
-    not convex. Raises MeshError."""
+def _body(raw: bytes, path: Path, scale: float, saved_parts: list[Array] | None) -> ConvexMesh:
+    """Return the body of a mesh file's content. Raises MeshError.
+
+    `saved_parts`: parts from the file beside it, for a body that is not convex.
+    """
     triangles = mesh_reader.parse_mesh(raw, path)
     import trimesh  # slow to import
 
@@ -110,12 +115,12 @@ def _body(raw: bytes, path: Path, scale: float, told: list[Array] | None) -> Con
         points = convex_decomposition.simplified(corners) - np.asarray(hull.center_mass, np.float64)
         return convex_decomposition.from_arrays({"0": points}, str(path), scale)
     centre = np.asarray(mesh.center_mass, np.float64)
-    if told is None:
+    if saved_parts is None:
         vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
         _log.info("decomposing %s into convex parts …", path.name)
         parts = convex_decomposition.decomposed(mesh_reader.TriangleMesh(vertices, faces, np.empty((0, 3))))
     else:
-        parts = [part + centre for part in told]
+        parts = [part + centre for part in saved_parts]
     return convex_decomposition.body_of(parts, str(path), scale, corners, centre)
 
 
@@ -425,16 +430,16 @@ def check_fits(
     `rules` are those of the destinations with their targets; `bored` are the holes by the names of fixtures
     and by their own.
     """
-    told: set[tuple[int, str]] = set()
+    reported: set[tuple[int, str]] = set()
     for kind, colour in coming:
         entry = catalogue.get(kind)
         if entry is None:
             continue
         item = ItemTraits(colour, entry.form, kind, entry.mass, greatest_length(entry.shape))
         n = next((n for n, (rule, _) in enumerate(rules) if rule_holds(rule, item)), None)
-        if n is None or rules[n][1] not in bored or (n, kind) in told:
+        if n is None or rules[n][1] not in bored or (n, kind) in reported:
             continue
-        told.add((n, kind))
+        reported.add((n, kind))
         to = rules[n][1]
         if hole_geometry.tightest_hole(bored[to], entry.shape) is None:
             misses = f"does not fit the hole {to!r}" if "/" in to else f"fits no hole of {to!r}"
