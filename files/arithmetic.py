@@ -22,7 +22,7 @@ from typing import Any, Final, cast
 from .errors import PicktreeError
 
 PINNED: Final[Mapping[str, str]] = {
-    # What numpy dispatches to beyond x86-64-v3; the sums and transcendental functions differ there.
+    # Kernels of numpy beyond x86-64-v3; the sums and transcendental functions differ there.
     "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
     # The kernels of matrix products and of LAPACK, in the copies of numpy, scipy and OpenCV.
     "OPENBLAS_CORETYPE": "Haswell",

@@ -414,7 +414,7 @@ def _joined(types: tuple[ValueType, ...]) -> ValueType:
     if kinds == {"list"}:
         return list_of(join(t.element or ANY for t in types))
     definite = [t for t in types if t.kind != "word"]
-    # A word may be whatever kind of text the others are.
+    # A word fits any kind of text.
     return definite[0] if len(definite) == 1 and definite[0].kind in _TEXTS else ANY
 
 

@@ -205,7 +205,7 @@ def _scalars(text: str) -> tuple[list[int], list[int]]:
     for event in yaml.parse(text, yaml.CSafeLoader):
         if isinstance(event, yaml.ScalarEvent) and event.start_mark and event.end_mark:
             start = event.start_mark.index
-            if event.style in ("|", ">"):  # behind the | a comment may stand
+            if event.style in ("|", ">"):  # a comment may follow the |
                 start = text.find("\n", start)
             starts.append(start)
             ends.append(event.end_mark.index)

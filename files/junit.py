@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 
 Outcome: TypeAlias = Literal["passed", "failure", "error", "skipped"]
 
-# What XML 1.0 allows; no escape makes the other characters valid.
+# Characters that XML 1.0 allows; no escape makes the other characters valid.
 _INVALID = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 

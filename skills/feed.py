@@ -130,7 +130,7 @@ class ExchangeBin(Skill):
     def run(self, world: World) -> Steps:
         bin_ = self._bin(world)
         if self.bin in bin_belief.apply_bin_exchanges(world, self.path):
-            return  # at an earlier request, for which nobody waited to the end
+            return  # at an earlier request, whose wait was cut short
         full = bin_belief.bin_fill_level(world, bin_)
         if full < self.level:
             self.feedback_message = f"{self.bin} is {full:.0%} full"

@@ -140,7 +140,7 @@ def type_mismatch(source: ValueSource, target: PortDeclaration, text: str, *, st
     values = source.values or ()
     wrong = [problem for value in values if (problem := _refused(value, target)) is not None]
     if wrong and (source.certain or len(wrong) == len(values)):
-        # A literal stands in the reason already.
+        # The reason contains a literal already.
         return f"{text}: {wrong[0]}" if text.startswith("{") or text == DEFAULT else wrong[0]
     return None
 
@@ -387,7 +387,7 @@ class TreeKeys(Mapping[str, ValueType]):
             for source in self._input_of(write.spec, what.like or what.each_of or "", mark):
                 yield replace(source if what.like else source.elements(), mark=mark, writer=path)
         elif write.spec.node is None and what.type.name == "any":
-            # An output whose type nobody declared: what the sub-tree writes there.
+            # An output without a declared type has the type that the sub-tree writes.
             for source in self._below[write.spec.id].sources(what.key):
                 yield replace(source, mark=mark, writer=path, port=None, depth=0)
         else:

@@ -25,7 +25,7 @@ class Cause:
         return self.name
 
     def __reduce__(self) -> tuple[Callable[[str], Cause], tuple[str]]:
-        return cause_named, (self.name,)  # another process has the same causes, which are told by identity
+        return cause_named, (self.name,)  # another process compares the same causes by identity
 
 
 @dataclass(frozen=True, slots=True)

@@ -107,7 +107,7 @@ def parse_mesh(raw: bytes, path: Path) -> TriangleMesh:
         raise MeshError(f"the mesh has {len(faces):,} triangles", f"{MAX_TRIANGLES:,} at most; simplify it")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise MeshError("the mesh has faces of vertices that it lacks")
-    # What no face names is no part of the body.
+    # Vertices without a face are no part of the body.
     used, places = np.unique(faces, return_inverse=True)
     vertices, faces = vertices[used], places.reshape(-1, 3).astype(np.int64)
     _refuse_infinite(vertices)

@@ -135,7 +135,7 @@ def outline(shape: Shape, pose: Pose) -> PlanarOutline:
             a, b = height / 2, radius
             return PlanarOutline(np.array([[a, -b], [a, b], [-a, b], [-a, -b]]))
         case _:
-            import cv2  # slow to load, and whoever checks a mission asks for no outline
+            import cv2  # slow to load, and checks of missions need no outline
 
             points = (corners(shape) @ rotation.T)[:, :2]
             level = PlanarPose(0.0, 0.0, -heading(shape, pose)).apply(points)

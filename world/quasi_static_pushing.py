@@ -141,7 +141,7 @@ class PlanarPushModel:
         """Separate moved bodies from the bodies that they have entered, which then count as moved too.
         Returns the greatest depth, m."""
         worst = 0.0
-        # The order of a set of names is that of their hashes, which each process draws anew.
+        # The order of a set of names is that of their hashes, which differ between processes.
         for name in [name for name in self._bodies if name in moved]:
             body = self._bodies[name]
             for other_name, other in self._bodies.items():

@@ -206,7 +206,7 @@ def _first_spans(spans: list[tuple[Array, Array]]) -> tuple[Array, Array]:
     near, far = spans[0]
     for start, end in spans[1:]:
         met, known = start <= end, near <= far
-        # What lies behind the origin hides nothing.
+        # Surfaces behind the origin hide nothing.
         ahead = np.where(end > 0.0, start, np.inf) < np.where(known & (far > 0.0), near, np.inf)
         taken = met & (ahead | ~known)
         near, far = np.where(taken, start, near), np.where(taken, end, far)

@@ -131,7 +131,7 @@ def read_document(path: Path, kind: str | None = None, text: str | None = None) 
     faults = [*reading.faults, *_format_faults(reading.root)]
     other = list(_kind_faults(reading.root, kind))
     if other or any(fault.code == "P102" and fault.where for fault in faults):
-        # What another kind or another format says cannot be judged.
+        # Documents of another kind or format cannot be checked.
         raise FileError([*faults, *other])
     return Document(path, text, str(data["kind"]), data, reading.root, tuple(faults))
 

@@ -14,8 +14,8 @@ from picktree.files import MAX_NEAR_NAMES, Diagnostic, FileError, Mark, Picktree
 MAX_BYTES: Final = 1_000_000
 """Maximum size of a YAML file."""
 
-# What YAML 1.2 allows in a stream (section 5.1), less the byte order mark in mid-text, and less what ends a
-# line for some readers and not for others: they disagree about what stands behind it.
+# Characters that YAML 1.2 allows in a stream (section 5.1), without the byte order mark in mid-text. Line
+# separators that only some readers recognise are also left out: readers disagree about the text behind them.
 _FORBIDDEN = re.compile(
     "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]|\r(?!\n)"
 )

@@ -165,7 +165,7 @@ def peg(fit: InsertionTask, tcp_in_world: Pose) -> HeldPeg:
     match fit.shape:
         case Box((x, y, _)):
             corners = [np.array([a * x / 2, b * y / 2, 0.0]) for a in (1, -1) for b in (1, -1)]
-            # Over a corner the sides have equal slopes, whatever their length.
+            # Over a corner the sides have equal slopes, independent of their length.
             slopes = [turn @ (np.sign(c) / math.sqrt(2.0)) for c in corners]
             best = max(range(4), key=lambda k: (round(float(slopes[k][1]) / LEAN_TOLERANCE), k))
             return HeldPeg(foot, slopes[best], turn @ corners[best], False)

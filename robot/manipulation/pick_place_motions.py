@@ -75,7 +75,7 @@ def descend_until_contact(
         if contact:
             rise = world.handling.back_off + max(0.0, at_grip - opened)
         elif room < way:
-            # What it lies on was not felt: its height is believed.
+            # The fingers did not touch its support: the height of that is believed.
             seen = world.scene.get(object_id)
             support = bottom(seen.shape, seen.pose)
             rise = support + at_grip + world.handling.back_off - world.control.tcp.position[2]

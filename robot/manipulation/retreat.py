@@ -141,7 +141,7 @@ class RetreatMotion:
         """
         world = self._world
         if self.pressed or self.touched:
-            # The path that the arm came along was free a moment ago, whatever the belief.
+            # The path that the arm came along was free a moment ago, independent of the belief.
             yield from self._back()
         while (contacts := world.plan.contacts()) and not self.is_overdue:
             way = self._best(contacts)

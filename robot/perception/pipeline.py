@@ -206,7 +206,7 @@ class Perception:
         else:
             sight = level_camera(believed, depth, backdrop, self._table_z)
         if believed.apart(sight, DISPLACEMENT_DISTANCE) > MAX_CAMERA_DISPLACEMENT:
-            # What is seen of walls and table is compared with where they are, seen from the corrected camera.
+            # Seen walls and table are compared with their known places, from the corrected camera.
             believed = sight
             backdrop = BackgroundModel.of(self._description, sight, self._table, self._table_z)
         height = sight.heights(depth)

@@ -285,7 +285,7 @@ class CollisionChecker:
 
     def _inside(self, checker: MarginChecker, room: ToolRoom) -> bool:
         """Whether the tool is in the room at the configuration that `checker` tested last."""
-        # In most configurations the joint alone tells, which takes a third of the time.
+        # In most configurations the joint alone decides, which takes a third of the time.
         at, reach = checker.tool_joint.translation, self._tcp_reach
         return room.holds(at, reach) or room.holds(checker.tool_joint.act(self._tcp_offset))
 

@@ -165,7 +165,7 @@ class PlanningWorker:
         # An open log would look as if its run still went on when only the worker is left.
         os.closerange(_STANDARD_STREAMS, connection.fileno())
         os.closerange(connection.fileno() + 1, os.sysconf("SC_OPEN_MAX"))
-        # What fails here fails again in the other process, which tells it.
+        # A failure here occurs again in the other process, which reports it.
         with suppress(Exception):
             solver = self._make_solver()
             while True:

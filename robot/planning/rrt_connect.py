@@ -253,7 +253,7 @@ def _extend(tree: SearchTree, samples: _Samples, checks: SearchChecks, left: int
     """
     samples.fill()
     nearest, ends = tree.towards(samples.block, samples.row)
-    # Most extensions fail at their end. As long as they do, the tree stays as it is.
+    # Most extensions fail at their end. As long as they do, the tree does not change.
     blocked = checks.count_blocked(ends[:left])
     samples.row += min(blocked + 1, len(ends), left)
     if blocked == min(len(ends), left):

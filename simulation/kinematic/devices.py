@@ -102,7 +102,7 @@ class KinematicGripper:
             self.item_in_tcp = pose
         self.width = width
         # An item that is too heavy for the force is caught again in each period, at the same width but for
-        # rounding: the fingers stand.
+        # rounding: the fingers are at rest.
         self.speed = 0.0 if abs(width - before) < MIN_FINGER_STEP else (width - before) / period
 
     def _carries(self, body: KinematicBody, force: float) -> bool:

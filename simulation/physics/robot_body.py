@@ -100,7 +100,7 @@ class RobotBody:
         self._flange = joints[robot.flange_joint]
         self._read_joints = [*self._arm, *self._fingers, self._flange]
         # pybullet's default of 0.04 would damp the arm as if it moved in oil. All three concern the whole
-        # body or its base, whatever link the call names.
+        # body or its base, for any link in the call.
         pb.changeDynamics(
             self.body,
             -1,

@@ -131,7 +131,7 @@ def can_hold(rule: Expression, names: Mapping[str, ValueType], *, most: int) -> 
 
     Measures are tried at the rule's own numbers and on both sides of them.
     """
-    # What the rule does not ask for need not be varied.
+    # Traits that the rule does not use need not be varied.
     varied = [
         (_measures(rule, MEASURES[name]) if name in MEASURES else known.choices)
         if name in rule.names

@@ -306,7 +306,7 @@ class _Parts:
     def _check_destination(self, n: int, rule: Destination) -> None:
         check = self.checker
         with check.readable():
-            # What may be a bin, because it could not be read, is not missed here.
+            # An unreadable body may be a bin, and is not reported as missing here.
             bins = [name for name in self.bodies if self._may_be_bin(name)]
             bored = self._holes()
             if rule.to not in bins and rule.to not in bored and rule.to.partition("/")[0] not in bins:
