@@ -77,7 +77,7 @@ class CauseIs(CauseGuard):
 
 
 class WouldLookingHelp(WouldHelp):
-    """Whether another look may help: something is not where it was believed to be, or was not seen well."""
+    """Whether another look may help: an object was not at its believed place, or was not seen well."""
 
     helps = (
         "perception.*", "grasp.no_candidate", "grasp.missed", "grasp.slipped", "place.missed",
@@ -123,7 +123,7 @@ class WouldReplanningHelp(WouldHelp):
 
 
 class WouldPushingHelp(WouldHelp):
-    """Whether pushing the object free may help: the hand does not fit around it where it lies."""
+    """Whether pushing the object free may help: the hand does not fit around it at its place."""
 
     helps = ("grasp.no_candidate", "planning.goal_in_collision", "planning.no_ik", "push.stalled")
 

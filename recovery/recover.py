@@ -409,7 +409,7 @@ class RecoveryControl(ControlNode, abstract=True):
 
 
 class RecoveryNode(RecoveryControl):
-    """Runs its first child; when it fails, runs the second, then the first again, as Nav2's.
+    """Runs its first child; when it fails, runs the second, then the first again, as in Nav2.
 
     The first child runs once more than `number_of_retries`. When the second child fails or is skipped, the
     node fails with the first one's cause, the second one's attached. When all retries are used up, it fails

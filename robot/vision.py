@@ -46,8 +46,8 @@ MAX_FRAMES = 4
 FRAME_TIME = 0.1
 """Time from one frame to the next, s."""
 MAX_IMAGE_AGE = 0.2
-"""Maximum age of an image, s. A camera that hangs returns its last image again, and a hand at 0.25 m/s has
-moved by 5 cm in this time."""
+"""Maximum age of an image, s. A frozen camera returns its last image again, and a hand at 0.25 m/s has moved
+by 5 cm in this time."""
 LEAST_NOISE = 5e-5
 """Noise of a depth image from which no two images are the same, m. A camera without noise may repeat one."""
 

@@ -73,7 +73,7 @@ class PlanarOutline:
 
     @property
     def turn(self) -> float:
-        """Turned by this it is the same, rad; 0 when it has no heading."""
+        """Angle of rotational symmetry, rad; 0 for a body without a heading."""
         if self.round:
             return 0.0
         for fold in SYMMETRY_FOLDS:

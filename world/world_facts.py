@@ -144,9 +144,9 @@ class FeedProgress:
 ASIDE = "aside"
 """The place of an item that the mission has given up."""
 TAKEN_AWAY = "taken away with its bin"
-"""Why an object leaves the belief when its bin is exchanged for an empty one."""
+"""Reason to remove an object from the belief when its bin is exchanged for an empty one."""
 RODE_ON = "the belt carries it on"
-"""Why an object leaves the belief when the belt on which it lies may run."""
+"""Reason to remove an object from the belief when the belt below it may run."""
 FACTS: Mapping[str, type[bool] | type[int] | type[float] | type[str]] = {
     "items_left": bool,
     "items_to_do": int,

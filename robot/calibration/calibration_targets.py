@@ -1,7 +1,7 @@
 """Calibration targets of a scene, and the touches at which closed fingers measure the TCP in all three
 directions.
 
-Where the closed fingers touch a target, so that their tip is known in all three directions.
+Together the touches determine the finger tips in all three directions.
 
 On a side face the tip's place along the face's normal counts. Turned by half a turn about the vertical it
 counts with the other sign, so the two together part the tip from the face. Leaning with the tip ahead, how

@@ -52,7 +52,7 @@ class BeliefWatch(ABC):
 
 
 class TargetWatch(BeliefWatch):
-    """Monitor of an approach: whether the object is where it was."""
+    """Monitor of an approach: whether the object keeps its place."""
 
     def __init__(self, world: World, target: BeliefObject) -> None:
         super().__init__(lambda: world.scene.version)

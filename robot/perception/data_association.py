@@ -56,7 +56,7 @@ beyond the true surface."""
 MAX_UNEXPLAINED_SHARE = 0.25
 """Share of an obstacle's cells, beside those of all detections in it, above which it is still there."""
 MAX_SUPPOSED_TIME = 60.0
-"""Simulated s for which an item that was given up is believed where it fell unseen."""
+"""Simulated time for which a given-up item is believed at its unseen place, s."""
 MIN_SHARE_IN_ITEMS = 0.9
 """Share of a patch's points at unrecognised items from which the patch belongs to them. The others are noise
 at its outline."""

@@ -59,7 +59,7 @@ MAX_EXAMINED = 40
 
 @dataclass(frozen=True, slots=True)
 class BlockingBodies:
-    """Bodies by how often they were in the way, the most frequent first; links of the robot among them."""
+    """Obstructing bodies by frequency, the most frequent first; links of the robot among them."""
 
     by: tuple[str, ...] = ()
     pairs: tuple[str, ...] = ()

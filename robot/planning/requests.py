@@ -156,7 +156,7 @@ class Request:
     width: float | None = None
     """Opening of the fingers, m; None: the present one."""
     holding: HeldObject | None = None
-    """Supposed held object; None: the one that the belief has in the hand."""
+    """Supposed held object; None: the held object of the belief."""
     allowed: tuple[tuple[str, str], ...] = ()
     """Pairs of names that may touch on this motion, in addition to those that the scene allows."""
     constraints: tuple[Constraint, ...] = ()

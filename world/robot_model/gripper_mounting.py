@@ -234,8 +234,8 @@ def _name_meshes(root: ElementTree.Element, urdf: NamedUrdf) -> None:
 
 
 def mount_tool(root: ElementTree.Element, robot: RobotDescription) -> None:
-    """Move the flange joint of a URDF in place, with all that hangs on it. The TCP then sits at
-    `robot.tool` in the frame of the TCP that the file states."""
+    """Move the flange joint of a URDF in place, with all links beyond it. The TCP then sits at `robot.tool`
+    in the frame of the TCP that the file states."""
     if robot.tool == Pose():
         return
     tree = skeleton_of(root)

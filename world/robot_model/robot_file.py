@@ -28,7 +28,7 @@ SHIPPED = Path(__file__).parents[1] / "robots"
 
 
 COMPOSED = ("mount", "inertias", "attachments", "flange_behind")
-"""Keys of a robot file that change the URDF: the composed one, which a log keeps, needs none of them."""
+"""Keys of a robot file that change the URDF. The composed URDF in a log needs none of them."""
 
 
 def load_robot(name_or_path: str, beside: Path | None = None) -> RobotDescription:
