@@ -168,7 +168,7 @@ class ArmMotion(ContactMotion):
             yield from self._until_rest(lease)
             self._check(lease)
             self._last = None
-            touch = ForceGuard(guard, self._felt())
+            touch = ForceGuard(guard, self._contact_force())
             return (
                 yield from self._jogging.run(
                     lease, twists, touch, duration, distance, self._check, self._until_rest
