@@ -39,7 +39,7 @@ def one(job: MissionJob, folder: Path) -> Row:
     crushing = getattr(hardware, "crushing")  # noqa: B009  of the physical backend alone
     pressed = [
         {"kind": kinds[name], "force": p.force, "gripped": p.gripped, "limit": p.limit}
-        for name, p in crushing.most().items()
+        for name, p in crushing.greatest_forces().items()
     ]
     with Run(result.log) as run:
         events = Counter(at.record.kind for at in run.events)

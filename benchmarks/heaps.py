@@ -171,9 +171,9 @@ def _request(job: Job, folder: Path) -> RunRequest:
 def _approaches(job: Job) -> Generator[None]:
     """Limit the search to a hand that does not lean, where the job says so."""
     from picktree.robot.manipulation import heap_pick
-    from picktree.robot.manipulation.heap_grasps import LOOSE, STRICT, VERTICAL, grasps
+    from picktree.robot.manipulation.heap_grasps import LOOSE_TIER, STRICT_TIER, VERTICAL, grasps
 
-    upright = [(STRICT, (VERTICAL,)), (LOOSE, (VERTICAL,))]
+    upright = [(STRICT_TIER, (VERTICAL,)), (LOOSE_TIER, (VERTICAL,))]
     search = grasps if job.tilt else partial(grasps, stages=upright)
     with patch.object(heap_pick, "grasps", search):
         yield

@@ -1,4 +1,4 @@
-"""Reading files: YAML with places, quantities, expressions, and faults that say what would be right."""
+"""Reading files: YAML with places, quantities, expressions, and faults with hints."""
 
 import lazy_loader
 

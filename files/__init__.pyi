@@ -62,7 +62,7 @@ from .node_patterns import (
 )
 from .quantities import example as example
 from .value_wording import (
-    MOST_NEAR as MOST_NEAR,
+    MAX_NEAR_NAMES as MAX_NEAR_NAMES,
     describe as describe,
     listed as listed,
     suggest_boolean as suggest_boolean,

@@ -22,7 +22,7 @@ from typing import Any, Final, cast
 from .errors import PicktreeError
 
 PINNED: Final[Mapping[str, str]] = {
-    # What numpy dispatches to beyond x86-64-v3; the sums and transcendental functions differ there.
+    # Kernels of numpy beyond x86-64-v3; the sums and transcendental functions differ there.
     "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
     # The kernels of matrix products and of LAPACK, in the copies of numpy, scipy and OpenCV.
     "OPENBLAS_CORETYPE": "Haswell",
@@ -39,7 +39,7 @@ REMOVED: Final = ("NPY_ENABLE_CPU_FEATURES", "OPENCV_CPU_DISABLE")
 TUNABLES: Final = "GLIBC_TUNABLES"
 _CPU_TUNABLES: Final = "glibc.cpu."
 _V3: Final = ("avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "abm", "movbe")
-"""Flags of x86-64-v3 as Linux names them; `abm` stands for lzcnt."""
+"""Flags of x86-64-v3 as Linux names them; `abm` is the flag of lzcnt."""
 _PROCESSOR: Final = Path("/proc/cpuinfo")
 
 _numpy_came_first = "numpy" in sys.modules
@@ -51,8 +51,8 @@ _warned = False
 def pin() -> None:
     """Set the variables of the libraries that are not loaded yet, here and for all child processes.
 
-    A processor without AVX2 keeps what the libraries choose, so that the import of numpy does not crash;
-    `check` refuses to simulate there.
+    A processor without AVX2 keeps the kernels that the libraries choose, so that the import of numpy does not
+    crash; `check` refuses to simulate there.
     """
     global _tuned
     tunables = os.environ.get(TUNABLES, "")
@@ -69,10 +69,10 @@ def pin() -> None:
 
 
 def restart(before: Callable[[], object] = lambda: None) -> None:
-    """Start this process once more when glibc was told to choose other kernels; else return at once.
+    """Restart this process when glibc was set to choose other kernels; else return at once.
 
-    For commands, first of all: the new process has the same arguments, files and process id. `before` is
-    called just before.
+    Commands call it first. The new process has the same arguments, files and process id. `before` is called
+    just before the restart.
     """
     if _tuned:
         before()
@@ -100,7 +100,7 @@ def check() -> None:
 
 @cache
 def missing_instructions() -> tuple[str, ...]:
-    """Instructions of x86-64-v3 that the processor lacks; empty where this cannot be read."""
+    """Return the instructions of x86-64-v3 that the processor lacks; empty when they cannot be read."""
     try:
         with _PROCESSOR.open(encoding="ascii", errors="replace") as lines:
             flags = next((line.split() for line in lines if line.startswith("flags")), None)
@@ -110,7 +110,7 @@ def missing_instructions() -> tuple[str, ...]:
 
 
 def numpy_kernels() -> str:
-    """Highest instruction set for which numpy has kernels in use, such as `X86_V3`. Loads numpy."""
+    """Return the highest instruction set of numpy's active kernels, such as `X86_V3`. Loads numpy."""
     import numpy as np
 
     config = cast("dict[str, Any]", np.show_config(mode="dicts") or {})
@@ -119,7 +119,7 @@ def numpy_kernels() -> str:
 
 
 def blas_kernels() -> Mapping[str, str]:
-    """Kernels of each OpenBLAS in this process by the package that brings it, such as `Haswell, 1 thread`."""
+    """Return the kernels of each OpenBLAS in this process by its package, such as `Haswell, 1 thread`."""
     from threadpoolctl import threadpool_info
 
     return {

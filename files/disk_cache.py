@@ -1,4 +1,4 @@
-"""Disk cache: results of slow computations, kept for later processes and found by what they are made from.
+"""Disk cache: results of slow computations, kept for later processes and found by their inputs.
 
 The key of an entry is a hash over the content of its inputs, and over the source files and library versions
 that compute it. So an entry is never out of date, and a change of any of them makes a new one. Entries are
@@ -48,7 +48,7 @@ def cache_folder() -> Path | None:
     base = os.environ.get("XDG_CACHE_HOME", "")
     if os.path.isabs(base):
         return Path(base) / "picktree"
-    with suppress(RuntimeError):  # nobody's home
+    with suppress(RuntimeError):  # the user has no home folder
         return Path.home() / ".cache" / "picktree"
     return None
 
@@ -59,11 +59,12 @@ def cached_arrays(
     makers: Iterable[Maker],
     compute: Callable[[], Arrays],
 ) -> dict[str, NDArray[Any]]:
-    """Return what `compute` returns: from the cache, else computed and put there.
+    """Return the arrays of `compute` from the cache; compute and store them when they are missing.
 
-    `inputs`: all that the result depends on; a path stands for the file's content. `makers`: what computes
-    it, as modules or source files of ours, and names of libraries. The arrays are new and contiguous in
-    either case, so that the cache cannot change a later result. Raises what `compute` raises, nothing else.
+    `inputs`: all data that the result depends on; a path means the content of its file. `makers`: the code
+    that computes the result, as our modules or source files and names of libraries. The arrays are new and
+    contiguous in either case, so that the cache cannot change a later result. Raises only the exceptions of
+    `compute`.
     """
     try:
         name = _entry_name(kind, inputs, makers)
@@ -84,9 +85,9 @@ def cached_arrays(
 
 
 def kept(kind: str, inputs: Iterable[str], makers: Iterable[Maker]) -> bytes | None:
-    """Return what `keep` has put under these inputs; None when there is nothing.
+    """Return the content that `keep` stored under these inputs; None without one.
 
-    Unlike an array, it may be out of date: the content itself must say what it was made from.
+    Unlike an array, it may be out of date: the content itself must state its sources.
     """
     folder = cache_folder()
     return None if folder is None else _read(folder / _entry_name(kind, inputs, makers))
@@ -101,14 +102,14 @@ def keep(kind: str, inputs: Iterable[str], makers: Iterable[Maker], data: bytes)
 
 @dataclass(frozen=True, slots=True)
 class CacheContent:
-    """Folder of the cache (None: there is none), number of its entries, and their size in bytes."""
+    """Folder of the cache (None: no cache), number of its entries, and their size in bytes."""
 
     folder: Path | None
     entries: int
     size: int
 
     def to_text(self, *, cleared: bool = False) -> str:
-        """Return a line for people. `cleared`: this is what was there before it was deleted.
+        """Return a line for people. `cleared`: this is the content before the deletion.
 
         >>> CacheContent(Path("/home/ada/.cache/picktree"), 3, 1_234_567).to_text()
         '/home/ada/.cache/picktree: 3 entries, 1.2 MB'
@@ -131,7 +132,7 @@ def cache_content() -> CacheContent:
 
 
 def clear_cache() -> CacheContent:
-    """Delete all entries and return what was there. Raises PicktreeError when one cannot be deleted."""
+    """Delete all entries and return their count and size. Raises PicktreeError when one cannot be deleted."""
     before = cache_content()
     for _, _, path in _files(before.folder):
         try:
@@ -156,7 +157,7 @@ def _entry_name(kind: str, inputs: Iterable[str | bytes | Path], makers: Iterabl
 
 @cache
 def _maker(source: Maker) -> bytes:
-    """Return what tells this source, or this library, from another version of it."""
+    """Return an identifier of the version of this source or library."""
     if not isinstance(source, str):
         file = source if isinstance(source, Path) else Path(source.__file__ or "")
         return hashlib.sha256(file.read_bytes()).digest()
@@ -164,7 +165,7 @@ def _maker(source: Maker) -> bytes:
 
 
 def _read(entry: Path) -> bytes | None:
-    """Return an entry's content; None where there is none, or a damaged one."""
+    """Return an entry's content; None for a missing or damaged entry."""
     try:
         stored = entry.read_bytes()
         os.utime(entry)  # it was used now

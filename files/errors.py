@@ -11,7 +11,7 @@ from typing import Generic, Literal, NoReturn, TypeAlias, TypeVar
 
 
 class PicktreeError(Exception):
-    """Bad input or a broken set-up. The text is for the user: where, what, and what would be right."""
+    """Bad input or a broken set-up. The text is for the user: place, problem, and remedy."""
 
 
 Location: TypeAlias = tuple[str | int, ...]
@@ -29,8 +29,8 @@ class Mark:
     def __str__(self) -> str:
         return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
 
-    def told(self, file: str) -> str:
-        """The line, for a reader of that file: `line 12`, or `line 12 of common.yaml`."""
+    def describe(self, file: str) -> str:
+        """Describe the line for a reader of that file: `line 12`, or `line 12 of common.yaml`."""
         return f"line {self.line}" + (f" of {self.file}" if self.file != file else "")
 
 
@@ -41,7 +41,7 @@ def _no_code() -> NoReturn:
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
     """Fault at a place in a file. `where` is the dotted path of the value, or the node's path in the tree.
-    `hint` says what would be right, `code` names the page that explains the fault (P104)."""
+    `hint` is the remedy, `code` names the page that explains the fault (P104)."""
 
     mark: Mark
     where: str
@@ -50,7 +50,7 @@ class Diagnostic:
     code: str = field(default_factory=_no_code)
     severity: Severity = "error"
     detail: str = ""
-    """Lines that stand below the fault, as the traceback of a plug-in that cannot be imported."""
+    """Lines printed below the fault, such as the traceback of a plug-in that cannot be imported."""
 
     def __str__(self) -> str:
         trail = f"{self.where}: " if self.where else ""
@@ -61,12 +61,11 @@ class Diagnostic:
 MAX_FAULTS = 100
 """Maximum number of faults reported for one file."""
 SPOILING_CODES = ("P113", "P116", "P120")
-"""Faults of form that spoil the value at their place: what else is said of it only follows."""
+"""Faults of form that spoil the value at their place: further faults of that value only follow from them."""
 
 
 def too_many(mark: Mark) -> Diagnostic:
-    """Return the fault that stands for all faults beyond MAX_FAULTS; `mark` is the place of the first of
-    them."""
+    """Return one fault in place of all faults beyond MAX_FAULTS; `mark` is the place of the first of them."""
     return Diagnostic(mark, "", f"more than {MAX_FAULTS} faults; the rest is not shown", code="P126")
 
 

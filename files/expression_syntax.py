@@ -26,7 +26,7 @@ class ExpressionError(ValueError):
         super().__init__(message)
         self.offset = offset
 
-    def told(self, text: str) -> str:
+    def describe(self, text: str) -> str:
         """Return the message with the character, counted from 1, and the text of the expression around it."""
         if len(text) <= _SHOWN:
             return f"{self}, at character {self.offset + 1} of {text!r}"
@@ -54,9 +54,9 @@ _TOKEN = re.compile(
 )
 
 
-# The first that stands at a place where nothing of the language does.
-_STRANGE: Mapping[str, str] = {
-    ":=": "an assignment stands in a postcondition only; compare with '=='",
+# Hints for characters that are no part of the language.
+_SYMBOL_HINTS: Mapping[str, str] = {
+    ":=": "an assignment is allowed only in a postcondition; compare with '=='",
     "=>": "write '>='",
     "=<": "write '<='",
     "=": "compare with '=='",
@@ -66,9 +66,9 @@ _STRANGE: Mapping[str, str] = {
     "&": "write 'and' for '&'",
     "|": "write 'or' for '|'",
     "!": "write 'not' for '!'",
-    "{": "names stand without braces in an expression",
-    "}": "names stand without braces in an expression",
-    ";": "one expression stands here, without ';'",
+    "{": "names are written without braces in an expression",
+    "}": "names are written without braces in an expression",
+    ";": "write a single expression here, without ';'",
     "'": "the text is not closed by another '",
     '"': 'the text is not closed by another "',
     "\u2018": "write straight quotes: '",
@@ -94,12 +94,15 @@ def syntax_error(problem: str, at: int) -> ExpressionError:
 
 
 def tokens(text: str) -> Iterator[Token]:
-    """Ends with a token of kind end. Raises ExpressionError at what has no meaning."""
+    """Return the tokens of the text; the last one has the kind end. Raises ExpressionError at an invalid
+    character."""
     at = 0
     while at < len(text):
         match = _TOKEN.match(text, at)
         if match is None:
-            problem = next((said for strange, said in _STRANGE.items() if text.startswith(strange, at)), "")
+            problem = next(
+                (hint for strange, hint in _SYMBOL_HINTS.items() if text.startswith(strange, at)), ""
+            )
             raise syntax_error(problem or f"the character {text[at]!r} has no meaning here", at)
         kind, found = str(match.lastgroup), match[0]
         if kind == "name" and found in _STRANGE_WORDS:
@@ -113,7 +116,7 @@ def tokens(text: str) -> Iterator[Token]:
 
 
 def number_of(token: Token) -> int | float:
-    """The value of a token of kind number. Raises ExpressionError when it is too large."""
+    """Return the value of a token of kind number. Raises ExpressionError when it is too large."""
     whole = token.text.isdigit()
     number = int(token.text) if whole and len(token.text) <= 20 else float(token.text)
     if abs(number) > MAX_INTEGER if whole else math.isinf(number):
@@ -126,7 +129,7 @@ def text_of(token: Token) -> str:
 
     def escaped(match: re.Match[str]) -> str:
         if match[1] not in _ESCAPES:
-            problem = f"after a backslash stands one of {' '.join(_ESCAPES)}"
+            problem = f"a backslash is followed by one of {' '.join(_ESCAPES)}"
             raise syntax_error(problem, token.at + 1 + match.start())
         return _ESCAPES[match[1]]
 
@@ -134,7 +137,7 @@ def text_of(token: Token) -> str:
 
 
 def short(text: str) -> str:
-    """As it stands in a complaint."""
+    """Return the text as error messages quote it: at most 20 characters."""
     return repr(text if len(text) <= 20 else text[:17] + "...")
 
 
@@ -260,7 +263,7 @@ Part: TypeAlias = (
 
 
 def children(part: Part) -> tuple[Part, ...]:
-    """The parts that a part is made of, in their order."""
+    """Return the direct parts of a part, in their order."""
     match part:
         case LiteralValue() | Name():
             return ()
@@ -281,7 +284,7 @@ def children(part: Part) -> tuple[Part, ...]:
 
 
 def walk(root: Part) -> Iterator[Part]:
-    """The part and all below it, parents first."""
+    """Yield the part and all parts below it, parents first."""
     todo = [root]
     while todo:
         part = todo.pop()
@@ -309,7 +312,7 @@ _BINDING: Mapping[str, int] = {
 
 
 def parse(text: str) -> Part:
-    """Raises ExpressionError with a sentence and the character."""
+    """Parse an expression. Raises ExpressionError with a sentence and the character."""
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the expression is longer than {MAX_LENGTH} characters")
     if not text.strip():
@@ -333,7 +336,7 @@ class _Parser:
         return self._tokens[self._next]
 
     def _is(self, *texts: str) -> bool:
-        """Whether one of these operators or words stands next."""
+        """Whether the next token is one of these operators or words."""
         return self._token.kind in ("symbol", "word") and self._token.text in texts
 
     def _take(self) -> Token:
@@ -349,7 +352,7 @@ class _Parser:
         if self._is(")", "]"):
             problem = f"{token.text!r} closes nothing"
         elif self._is(","):
-            problem = "a list stands in [ ]"
+            problem = "a list is written in [ ]"
         elif self._is("else"):
             problem = "'else' without 'if'"
         else:
@@ -360,7 +363,7 @@ class _Parser:
         if token.text == "(":
             return f"{short(before.text)} is not a function"
         if before.kind == "number" and token.text in _UNITS:
-            return f"numbers stand without units here, in SI; leave out {token.text!r}"
+            return f"numbers are written without units here, in SI; leave out {token.text!r}"
         return f"an operator is missing before {short(token.text)}"
 
     def _choice(self) -> Part:
@@ -377,7 +380,7 @@ class _Parser:
         return Conditional(start.at, test, yes, no)
 
     def _operators(self, least: int) -> Part:
-        """A value, with the operators after it that bind at least so tightly."""
+        """Parse a value and the operators after it that bind at least this tightly."""
         left = self._operand()
         while True:
             token = self._token
@@ -418,7 +421,7 @@ class _Parser:
             before = self._tokens[self._next - 1] if self._next else None
             tight = before is not None and before.text != "not" and _BINDING.get(before.text, 0) > _NOT
             if token.text == "not" and before is not None and tight:
-                raise syntax_error(f"'not' after {before.text!r} stands in brackets", token.at)
+                raise syntax_error(f"'not' after {before.text!r} is written in brackets", token.at)
             self._enter(self._take())
             operand = self._operators(_NOT) if token.text == "not" else self._operand()
             self._depth -= 1
@@ -445,7 +448,7 @@ class _Parser:
         self._enter(opened)
         index = self._choice()
         if self._is(","):
-            raise syntax_error("one index stands in [ ]", self._token.at)
+            raise syntax_error("[ ] takes one index", self._token.at)
         self._close(opened, "]")
         self._depth -= 1
         return Element(opened.at, owner, index)

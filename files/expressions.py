@@ -58,11 +58,12 @@ class Expression:
 
     @classmethod
     def parse(cls, text: str) -> Expression:
-        """Raises ExpressionError (a ValueError) with a sentence and the offset."""
+        """Parse an expression. Raises ExpressionError (a ValueError) with a sentence and the offset."""
         return _parsed(text)
 
     def evaluate(self, names: Mapping[str, object], attributes: Attributes | None = None) -> object:
-        """The value with these names. Raises ExpressionError; never runs anything but the operators."""
+        """Return the value with these names. Raises ExpressionError; never runs anything but the
+        operators."""
         return _Evaluation(names, attributes).value(self.root)
 
     def __str__(self) -> str:
@@ -159,7 +160,7 @@ class _Evaluation:
 
 
 def _apply(at: int, what: str, function: Callable[..., object], *given: object) -> object:
-    """The function's value. Raises ExpressionError in the words of the language."""
+    """Return the value of the function. Raises ExpressionError in the words of the language."""
     try:
         return function(*given)
     except ZeroDivisionError:
@@ -222,7 +223,7 @@ def _ordered(function: Callable[[object, object], object]) -> Callable[[object, 
 
 
 def _alike(values: Iterable[object]) -> list[Never]:
-    """The values, which have an order among them: all numbers, or all texts. Raises TypeError."""
+    """Return the values if they can be ordered: all numbers, or all texts. Raises TypeError."""
     given = list(values)
     if not all(isinstance(value, str) for value in given):
         for value in given:
@@ -280,7 +281,7 @@ def _rounded(value: object, digits: object = None) -> object:
 
 
 def _sum(a: object, b: object) -> object:
-    """The sum of two numbers; a text is joined with a text or a number."""
+    """Return the sum of two numbers, or a text joined with a text or a number."""
     if not isinstance(a, str) and not isinstance(b, str):
         return _bounded(_number(a) + _number(b))
     joined = _as_text(a) + _as_text(b)
@@ -357,10 +358,10 @@ class ValueType:
     element: ValueType | None = None
     optional: bool = False
     choices: tuple[str, ...] = ()
-    """All texts that it can be; empty when nobody knows."""
+    """All texts that it can be; empty when they are unknown."""
 
     def words(self) -> str:
-        """As it reads in a sentence: "a list, each a number"."""
+        """Return the type in words for a sentence: "a list, each a number"."""
         each = self.element.words() if self.element is not None else "a value"
         return f"a list, each {each}" if self.kind == "list" and each != "a value" else _WORDS[self.kind]
 
@@ -389,7 +390,7 @@ def list_of(element: ValueType) -> ValueType:
 
 
 def join(types: Iterable[ValueType]) -> ValueType:
-    """The type of a value that has one of these types."""
+    """Return the common type of values of these types."""
     found = tuple(dict.fromkeys(types))
     plain = tuple(dict.fromkeys(ValueType(t.kind, t.element) for t in found if t.kind != "null"))
     if not plain:
@@ -413,7 +414,7 @@ def _joined(types: tuple[ValueType, ...]) -> ValueType:
     if kinds == {"list"}:
         return list_of(join(t.element or ANY for t in types))
     definite = [t for t in types if t.kind != "word"]
-    # A word may be whatever kind of text the others are.
+    # A word fits any kind of text.
     return definite[0] if len(definite) == 1 and definite[0].kind in _TEXTS else ANY
 
 
@@ -451,7 +452,7 @@ _FAMILIES = ((*_NUMBERS, "bool"), _TEXTS, ("list",), ("mapping",))
 def check_types(
     expression: Expression, names: Mapping[str, ValueType], attributes: Mapping[str, ValueType]
 ) -> ValueType:
-    """The expression's type. Raises ExpressionError for what cannot have a value with such names.
+    """Return the type of the expression. Raises ExpressionError when it cannot have a value with these names.
 
     `attributes` are those of an object. A name that is not in `names` is unknown.
     """
@@ -570,7 +571,7 @@ def _unfit(what: str, given: Iterable[ValueType], at: int) -> ExpressionError:
 
 
 def _type_of_sum(at: int, left: ValueType, right: ValueType) -> ValueType:
-    """The type of a sum, or of a text that is joined with a text or a number."""
+    """Return the type of a sum, or of a text joined with a text or a number."""
     if any(t.kind in ("text", "word") for t in (left, right)):
         if any(t.kind not in ("any", *_TEXTS, *_NUMBERS) for t in (left, right)):
             raise _unfit("+", (left, right), at)
@@ -602,7 +603,7 @@ def _element(part: Element, owner: ValueType, index: ValueType) -> ValueType:
 
 
 def _whole_number(part: Part) -> int | None:
-    """Return the number that stands there, with its sign; None for anything else."""
+    """Return the whole number that this part writes, with its sign; None for any other part."""
     if isinstance(part, Sign):
         number = _whole_number(part.operand)
         return -number if number is not None and part.symbol == "-" else number
@@ -623,7 +624,7 @@ def _related(related: ComparisonLink, left: ValueType, right: ValueType) -> None
 
 
 def _check_choice(part: Part, other: ValueType) -> None:
-    """A literal text, or each in a list, against all that the other side can be."""
+    """Check a literal text, or each text of a list, against all possible values of the other side."""
     if isinstance(part, ListOf):
         for item in part.items:
             _check_choice(item, other)

@@ -40,7 +40,7 @@ class CodePage:
     wrong: CodeExample
     right: CodeExample
     text: str
-    """The page as it is written, in Markdown."""
+    """Unchanged Markdown text of the page."""
 
 
 _PAGE = re.compile(
@@ -53,7 +53,7 @@ _PAGE = re.compile(
 
 @cache
 def pages() -> tuple[CodePage, ...]:
-    """All pages in the order of their codes."""
+    """Return all pages in the order of their codes."""
     return tuple(_read_page(path) for path in sorted(FOLDER.glob("P*.md")))
 
 
@@ -63,7 +63,7 @@ def page_file(code: str) -> Path:
 
 
 def page(code: str) -> CodePage:
-    """The page of a code, in capitals or not. Raises PicktreeError with the nearest one."""
+    """Return the page of a code, in capitals or not. Raises PicktreeError with the nearest one."""
     known = {page.code: page for page in pages()}
     found = known.get(code.upper())
     if found is None:
@@ -74,7 +74,7 @@ def page(code: str) -> CodePage:
 
 
 def title(code: str) -> str:
-    """The title of a code's page; empty for a code without one."""
+    """Return the title of a code's page; empty for a code without one."""
     return next((page.title for page in pages() if page.code == code), "")
 
 
@@ -91,7 +91,7 @@ def _read_page(path: Path) -> CodePage:
 
 
 def index() -> str:
-    """A Markdown page that lists all codes, for the documentation."""
+    """Return a Markdown page with all codes, for the documentation."""
     lines = [
         "# Codes of faults",
         "",
@@ -139,17 +139,18 @@ class Suppression:
 def apply_suppressions(
     faults: Iterable[Diagnostic], text: str, file: str, known: Iterable[str], *, complete: bool
 ) -> tuple[Diagnostic, ...]:
-    """The faults of a file without the warnings that its comments allow, and what is wrong with these.
+    """Return the faults of a file without the warnings that its comments suppress, and the faults of these
+    comments.
 
-    `known` are all codes. `complete`: nothing kept the file from being looked at to its end, so that an
-    allowance without a warning is a mistake.
+    `known` are all codes. `complete`: the file was checked to its end, so that a suppression without a
+    warning is a mistake.
     """
     allowances, wrong = _suppressions(text, file, tuple(known))
     allowed = {(a.code, a.mark.line) for a in allowances}
     kept = [f for f in faults if f.severity == "error" or (f.code, f.mark.line) not in allowed]
-    said = {(f.code, f.mark.line): f.severity for f in faults}
+    severities = {(f.code, f.mark.line): f.severity for f in faults}
     for allowance in allowances:
-        severity = said.get((allowance.code, allowance.mark.line))
+        severity = severities.get((allowance.code, allowance.mark.line))
         if severity == "error":
             message, hint = f"{allowance.code} is an error: no comment allows it", "mend it"
             wrong.append(Diagnostic(allowance.mark, "", message, hint, "P131", "warning"))
@@ -183,7 +184,7 @@ def _suppressions(text: str, file: str, known: tuple[str, ...]) -> tuple[list[Su
 
 
 def _comments(text: str) -> Iterator[re.Match[str]]:
-    """The comments to picktree, none of what only looks like one in a text; an unreadable file has none."""
+    """Yield the suppression comments, without look-alikes inside of texts; an unreadable file has none."""
     found = list(_COMMENT.finditer(text))
     if not found:
         return
@@ -198,13 +199,13 @@ def _comments(text: str) -> Iterator[re.Match[str]]:
 
 
 def _scalars(text: str) -> tuple[list[int], list[int]]:
-    """Where the texts of a readable file begin and end."""
+    """Return start and end indices of the scalars of a readable file."""
     starts: list[int] = []
     ends: list[int] = []
     for event in yaml.parse(text, yaml.CSafeLoader):
         if isinstance(event, yaml.ScalarEvent) and event.start_mark and event.end_mark:
             start = event.start_mark.index
-            if event.style in ("|", ">"):  # behind the | a comment may stand
+            if event.style in ("|", ">"):  # a comment may follow the |
                 start = text.find("\n", start)
             starts.append(start)
             ends.append(event.end_mark.index)

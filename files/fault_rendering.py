@@ -21,19 +21,19 @@ MAX_SENTENCE_LENGTH = 600
 
 
 def plain(text: str, role: Role) -> str:
-    """Text as it is."""
+    """Return the text without styling."""
     del role
     return text
 
 
 class SourceLines:
-    """The lines of files in which faults stand. `texts` were read already; the rest is read when asked."""
+    """Source lines of the files with faults. `texts` were read before; other files are read on demand."""
 
     def __init__(self, texts: Mapping[str, str] | None = None) -> None:
         self._lines = {file: _lines(text) for file, text in (texts or {}).items()}
 
     def line(self, mark: Mark) -> str | None:
-        """The line of a place; None when there is none, as in a file that cannot be read."""
+        """Return the line of a place; None for a file that cannot be read or a line beyond its end."""
         if mark.file not in self._lines:
             self._lines[mark.file] = _read_lines(mark.file)
         lines = self._lines[mark.file]
@@ -54,7 +54,7 @@ def _lines(text: str) -> list[str]:
 
 
 def as_text(fault: Diagnostic, sources: SourceLines, paint: Paint = plain) -> str:
-    """One fault: its sentence, and the line at fault with a caret under the column."""
+    """Return one fault as text: its sentence, and its line with a caret under the column."""
     head = paint(f"{one_line(str(fault.mark))}:", "place")
     kind = paint(f"{fault.severity} {fault.code}:", fault.severity)
     hint = paint(f" ({one_line(fault.hint)})", "hint") if fault.hint else ""
@@ -69,13 +69,13 @@ def as_text(fault: Diagnostic, sources: SourceLines, paint: Paint = plain) -> st
 
 
 def fault_lines(faults: Iterable[Diagnostic], paint: Paint = plain) -> str:
-    """Faults of files as they lie on the disk."""
+    """Return the text of faults in files on the disk."""
     sources = SourceLines()
     return "\n".join(as_text(fault, sources, paint) for fault in faults)
 
 
 def as_github(fault: Diagnostic) -> str:
-    """One fault as a workflow command, which GitHub shows beside the line."""
+    """Return one fault as a workflow command, which GitHub shows beside the line."""
     mark = fault.mark
     hint = f" ({one_line(fault.hint)})" if fault.hint else ""
     values = {
@@ -100,7 +100,7 @@ def _trail(fault: Diagnostic) -> str:
 
 
 def one_line(text: str) -> str:
-    """Text that neither ends a line nor commands a terminal, cut where it is endless.
+    """Return the text in one line, without control characters for a terminal, and cut to a maximum length.
 
     >>> one_line("a\\x1b[31m b\\n")
     'a\\\\x1b[31m b\\\\n'
@@ -133,7 +133,7 @@ def _excerpt(mark: Mark, sources: SourceLines) -> _Excerpt | None:
 
 
 def _columns(character: str) -> int:
-    """Columns of the terminal that a character takes."""
+    """Return the number of terminal columns of a character."""
     if unicodedata.combining(character):
         return 0
     return 2 if unicodedata.east_asian_width(character) in "WF" else 1

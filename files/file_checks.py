@@ -23,14 +23,14 @@ from .file_system import is_file, is_folder
 Check: TypeAlias = Callable[[Document], Iterable[Diagnostic]]
 """All that is wrong with a document of one kind, with the files that it names; never raises for its text."""
 SUFFIXES = (".yaml", ".yml")
-_OURS = re.compile(
+_PICKTREE_DOCUMENT = re.compile(
     rf"^[\s{{]*[\"']?(?:picktree[\"']?\s*:|kind[\"']?\s*:\s*(?:{'|'.join(KINDS)})\b)", re.MULTILINE
 )
 
 
 @dataclass(frozen=True, slots=True)
 class UnsavedText:
-    """A text to be checked that is not in its file: `path` says what lies beside it and how it is called."""
+    """Unsaved text to be checked; `path` gives its name and its folder."""
 
     path: Path
     raw: bytes
@@ -47,7 +47,7 @@ class CheckReport:
     faults: tuple[Diagnostic, ...]
     """Faults in the order of the files, then of their lines."""
     texts: Mapping[str, str] = field(default_factory=dict[str, str], repr=False)
-    """The texts of files in which faults stand, as far as they were read."""
+    """Text of each file with faults, unless it could not be read."""
 
     @property
     def errors(self) -> int:
@@ -58,20 +58,20 @@ class CheckReport:
         return len(self.faults) - self.errors
 
     def exit_code(self, *, strict: bool = False) -> int:
-        """2: there are errors; 1: there are warnings, and these count; else 0."""
+        """Return 2 for errors, 1 for warnings if these count, else 0."""
         return 2 if self.errors else 1 if strict and self.warnings else 0
 
     def to_text(self, paint: Paint = plain) -> str:
-        """Every fault with its line, and a line with the counts."""
+        """Return every fault with its line, and a line with the counts."""
         sources = SourceLines(self.texts)
         return "\n".join([*(as_text(fault, sources, paint) for fault in self.faults), self.summary()])
 
     def to_github(self) -> str:
-        """Annotations, and a line with the counts."""
+        """Return annotations, and a line with the counts."""
         return "\n".join([*map(as_github, self.faults), self.summary()])
 
     def to_json_text(self) -> str:
-        """One object; `docs/check.md` says what is in it."""
+        """Return one JSON object; `docs/check.md` describes its content."""
         faults = [
             {
                 "file": fault.mark.file,
@@ -97,7 +97,7 @@ class CheckReport:
         return json.dumps(report, indent=2) + "\n"
 
     def summary(self) -> str:
-        """The counts, in one line.
+        """Return the counts in one line.
 
         >>> CheckReport(("a.yaml", "b.yaml"), (), ()).summary()
         '2 files, no faults'
@@ -120,7 +120,7 @@ def _count(number: int, what: str) -> str:
 
 def is_ours(text: str) -> bool:
     """Whether a YAML text is, or is to become, one of picktree's files."""
-    return _OURS.search(text) is not None
+    return _PICKTREE_DOCUMENT.search(text) is not None
 
 
 def check_files(
@@ -134,7 +134,7 @@ def check_files(
 
 
 class _Round:
-    """One call: what was found, by the file in which it stands."""
+    """Faults found in one call, by file."""
 
     def __init__(self, checks: Mapping[str, Check], *, ours_only: bool) -> None:
         self._checks = checks
@@ -181,7 +181,7 @@ class _Round:
         return (*document.faults, *(fault for fault in found if fault.mark not in spoilt))
 
     def _judged(self, file: str) -> list[Diagnostic]:
-        """The faults of one file in its order, without what its comments allow."""
+        """Return the faults of one file in its order, without suppressed warnings."""
         found = tuple(self._found.get(file, ()))
         text = self._text(file)
         kept = apply_suppressions(found, text, file, self._codes, complete=file in self._complete)
@@ -226,7 +226,7 @@ class _Round:
 
 
 def _yaml_files(folder: Path) -> Iterator[Path]:
-    """All YAML files below a folder, sorted; hidden ones and what links lead to are left out."""
+    """Return all YAML files below a folder, sorted, without hidden files and targets of links."""
     for parent, folders, names in os.walk(folder):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         for name in sorted(names):
@@ -284,12 +284,12 @@ def to_sarif(report: CheckReport, version: str, folder: Path) -> str:
 
 
 def _rule(code: str) -> Json:
-    told = page(code)
+    explained = page(code)
     return {
         "id": code,
-        "shortDescription": {"text": told.title},
-        "fullDescription": {"text": told.explanation},
-        "help": {"text": f"picktree explain-code {code}", "markdown": told.text},
+        "shortDescription": {"text": explained.title},
+        "fullDescription": {"text": explained.explanation},
+        "help": {"text": f"picktree explain-code {code}", "markdown": explained.text},
     }
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from .errors import PicktreeError
-from .value_wording import MOST_NEAR, suggest_name
+from .value_wording import MAX_NEAR_NAMES, suggest_name
 
 MAX_NAME_BYTES: Final = 255
 """Maximum length of a name on the file systems of Linux, macOS and Windows, bytes."""
@@ -57,10 +57,10 @@ def require_utf8(name: str | Path) -> None:
 
 @contextmanager
 def whole(paths: Sequence[Path], output: Path) -> Generator[list[Path]]:
-    """Names beside the files to write to; the files take their own names together when all are whole.
+    """Yield temporary names to write to; at the end all files take their own names together.
 
-    Where a name is that of a device or a pipe, it is written to itself. Raises PicktreeError, of `output`,
-    when the disk refuses; nothing of what was begun remains, nor folders that were made for it.
+    A device or a pipe is written directly. Raises PicktreeError for `output` when the disk refuses; partial
+    files and new folders are then removed.
     """
     beside: list[Path] = []
     made: list[Path] = []
@@ -96,8 +96,8 @@ EXAMPLES: Final = ROOT / "examples"
 
 @cache
 def rooms() -> tuple[str, ...]:
-    """Names of the top-level packages, sorted. Only they have an `__init__.py`: tests and examples have
-    none."""
+    """Return the names of the top-level packages, sorted. Only they have an `__init__.py`: tests and examples
+    have none."""
     return tuple(sorted(file.parent.name for file in ROOT.glob("*/__init__.py")))
 
 
@@ -136,14 +136,14 @@ def example_file(name_or_path: str | PathLike[str], folder: str = "", what: str 
     if found is not None or path.suffix not in ("", ".yaml") or path.name != str(name_or_path):
         return found or path
     known = dict.fromkeys((*shipped_names(Path()), *shipped_names(EXAMPLES / folder)))
-    hint = suggest_name(path.name.removesuffix(".yaml"), known, most=MOST_NEAR)
+    hint = suggest_name(path.name.removesuffix(".yaml"), known, most=MAX_NEAR_NAMES)
     if path.suffix and not hint.startswith("did"):
         return path
     raise PicktreeError(f"there is no {what} {str(path)!r}, neither a file here nor an example ({hint})")
 
 
 def known_file(name_or_path: str | PathLike[str], folder: str = "") -> Path | None:
-    """Return the file, folder or shipped example of a name or path; None when there is none."""
+    """Return the file, folder or shipped example of a name or path; None when it is missing."""
     path, file = Path(name_or_path), f"{name_or_path}.yaml"
     if is_file(path) or is_folder(path):
         return path
@@ -154,7 +154,7 @@ def known_file(name_or_path: str | PathLike[str], folder: str = "") -> Path | No
 
 
 def is_file(path: Path) -> bool:
-    """As `Path.is_file`, and False for what cannot be a path at all (too long, with a null byte)."""
+    """Whether this is a file; False also for an impossible path (too long, with a null byte)."""
     try:
         return path.is_file()
     except (OSError, ValueError):
@@ -162,7 +162,7 @@ def is_file(path: Path) -> bool:
 
 
 def is_folder(path: Path) -> bool:
-    """As `Path.is_dir`, and False for what cannot be a path at all."""
+    """Whether this is a folder; False also for an impossible path."""
     try:
         return path.is_dir()
     except (OSError, ValueError):
@@ -170,5 +170,5 @@ def is_folder(path: Path) -> bool:
 
 
 def shipped_names(folder: Path) -> tuple[str, ...]:
-    """Names of the shipped files of a folder, sorted."""
+    """Return the names of the shipped files of a folder, sorted."""
     return tuple(sorted(path.stem for path in folder.glob("*.yaml")))

@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 
 Outcome: TypeAlias = Literal["passed", "failure", "error", "skipped"]
 
-# What XML 1.0 allows; no escape makes the other characters valid.
+# Characters that XML 1.0 allows; no escape makes the other characters valid.
 _INVALID = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
@@ -67,8 +67,8 @@ def _add(suite: ElementTree.Element, case: JunitCase) -> None:
     if case.outcome == "skipped":
         ElementTree.SubElement(made, "skipped", {"message": _valid(case.message)})
     elif case.outcome != "passed":
-        told = {"message": _valid(case.message), "type": _valid(case.kind)}
-        ElementTree.SubElement(made, case.outcome, told).text = _valid(case.detail)
+        attributes = {"message": _valid(case.message), "type": _valid(case.kind)}
+        ElementTree.SubElement(made, case.outcome, attributes).text = _valid(case.detail)
     if case.output:
         ElementTree.SubElement(made, "system-out").text = _valid(case.output)
 

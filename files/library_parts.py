@@ -17,12 +17,13 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any, Final
 
-_NOTHING: Final[Mapping[str, Any]] = MappingProxyType({})
+_NO_NAMES: Final[Mapping[str, Any]] = MappingProxyType({})
 
 
 @cache
 def library_part(module: str, public: str, *needed: str) -> Any:
-    """Return what `public` names, as `scipy.linalg.lapack.dposv`, from `module`, which is imported alone.
+    """Return the object named `public`, such as `scipy.linalg.lapack.dposv`, from `module`, which is imported
+    alone.
 
     `needed`: other packages whose modules it imports. Where the library is arranged otherwise, the public
     name is imported as usual. Other imports of the library, before or after, get the same object.
@@ -38,7 +39,7 @@ def library_part(module: str, public: str, *needed: str) -> Any:
 
 @cache
 def library_version(distribution: str) -> str:
-    """Return the version of an installed distribution; "unknown" when there is none."""
+    """Return the version of an installed distribution; "unknown" when it is not installed."""
     try:
         text = metadata.distribution(distribution).read_text("METADATA") or ""
     except metadata.PackageNotFoundError:
@@ -51,10 +52,10 @@ def library_version(distribution: str) -> str:
 def bare_packages(*names: str, **contents: Mapping[str, Any]) -> Generator[None]:
     """Let packages that are not loaded be empty in the block, so that a module in them loads alone.
 
-    `names`: packages from the outermost on. `contents`: what a package or module has all the same, by its
-    name with underscores for dots. Modules that are loaded in the block stay loaded. The empty packages do
-    not, and are imported as usual later on; they import from these modules, but have no attributes for them.
-    Raises ImportError when the outermost one is not installed.
+    `names`: packages from the outermost on. `contents`: attributes of an otherwise empty package or module,
+    by its name with underscores for dots. Modules that are loaded in the block stay loaded. The empty
+    packages do not, and are imported as usual later on; they import from these modules, but have no
+    attributes for them. Raises ImportError when the outermost one is not installed.
     """
     root = find_spec(names[0])
     if root is None or root.origin is None:
@@ -64,7 +65,7 @@ def bare_packages(*names: str, **contents: Mapping[str, Any]) -> Generator[None]
     for name in added:
         package = ModuleType(name)
         package.__path__ = [str(folder.joinpath(*name.split(".")[1:]))]
-        vars(package).update(contents.get(name.replace(".", "_"), _NOTHING))
+        vars(package).update(contents.get(name.replace(".", "_"), _NO_NAMES))
         sys.modules[name] = package
     try:
         yield

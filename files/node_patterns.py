@@ -73,10 +73,11 @@ N = TypeVar("N", bound=NamedNode)
 
 
 def find_nodes(text: str, nodes: Sequence[N]) -> list[N]:
-    """Return the nodes of that path, or else with a path that ends so, or else of that type.
+    """Return the nodes with that path; if none has it, those whose path ends with it, then those of that
+    type.
 
     With `*` in the text, return the nodes whose path, or end of a path, matches the pattern. Raises
-    PicktreeError with similar names when there are none.
+    PicktreeError with similar names when no node fits.
     """
     if "*" in text:
         found = [n for n in nodes if fnmatchcase(n.path, text) or fnmatchcase(n.path, f"*/{text}")]

@@ -97,12 +97,12 @@ class NotFinite(ValueError):
 
 
 def parse_quantity(value: str | int | float, unit: str) -> float:
-    """The value in the SI unit that `unit` names. Raises ValueError with a sentence."""
+    """Return the value in the SI unit `unit`. Raises ValueError with a sentence."""
     return _finite(value, unit) if not isinstance(value, str) else _with_unit(value, unit)
 
 
 def in_unit(number: float, unit: str, like: str) -> str:
-    """A number of the SI unit `unit` as people read it, in the unit that the quantity `like` was written in.
+    """Return a number of the SI unit `unit` as text, in the unit of the quantity `like`.
 
     >>> in_unit(0.001, "m", "5 mm"), in_unit(0.001, "m", "0.5")
     ('1 mm', '0.001 m')
@@ -116,14 +116,14 @@ def in_unit(number: float, unit: str, like: str) -> str:
 
 
 def units_like(unit: str) -> tuple[str, ...]:
-    """The units that may be written where `unit` is wanted, `unit` first."""
+    """Return the units that a file may use for `unit`, `unit` first."""
     wanted = UNIT_TABLE.get(unit)
     same = (name for name, u in UNIT_TABLE.items() if wanted and u.dimension == wanted.dimension and name)
     return (unit, *(name for name in same if name != unit))
 
 
 def spellings(unit: str) -> tuple[str, ...]:
-    """All that may be written behind a number where `unit` is wanted, other spellings included.
+    """Return all spellings of the units that a file may use for `unit`.
 
     >>> spellings("rad")
     ('rad', 'mrad', 'deg', '°')
@@ -133,7 +133,7 @@ def spellings(unit: str) -> tuple[str, ...]:
 
 
 def example(unit: str) -> str:
-    """An amount as people write it where `unit` is wanted.
+    """Return an example quantity with a usual unit for `unit`.
 
     >>> example("m"), example("Nm/rad"), example("")
     ('30 mm', '1.5 Nm/rad', '0.5')
@@ -157,7 +157,7 @@ def bare_number(text: str) -> float | None:
 
 def _finite(value: float, unit: str) -> float:
     if isinstance(value, bool):
-        raise ValueError(f"{str(value).lower()} is not {_wanted(unit)}")
+        raise ValueError(f"{str(value).lower()} is not {_expected_quantity(unit)}")
     try:
         number = float(value)
     except OverflowError:
@@ -170,7 +170,7 @@ def _finite(value: float, unit: str) -> float:
 def _with_unit(text: str, unit: str) -> float:
     match = _QUANTITY.fullmatch(text)
     if match is None:
-        raise ValueError(f"{_short(text)} is not {_wanted(unit)}")
+        raise ValueError(f"{_short(text)} is not {_expected_quantity(unit)}")
     number, written = float(match[1]), SPELLINGS.get(match[2], match[2])
     target = UNIT_TABLE.get(SPELLINGS.get(unit, unit))
     if not math.isfinite(number):
@@ -182,11 +182,11 @@ def _with_unit(text: str, unit: str) -> float:
         allowed = ", ".join(u for u in units_like(unit) if u)
         raise ValueError(f"{_short(text)}: unknown unit {written!r}" + (f" ({allowed})" if allowed else ""))
     if target is None or given.dimension != target.dimension:
-        raise ValueError(f"{_short(text)} is {given.dimension}, not {_wanted(unit)}")
+        raise ValueError(f"{_short(text)} is {given.dimension}, not {_expected_quantity(unit)}")
     return given.to_si(number)
 
 
-def _wanted(unit: str) -> str:
+def _expected_quantity(unit: str) -> str:
     known = UNIT_TABLE.get(SPELLINGS.get(unit, unit))
     if known is None:
         return f"a number in {unit}"

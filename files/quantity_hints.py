@@ -25,7 +25,7 @@ _FACTORS: Mapping[str, tuple[float, str]] = {
     "lb": (453.59237, "g"), "lbs": (453.59237, "g"), "oz": (28.349523125, "g"), "kgf": (9.80665, "N"),
     "lbf": (4.4482216152605, "N"), "rpm": (6.0, "deg/s"), "rev": (360.0, "deg"),
 }  # fmt: skip
-"""Units that are not read, with what one of them is."""
+"""Units that files may not use, with the equivalent in a permitted unit."""
 
 
 _FRACTIONS: Mapping[str, str] = {"½": "0.5", "¼": "0.25", "¾": "0.75"}
@@ -67,7 +67,7 @@ def suggest_quantity(text: str, unit: str) -> str:
         return ""
     plain = _plain(text)
     try:
-        meant = _clock(plain, unit) or _sum(plain, unit) or _one(plain)
+        meant = _clock(plain, unit) or _sum(plain, unit) or _normalised_quantity(plain)
         parse_quantity(meant, unit)
     except ValueError:
         return ""
@@ -98,8 +98,9 @@ def _plain(text: str) -> str:
     return _LEADING.sub("", text.replace("．", ".").replace("，", ","), count=1).strip()
 
 
-def _one(text: str) -> str:
-    """Return number and unit as they are read. Raises ValueError where there is no number."""
+def _normalised_quantity(text: str) -> str:
+    """Return number and unit in the spelling that files take. Raises ValueError for a text without a
+    number."""
     ratio = _RATIO.match(text)
     if ratio is not None and int(ratio[2]):
         number, rest = f"{int(ratio[1]) / int(ratio[2]):.6g}", text[ratio.end() :]
@@ -127,7 +128,7 @@ def _number(text: str) -> tuple[str, str]:
 
 
 def _unit_meant(text: str) -> str:
-    """Return the unit that is meant by what stands behind a number; itself where it is not known."""
+    """Return the unit meant by the text after a number; unknown texts are returned unchanged."""
     written = re.sub(r"\s+", " ", text).strip().rstrip(".").strip()
     if written in UNIT_TABLE or written in SPELLINGS or written in _FACTORS:
         return written

@@ -1,4 +1,4 @@
-"""Values as a fault names them, and what an author may have meant by one that does not fit."""
+"""Values in the words of a fault, and suggestions for values that do not fit."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from collections.abc import Iterable
 from itertools import islice
 
 _CURLY = "“”„‟‘’‚‛«»"
-_MOST = 1000
+_MAX_COMPARED_NAMES = 1000
 """Names that are looked at; each costs some microseconds."""
-_SEVERAL = 0.75
+_MIN_LIST_SIMILARITY = 0.75
 """Similarity from which a hint may have several names, 0 … 1."""
-MOST_NEAR = 3
+MAX_NEAR_NAMES = 3
 """Number of near names in a hint about a missing file."""
 
 
 def suggest_name(name: str, known: Iterable[str], *, most: int = 1) -> str:
-    """A hint: "did you mean 'Grasp'?", or "known: a, b, c", or nothing when nothing is known.
+    """Return a hint: "did you mean 'Grasp'?", "known: a, b, c", or "" without known names.
 
     `most`: number of near names that the hint may have, as "did you mean 'a', 'b' or 'c'?".
     """
-    names = list(dict.fromkeys(islice(known, _MOST)))
+    names = list(dict.fromkeys(islice(known, _MAX_COMPARED_NAMES)))
     if len(name) > 2 and name[0] in _CURLY and name[-1] in _CURLY and name[1:-1] in names:
         return f"these quotes are part of the text: write {name[1:-1]}"
     lowered = {n.lower(): n for n in reversed(names)}
     # difflib is quadratic in the length: a name of 10,000 letters is no typo.
     short = name[:60].lower()
-    close = difflib.get_close_matches(short, lowered, n=most, cutoff=_SEVERAL) if most > 1 else []
+    close = difflib.get_close_matches(short, lowered, n=most, cutoff=_MIN_LIST_SIMILARITY) if most > 1 else []
     close = close or difflib.get_close_matches(short, lowered, n=1, cutoff=0.6)
     if close:
         *others, last = (repr(lowered[each]) for each in close)
@@ -39,7 +39,7 @@ def suggest_name(name: str, known: Iterable[str], *, most: int = 1) -> str:
 
 
 def describe(value: object) -> str:
-    """A value as a fault names it: `'yes'`, `3`, `a list`, `nothing`."""
+    """Return a value in the words of a fault: `'yes'`, `3`, `a list`, `nothing`."""
     match value:
         case None:
             return "nothing"

@@ -70,14 +70,14 @@ def _decoded(raw: bytes) -> str:
     return _text(raw, name, f"{name} by its first line")
 
 
-def _text(raw: bytes, encoding: str, told: str) -> str:
+def _text(raw: bytes, encoding: str, name: str) -> str:
     try:
         return raw.decode(encoding)
     except LookupError:
         raise XmlError(f"the encoding {encoding!r} is not known; save the file as UTF-8") from None
     except UnicodeError as error:
         at = raw.count(b"\n", 0, error.start) + 1 if isinstance(error, UnicodeDecodeError) else 1
-        raise XmlError(f"the file is not {told} (line {at}); save it as UTF-8") from None
+        raise XmlError(f"the file is not {name} (line {at}); save it as UTF-8") from None
 
 
 class _Reader:

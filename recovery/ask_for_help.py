@@ -31,13 +31,12 @@ _INSERTED: Final = re.compile(r"\{@?[A-Za-z_]\w{0,59}(?:\.[A-Za-z_]\w{0,59}){0,9
 
 
 class AskForHelp(Node):
-    """Brake, and ask the operator how to go on: the reason and the choices are shown, the answer is an
-    output.
+    """Brake and ask the operator for a decision. Reason and choices are shown; the answer is an output.
 
-    Simulated time is frozen until the answer. Without a terminal and in batches the run ends `paused`;
-    `picktree run --resume` asks again, or takes the answer with `--answer`. With the answer `give_up` the
-    node fails with tree.given_up. In `reason` a reference as {item.kind} is replaced by its value. The answer
-    itself changes nothing: the nodes after this one act on it.
+    Simulated time is frozen until the answer. Without a terminal, and in batches, the run ends `paused`;
+    `picktree run --resume` asks again, or takes the answer from `--answer`. With the answer `give_up` the
+    node fails with tree.given_up. In `reason` a reference such as {item.kind} is replaced by its value. The
+    answer itself changes nothing: the nodes after this one act on it.
     """
 
     flow = control_flow.LeafFlow()
@@ -53,15 +52,15 @@ class AskForHelp(Node):
 
     kind = "action"
     reason: In[str] = port(
-        "why help is needed: a sentence for a person; references in it are filled in", takes="template"
+        "reason for the request, as a sentence for a person; references in it are filled in", takes="template"
     )
-    object: In[ObjectId] = port("what it is about, for the record", default=ObjectId(""))
+    object: In[ObjectId] = port("the object in question, for the record", default=ObjectId(""))
     choices: In[list[str]] = port(
         "the answers to choose from",
         default=[operator_desk.GO_ON, operator_desk.SET_ASIDE, operator_desk.GIVE_UP],
     )
     give_up: In[str] = port("the choice with which the node fails", default=operator_desk.GIVE_UP)
-    answer: Out[str] = port("the choice that was made")
+    answer: Out[str] = port("the chosen answer")
     causes = (tree.GIVEN_UP, control.ANY)
     uses = (ARM,)
     remembers = ("_asks",)
@@ -206,7 +205,9 @@ class SetAside(Node):
     kind = "action"
     played = False
     object: In[ObjectId] = port("the item to give up, which is not in the hand")
-    after: In[int] = port("which time it is given up indeed; before that it is counted", default=1, least=1)
+    after: In[int] = port(
+        "number of the call that gives the item up; earlier calls are only counted", default=1, least=1
+    )
     causes = (place.MISSED,)
 
     def on_tick(self) -> NodeStatus:

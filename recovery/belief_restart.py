@@ -111,9 +111,9 @@ def _measure_hand(world: World) -> Generator[None, None, held_object.GripCheck |
     reached = yield from world.gripper.move(least, max(abs(grip.force), MIN_PROBE_FORCE))
     if reached < grip.width - MIN_PROBE_SHARE * (grip.width - least):
         return None
-    said = "is in the hand" if hold.loaded else "is between the fingers, and weighs next to nothing"
+    state = "is in the hand" if hold.loaded else "is between the fingers, and weighs next to nothing"
     world.journal.note(
-        event_types.TookStockEvent(f"something {said}: {hold}", width=hold.width, load=hold.load, held=True)
+        event_types.TookStockEvent(f"something {state}: {hold}", width=hold.width, load=hold.load, held=True)
     )
     shape = Box((UNKNOWN_OBJECT_SIZE, max(grip.width, 0.005), UNKNOWN_OBJECT_SIZE))
     tcp = world.control.tcp
@@ -181,7 +181,7 @@ def _recognise(world: World, known: Mapping[ObjectId, BeliefObject]) -> None:
 
 
 def _resync_report(world: World, to_do: Sequence[ObjectId], held: bool) -> ResyncReport:
-    """Count the items sorted in the time between, and record what cannot be known."""
+    """Count the items sorted in the time between, and record the uncertain ones."""
     done: list[ObjectId] = []
     gone: list[ObjectId] = []
     for name in to_do:

@@ -51,8 +51,8 @@ class FreeSpot(Skill):
       - Place: {object: "{item}", at: "{spot}"}
     """
 
-    object: In[ObjectId] = port("what the hand holds")
-    at: Out[list[float]] = port("the place of its underside: x, y, z in the world", unit="m")
+    object: In[ObjectId] = port("the held object")
+    at: Out[list[float]] = port("place of its underside: x, y, z in the world", unit="m")
     causes = (place.OCCUPIED, grasp.SLIPPED, world_causes.UNKNOWN_OBJECT)
 
     def run(self, world: World) -> Steps:

@@ -58,7 +58,7 @@ class CauseIs(CauseGuard):
     CauseIs: {cause: "{cause}", of: ["grasp.*", perception.not_found]}
     """
 
-    of: In[list[str]] = port("causes, or families as `grasp.*`")
+    of: In[list[str]] = port("causes, or families such as `grasp.*`")
 
     def patterns(self) -> tuple[str, ...]:
         return tuple(self.of)
@@ -77,7 +77,7 @@ class CauseIs(CauseGuard):
 
 
 class WouldLookingHelp(WouldHelp):
-    """Whether another look may help: something is not where it was believed to be, or was not seen well."""
+    """Whether another look may help: an object was not at its believed place, or was not seen well."""
 
     helps = (
         "perception.*", "grasp.no_candidate", "grasp.missed", "grasp.slipped", "place.missed",
@@ -87,7 +87,8 @@ class WouldLookingHelp(WouldHelp):
 
 
 class WouldARetreatHelp(WouldHelp):
-    """Whether getting clear may help: a safety stop waits to be acknowledged, or the arm stands too near."""
+    """Whether a retreat may help: a safety stop waits to be acknowledged, or the arm is too near an
+    obstacle."""
 
     helps = (
         "safety.*", "control.*", "planning.start_in_collision", "planning.start_outside", "planning.blocked",
@@ -97,7 +98,7 @@ class WouldARetreatHelp(WouldHelp):
 
 
 class WouldAnotherGraspHelp(WouldHelp):
-    """Whether to take hold of the object elsewhere, or anew, may help."""
+    """Whether another grasp may help, at another place or after a new look."""
 
     helps = (
         "grasp.missed", "grasp.slipped", "planning.no_ik", "planning.goal_in_collision", "planning.no_path",
@@ -106,7 +107,7 @@ class WouldAnotherGraspHelp(WouldHelp):
 
 
 class WouldAGripperResetHelp(WouldHelp):
-    """Whether opening and closing the empty fingers may help: they did not do what they were told to."""
+    """Whether a gripper reset may help: the empty fingers did not follow a command."""
 
     helps = ("control.gripper", "control.timeout", "grasp.missed", "grasp.slipped")
 
@@ -122,13 +123,14 @@ class WouldReplanningHelp(WouldHelp):
 
 
 class WouldPushingHelp(WouldHelp):
-    """Whether pushing the object free may help: the hand does not fit around it where it lies."""
+    """Whether pushing the object free may help: the hand does not fit around it at its place."""
 
     helps = ("grasp.no_candidate", "planning.goal_in_collision", "planning.no_ik", "push.stalled")
 
 
 class WouldWaitingHelp(WouldHelp):
-    """Whether time alone may help: a sensor, a camera or the arm may come to itself, what rolls may lie."""
+    """Whether waiting may help: a sensor, a camera or the arm may recover, and a rolling object may come to
+    rest."""
 
     helps = (
         "perception.no_image", "safety.stale_sensor", "safety.watchdog", "control.tracking",

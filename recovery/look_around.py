@@ -31,9 +31,11 @@ class LookAround(Skill):
     LookAround: {expect: "{item}"}
     """
 
-    expect: In[ObjectId] = port("what is looked for; without it, all cameras look once", default=ObjectId(""))
+    expect: In[ObjectId] = port(
+        "the object to look for; without it, all cameras look once", default=ObjectId("")
+    )
     objects: Out[list[ObjectId]] = port(
-        "ids of the items that do not lie where they belong, in the order to take them"
+        "ids of the items outside their destination, in the order to take them"
     )
     causes = (perception.NOT_FOUND, perception.NO_IMAGE, planning.ANY, control.ANY, safety.ANY)
     uses = (ARM, CAMERA)
@@ -93,20 +95,20 @@ class LookAround(Skill):
 
 
 class ResetGripper(Skill):
-    """Open the fingers, close them, open them again, and measure each time whether they did.
+    """Open the fingers, close them, open them again, and measure the opening each time.
 
-    For a gripper that did not do what it was told to. Between two tries it waits, since what jams may come
-    free by itself. The hand must be empty; with `drop` what is held is let go first, where the hand is.
+    For a gripper that did not follow a command. Between two tries it waits, since a jam may clear by itself.
+    The hand must be empty; with `drop` it releases a held object first, at its present place.
     """
 
     example = """
     ResetGripper: {tries: 3, wait: 2 s}
     """
 
-    drop: In[bool] = port("whether to let go first of what the hand holds, where it is", default=False)
-    tries: In[int] = port("how often the fingers are moved to and fro", default=3, least=1, most=20)
+    drop: In[bool] = port("whether a held object is released first, at its present place", default=False)
+    tries: In[int] = port("number of times that the fingers close and open", default=3, least=1, most=20)
     wait: In[float] = port("time between two tries", unit="s", default=2.0, least=0)
-    force: In[float] = port("with which each finger closes", unit="N", default=10.0, above=0)
+    force: In[float] = port("grip force of each finger", unit="N", default=10.0, above=0)
     causes = (control.GRIPPER, control.TIMEOUT, grasp.NO_CANDIDATE, safety.ANY)
     uses = (GRIPPER,)
     hand_after = "empty"
@@ -118,10 +120,10 @@ class ResetGripper(Skill):
                 grasp.NO_CANDIDATE, f"the hand is not free: it holds {held.id}", object=held.id, held=held.id
             )
         yield from world.control.settle()
-        said = ""
+        problem = ""
         for number in range(1, self.tries + 1):
-            said = yield from self._to_and_fro(world)
-            if not said:
+            problem = yield from self._to_and_fro(world)
+            if not problem:
                 world.journal.note(
                     event_types.GripperResetEvent(f"the fingers follow again, at try {number}", self.path)
                 )
@@ -129,7 +131,7 @@ class ResetGripper(Skill):
             yield from self._pause(world)
         raise Failure(
             control.GRIPPER,
-            f"after {self.tries} tries the fingers still do not follow: {said}",
+            f"after {self.tries} tries the fingers still do not follow: {problem}",
             width=world.gripper.width,
             tries=self.tries,
         )

@@ -62,11 +62,13 @@ class Budget(Decorator):
     """
 
     of: In[ObjectId] = port(
-        "the object whose account this is, kept between two runs; without it, an account for each run",
+        "the object of the account, which is kept between two runs; without it, each run has its own account",
         default=ObjectId(""),
     )
-    tries: In[int] = port("how many handlers may run; -1 for any number", default=-1, least=-1)
-    time: In[float] = port("how long recovery may take; 0 for any time", unit="s", default=0.0, least=0)
+    tries: In[int] = port("maximum number of handlers; -1 for any number", default=-1, least=-1)
+    time: In[float] = port(
+        "maximum simulated time for recovery; 0 for no limit", unit="s", default=0.0, least=0
+    )
     causes = (tree.BUDGET,)
     remembers = ("_accounts", "_before", "_given_up")
     _accounts: dict[str, list[float]] = {}  # noqa: RUF012 - replaced, never changed
@@ -123,7 +125,7 @@ class Budget(Decorator):
         """Charge the time of this tick to recovery."""
         self._recovering = True
 
-    def has_given_up(self, report: FailureReport) -> None:
+    def store_refusal(self, report: FailureReport) -> None:
         """Store the report of a node below that gave up after a refusal."""
         self._given_up = report
 
@@ -177,11 +179,11 @@ def budgets_above(node: Node) -> tuple[Budget, ...]:
 
 
 class PlanWith(Decorator):
-    """While its child runs, motions are planned with other seed, budget, clearance or planner.
+    """Plans motions of its child with another seed, budget, clearance or planner.
 
-    It holds for what the child itself plans, and only in its own ticks: however the child ends, everything is
-    planned as before afterwards. Where one stands in the other, budgets multiply, clearances add up, and the
-    inner seed and planner count.
+    The overrides apply only to plans of the child, in the child's ticks. They end with the child, whatever
+    its result. For one `PlanWith` inside another, budgets multiply, clearances add up, and the inner seed and
+    planner count.
     """
 
     flow = control_flow.ChildFlow()
@@ -195,19 +197,19 @@ class PlanWith(Decorator):
         planning.*: {SafeRetreat: {pose: rest}}
     """
 
-    seed: In[int] = port("another number, other random trees; 0 for the usual ones", default=0, least=0)
+    seed: In[int] = port("seed of the random trees; 0 for the usual one", default=0, least=0)
     budget: In[float] = port(
-        "how many times the collision checks that a plan may take otherwise", default=1.0, above=0, most=100
+        "multiple of the usual number of collision checks of a plan", default=1.0, above=0, most=100
     )
     clearance: In[float] = port(
-        "how much more room free motions keep than the usual margins",
+        "clearance of free motions beyond the usual margins",
         unit="m",
         default=0.0,
         least=0,
         most=0.1,
     )
     planner: In[str] = port(
-        "the planner of free motions, as `bit_star`; the usual one unless given", default="", names="planner"
+        "planner of free motions, such as `bit_star`; by default the usual one", default="", names="planner"
     )
 
     @classmethod
@@ -256,7 +258,7 @@ class RecoveryControl(ControlNode, abstract=True):
 
     @abstractmethod
     def cure_of(self, report: FailureReport) -> str:
-        """Return the label of the handler for a failure, as `cure` knows it; empty when there is none."""
+        """Return the label of the handler for a failure, as in `cure`; empty without a handler."""
         ...
 
     @abstractmethod
@@ -280,7 +282,7 @@ class RecoveryControl(ControlNode, abstract=True):
     def on_start(self) -> None:
         self._runs, self._reports, self._handler, self._giving_up = 0, (), "", False
         self._refused = False
-        self._tell(None)
+        self._write_outputs(None)
 
     def on_tick(self) -> NodeStatus:
         if self._reports:
@@ -301,23 +303,23 @@ class RecoveryControl(ControlNode, abstract=True):
         if report is None:
             report = FailureReport(tree.ATTEMPTS, "a condition does not hold", {}, body.path)
         self._reports = (*self._reports, report)
-        self._tell(report)
+        self._write_outputs(report)
         label = self.cure_of(report)
         if not label and matches(str(internal.ANY), report.cause):
             return self.fail_with(report)
         ends = self.ends_with(label)
         if not label or (not ends and (self._runs >= self.most_runs() or self._is_stuck(label))):
             return self._give_up()
-        refusal = self._pay()
+        refusal = self._charge_budgets()
         if refusal is not None:
             self._refused = True
             self._reports = (*self._reports[:-1], refusal)
             return self._give_up()
         self._handler = label
-        told = f"tried (attempt {self._runs} of {self.most_runs()})" if not ends else "done instead"
+        progress = f"tried (attempt {self._runs} of {self.most_runs()})" if not ends else "done instead"
         self.world.journal.note(
             event_types.RecoveryEvent(
-                f"{report.cause} in {report.node}: {label} is {told}",
+                f"{report.cause} in {report.node}: {label} is {progress}",
                 self.path,
                 cause=report.cause.name,
                 failed=report.node,
@@ -337,10 +339,10 @@ class RecoveryControl(ControlNode, abstract=True):
         if all(report.evidence.get("unchanged") is True for report in self._reports[-2:]):
             return True
         reports = self._reports
-        return len(reports) > 1 and self._is_gone(reports[-2], reports[-1], label)
+        return len(reports) > 1 and self._is_still_unknown(reports[-2], reports[-1], label)
 
-    def _is_gone(self, before: FailureReport, last: FailureReport, label: str) -> bool:
-        """Return whether the object is unknown although what is tried against that has just been done.
+    def _is_still_unknown(self, before: FailureReport, last: FailureReport, label: str) -> bool:
+        """Return whether the object is still unknown after its handler has just run.
 
         It was unknown before, or the same handler has looked for it, and it was given up.
         """
@@ -350,7 +352,7 @@ class RecoveryControl(ControlNode, abstract=True):
             return False
         return before.cause is last.cause or self.cure_of(before) == label
 
-    def _tell(self, report: FailureReport | None) -> None:
+    def _write_outputs(self, report: FailureReport | None) -> None:
         """Write the outputs: the running attempt, or the failed one with its report."""
         if report is None:
             self.output("attempt", self._runs + 1)
@@ -360,7 +362,7 @@ class RecoveryControl(ControlNode, abstract=True):
         self.output("message", report.message if report else "")
         self.output("failed", report.node if report else "")
 
-    def _pay(self) -> FailureReport | None:
+    def _charge_budgets(self) -> FailureReport | None:
         """Charge one handler to all budgets above; return the refusal when one of them allows no more."""
         budgets = budgets_above(self)
         last = self._reports[-1]
@@ -381,7 +383,7 @@ class RecoveryControl(ControlNode, abstract=True):
         if ends and state is NodeStatus.SUCCESS:
             return state
         if not ends and self.goes_on_after(state):
-            self._tell(None)
+            self._write_outputs(None)
             return NodeStatus.RUNNING
         failed = (handler.failure,) if handler.failure is not None else ()
         return self.fail_with(with_attached(self._reports[-1], failed))
@@ -402,12 +404,12 @@ class RecoveryControl(ControlNode, abstract=True):
         if self._refused:
             for budget in budgets_above(self):
                 if budget.path == report.node:
-                    budget.has_given_up(report)
+                    budget.store_refusal(report)
         return self.fail_with(report)
 
 
 class RecoveryNode(RecoveryControl):
-    """Runs its first child; when it fails, runs the second, then the first again, as Nav2's.
+    """Runs its first child; when it fails, runs the second, then the first again, as in Nav2.
 
     The first child runs once more than `number_of_retries`. When the second child fails or is skipped, the
     node fails with the first one's cause, the second one's attached. When all retries are used up, it fails
@@ -429,11 +431,11 @@ class RecoveryNode(RecoveryControl):
     parts = children(
         "what is to succeed, and what may cure its failure", least=2, most=2, labels=("", "recovery")
     )
-    number_of_retries: In[int] = port("how often the second child may run", default=1, least=0)
-    attempt: Out[int] = port("number of the attempt that runs, or failed last: 1, 2, …")
+    number_of_retries: In[int] = port("maximum number of runs of the second child", default=1, least=0)
+    attempt: Out[int] = port("number of the present or last attempt: 1, 2, …")
     cause: Out[str] = port("cause of the failure that is being handled; empty before the first")
-    message: Out[str] = port("its sentence")
-    failed: Out[str] = port("path of the node that it comes from")
+    message: Out[str] = port("message of that failure")
+    failed: Out[str] = port("path of the node with that failure")
 
     def tried(self) -> Node:
         return self.parts[0]
@@ -473,9 +475,9 @@ class ForAttempt(Node):
 
     kind = "action"
     played = False
-    attempt: In[int] = port("which attempt it is: 1, 2, …; output `attempt` of the Recover", least=1)
-    values: In[list[object]] = port("one for each attempt")
-    value: Out[object] = port("the one for this attempt", each_of="values")
+    attempt: In[int] = port("number of the attempt: 1, 2, …; output `attempt` of the Recover", least=1)
+    values: In[list[object]] = port("values, one for each attempt")
+    value: Out[object] = port("value for this attempt", each_of="values")
 
     @classmethod
     def check_ports(cls, given: PortValues) -> tuple[str | PortProblem, ...]:
@@ -493,18 +495,18 @@ class ForAttempt(Node):
 class Recover(RecoveryControl):
     """Runs `do`; when it fails, runs the handler of the cause, then `do` again, at most `attempts` times.
 
-    The first pattern of `when` that matches the cause is used, in the order of the file, else `otherwise`.
-    A cause without a handler fails at once. A handler that fails ends the node with the original cause, the
-    handler's attached. When all attempts are used up, `give_up` is run: it leaves the arm in a state from
-    which others can go on. So it is when nothing has changed since an earlier try (evidence `unchanged`) and
-    two handlers did not help, or the first try of this run fails so; and when an object is unknown after what
-    is tried against that. The node then fails with the last cause, the earlier ones attached. A fault of the
-    program is handled only where a pattern names it: `internal.error`.
+    The first pattern of `when` that matches the cause is used, in the order of the file, else `otherwise`. A
+    cause without a handler fails at once. A failing handler ends the node with the original cause; the
+    handler's cause is attached. When all attempts are used up, `give_up` is run: it leaves the arm in a state
+    from which other nodes can continue. The node then fails with the last cause, the earlier ones attached.
+    Attempts also end early in two cases. The first: the last two failures, or the first one of this run,
+    report an unchanged situation (evidence `unchanged`). The second: an object is still unknown after its
+    handler. A fault of the program is handled only where a pattern names it: `internal.error`.
 
-    A handler of `instead` takes the place of `do`: it comes before those of `when`, after the last attempt,
-    too, and with its success the node succeeds. So an item that is no good is done when it is in quarantine.
-    The outputs give `do`, the handlers and `give_up` the number of the attempt and the handled failure. The
-    tick ends between a handler and the next attempt.
+    A handler of `instead` replaces `do`. It takes precedence over those of `when`, also after the last
+    attempt, and the node succeeds with it. So a defective item is done when it is in quarantine. The outputs
+    give `do`, the handlers and `give_up` the number of the attempt and the handled failure. The tick ends
+    between a handler and the next attempt.
     """
 
     flow = control_flow.Recovery(runs="attempts", resort="give_up", instead="instead")
@@ -521,11 +523,11 @@ class Recover(RecoveryControl):
       give_up: {SafeRetreat: {hand: open}}
     """
 
-    attempts: In[int] = port("how often `do` may run", default=3, least=1)
-    attempt: Out[int] = port("number of the attempt that runs, or failed last: 1, 2, …")
+    attempts: In[int] = port("maximum number of runs of `do`", default=3, least=1)
+    attempt: Out[int] = port("number of the present or last attempt: 1, 2, …")
     cause: Out[str] = port("cause of the failure that is being handled; empty before the first")
-    message: Out[str] = port("its sentence")
-    failed: Out[str] = port("path of the node that it comes from")
+    message: Out[str] = port("message of that failure")
+    failed: Out[str] = port("path of the node with that failure")
     body = child("what is to succeed")
     handlers = table("cause, or family of causes, and what may cure it", key="when", of="cause")
     otherwise = optional_child("what may cure all other causes", key="otherwise")

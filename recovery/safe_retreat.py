@@ -20,7 +20,7 @@ class SafeRetreat(Skill):
 
     Where the arm is believed to be in contact, it moves slowly in the direction that reduces the depth
     fastest, the whole arm considered. It gives way to contact at any part of the arm, and tries another
-    direction. When there is no safe way it fails with what was tried, and stays where it is.
+    direction. Without a safe path it fails with the list of attempts, and the arm stays in place.
     """
 
     flow = control_flow.LeafFlow(hand_by=("hand", {"open": "empty", "put_down": "empty"}))
@@ -30,12 +30,12 @@ class SafeRetreat(Skill):
 
     pose: In[str] = port("named pose of the robot to end in", default="home", names="pose")
     hand: In[Literal["keep", "open", "put_down"]] = port(
-        "a held object: keep it, open the hand and drop it where it is, or put it down on a free spot below "
-        "on the way",
+        "treatment of a held object: keep it, open the hand and drop it here, or put it down on a "
+        "free spot below on the way",
         default="keep",
     )
     speed: In[float] = port(
-        "share of the joints' speed limits: 1 for as fast as allowed; nothing goes faster than 0.25 m/s",
+        "share of the joints' speed limits: 1 for the full limits; no part moves faster than 0.25 m/s",
         default=0.4,
         above=0,
         most=1,
@@ -63,7 +63,7 @@ class SafeRetreat(Skill):
                 # An unknown body is next to the fingers; further away they may have room.
                 leaving.tried.append(failure.message)
         if not (yield from self._out(world, leaving)):
-            raise self._no_way(world, leaving, left)
+            raise self._retreat_failure(world, leaving, left)
         yield from leaving.up()
         if to_open:
             yield from self._open(world)
@@ -77,7 +77,7 @@ class SafeRetreat(Skill):
                 refused = self._not_put_down(world, failure)
                 self._acknowledge(world)
         if not (yield from retreat.go_home(world, leaving, self.pose, scaling, self.path)):
-            raise self._no_way(world, leaving, left)
+            raise self._retreat_failure(world, leaving, left)
         yield from self._still_held(world)
         if refused is not None:
             raise refused
@@ -126,7 +126,7 @@ class SafeRetreat(Skill):
         yield from retreat.observe_with_fixed_cameras(world)
         if world.plan.contacts() == believed and not leaving.touched:
             return False
-        leaving.anew()
+        leaving.reset_directions()
         return (yield from leaving.out())
 
     def _still_held(self, world: World) -> Steps:
@@ -147,13 +147,13 @@ class SafeRetreat(Skill):
             load=hold.load,
         )
 
-    def _no_way(self, world: World, leaving: retreat.RetreatMotion, left: float) -> Failure:
+    def _retreat_failure(self, world: World, leaving: retreat.RetreatMotion, left: float) -> Failure:
         """Return the failure with the obstacles and the attempts; the arm holds its position."""
         contacts = world.plan.contacts()
         named = [f"{c.a} at {c.b} ({-c.distance * 1000:.0f} mm deep)" for c in contacts if c.distance < 0.0]
         last = leaving.tried[-1] if leaving.tried else "nothing could be tried"
         what = f"{', '.join(named[:3])} in the way" if named else last
-        late = " in time" if leaving.late else ""
+        late = " in time" if leaving.is_overdue else ""
         return Failure(
             safety.NO_RETREAT,
             f"there is no safe way to {self.pose}{late}; the arm stays where it is: {what}",

@@ -15,7 +15,7 @@ GIVE_UP: Final = "give up"
 
 @dataclass(frozen=True, slots=True)
 class OperatorQuestion:
-    """Question to the operator, with the situation in which a node asks it."""
+    """Question to the operator, with the situation of the asking node."""
 
     node: str
     """Path of the node that asks."""
@@ -31,29 +31,29 @@ class OperatorQuestion:
         return {**asdict(self), "choices": list(self.choices)}
 
     @classmethod
-    def from_json(cls, said: Mapping[str, Any]) -> OperatorQuestion:
+    def from_json(cls, record: Mapping[str, Any]) -> OperatorQuestion:
         """Return the question that `to_json` has written. Raises KeyError or TypeError for other data."""
-        choices = tuple(str(choice) for choice in said["choices"])
-        return cls(said["node"], said["reason"], choices, said["object"], said["situation"])
+        choices = tuple(str(choice) for choice in record["choices"])
+        return cls(record["node"], record["reason"], choices, record["object"], record["situation"])
 
     def choice(self, text: str) -> str | None:
-        """Return the choice that a text means: its number from 1 on, its name, or an unambiguous beginning of
-        it. None when there is no such choice.
+        """Return the choice for a text: its number from 1 on, its name, or an unambiguous beginning of it.
+        None without such a choice.
 
-        >>> OperatorQuestion("Main/Ask", "it is stuck", ("go on", "give up")).choice("GIVE")
+        >>> OperatorQuestion("Main/Ask", "it is stuck", ("continue", "give up")).choice("GIVE")
         'give up'
-        >>> OperatorQuestion("Main/Ask", "it is stuck", ("go on", "give up")).choice("2")
+        >>> OperatorQuestion("Main/Ask", "it is stuck", ("continue", "give up")).choice("2")
         'give up'
         """
-        said = " ".join(text.split()).casefold()
-        if not said:
+        wanted = " ".join(text.split()).casefold()
+        if not wanted:
             return None
-        same = [choice for choice in self.choices if choice.casefold() == said]
+        same = [choice for choice in self.choices if choice.casefold() == wanted]
         if same:
             return same[0]
-        if said.isdecimal() and 1 <= int(said) <= len(self.choices):
-            return self.choices[int(said) - 1]
-        begun = [choice for choice in self.choices if choice.casefold().startswith(said)]
+        if wanted.isdecimal() and 1 <= int(wanted) <= len(self.choices):
+            return self.choices[int(wanted) - 1]
+        begun = [choice for choice in self.choices if choice.casefold().startswith(wanted)]
         return begun[0] if len(begun) == 1 else None
 
 
@@ -70,7 +70,7 @@ class OperatorRequests:
 
     @property
     def pending(self) -> OperatorQuestion | None:
-        """Question that waits for an answer; None when there is none."""
+        """Question that waits for an answer; None without one."""
         return self._question if self._answer is None else None
 
     @property

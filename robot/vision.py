@@ -41,13 +41,13 @@ from picktree.world import (
 
 T = TypeVar("T")
 
-FRAMES = 4
+MAX_FRAMES = 4
 """Number of frames that an observation waits for before it fails: cameras drop a frame now and then."""
-FRAME = 0.1
+FRAME_TIME = 0.1
 """Time from one frame to the next, s."""
-OLDEST = 0.2
-"""Maximum age of an image, s. A camera that hangs returns its last image again, and a hand at 0.25 m/s has
-moved by 5 cm in this time."""
+MAX_IMAGE_AGE = 0.2
+"""Maximum age of an image, s. A frozen camera returns its last image again, and a hand at 0.25 m/s has moved
+by 5 cm in this time."""
 LEAST_NOISE = 5e-5
 """Noise of a depth image from which no two images are the same, m. A camera without noise may repeat one."""
 
@@ -62,7 +62,7 @@ class CapturedImage:
     stamp: float
     """Simulated time of capture, s."""
     held: BeliefObject | None
-    """Held object as it was believed at the time of capture; None: the hand was empty."""
+    """Held object as believed at the time of capture; None: the hand was empty."""
 
 
 class Vision:
@@ -110,7 +110,7 @@ class Vision:
 
     @property
     def hand(self) -> str | None:
-        """Name of the camera on the hand; None: there is none."""
+        """Name of the camera on the hand; None without one."""
         return next((name for name in self._cameras if name not in self._still), None)
 
     def capture(self, camera: str) -> Generator[None, None, CapturedImage]:
@@ -135,8 +135,8 @@ class Vision:
         return found
 
     def inspect(self, camera: str) -> Generator[None, None, HeldView]:
-        """Capture an image with a fixed `camera`, and return what it shows in the hand. The cost is that of
-        an observation; the belief does not change. Raises as `observe`."""
+        """Capture an image with a fixed `camera`, and return the view of the hand. The cost is that of an
+        observation; the belief does not change. Raises as `observe`."""
         shot = yield from self._patiently(lambda: self.capture_now(camera))
         with self._stopwatch.measure("perception"):
             seen = self._perceive.held(shot.image, shot.joints, shot.width)
@@ -146,11 +146,11 @@ class Vision:
         return seen
 
     def observe(self, camera: str) -> Generator[None, None, ObservationSummary]:
-        """Observe with `camera`; the belief changes after the charged time. All that is not set aside is
-        recognised anew.
+        """Observe with `camera`; the belief changes after the charged time. All objects that are not set
+        aside are recognised again.
 
-        Raises Failure: perception.not_found when there is no such camera, perception.no_image when none comes
-        within a few frames, or only old ones or the same one.
+        Raises Failure: perception.not_found for an unknown camera, perception.no_image when a few frames
+        bring no new image.
         """
         shot = yield from self._patiently(lambda: self.capture_now(camera))
         yield from self._charge()
@@ -160,8 +160,8 @@ class Vision:
         """Capture an image with `camera`. Nothing is charged, and the belief does not change before
         `observe_image`; the caller defers that until the charged time has passed.
 
-        Raises Failure: perception.not_found when there is no such camera, perception.no_image when this frame
-        does not come, is old, is the one before again, or scatters far more than this camera's do.
+        Raises Failure(perception.not_found) for an unknown camera, and Failure(perception.no_image) for a
+        frame that is missing, old, repeated, or far noisier than usual.
         """
         if camera not in self._cameras:
             raise Failure(
@@ -174,7 +174,7 @@ class Vision:
             raise Failure(perception.NO_IMAGE, f"{camera} gives no image", camera=camera) from None
         now = self._clock.now
         age = now - image.stamp
-        if age > OLDEST:
+        if age > MAX_IMAGE_AGE:
             message = f"{camera} gives no new image: the last one is {age:.2f} s old"
             raise Failure(perception.NO_IMAGE, message, camera=camera, age=round(age, 3))
         if self._is_repeated(image):
@@ -237,12 +237,12 @@ class Vision:
                 if failure.cause is not perception.NO_IMAGE:
                     raise
                 missed += 1
-                if missed == FRAMES:
+                if missed == MAX_FRAMES:
                     waited = self._clock.now - begun
-                    message = f"{failure.message} ({FRAMES} frames in {waited:.2f} s)"
-                    evidence = {**failure.evidence, "frames": FRAMES, "waited": round(waited, 3)}
+                    message = f"{failure.message} ({MAX_FRAMES} frames in {waited:.2f} s)"
+                    evidence = {**failure.evidence, "frames": MAX_FRAMES, "waited": round(waited, 3)}
                     raise Failure(perception.NO_IMAGE, message, **evidence) from None
-                until = self._clock.now + FRAME
+                until = self._clock.now + FRAME_TIME
                 while self._clock.now < until - 1e-9:
                     yield
                 continue

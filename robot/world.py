@@ -1,5 +1,4 @@
-"""World: what skills, recovery and trees see of the robot and its surroundings, that is beliefs, sensors
-and motions."""
+"""World: the interface of skills, recovery and trees to the robot: beliefs, sensors and motions."""
 
 from __future__ import annotations
 
@@ -119,7 +118,7 @@ class HandlingParameters:
     """Extra opening beyond the object's width at release, m."""
 
     unknown_hold: float = 0.2
-    """Share of the joints' accelerations with a thing in the hand of which nobody knows how it is held."""
+    """Share of the joints' accelerations with a thing in the hand whose hold is unknown."""
 
     def scaling(self, speed: float, held: BeliefObject | None = None) -> Scaling:
         """Return the scaling of planned motions at `speed`, a share in (0, 1], with `held` in the hand."""

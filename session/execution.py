@@ -77,7 +77,7 @@ def assemble_world(
         destinations.destination_rule(scene.destinations),
         heap_geometry.heap_regions(scene),
     )
-    belief.let_stand(standing_pairs(model, belief))
+    belief.allow_mounting(standing_pairs(model, belief))
     journal = Journal()
     streams = RandomStreams(seed)
     thinking = ComputeTimeAccount(TICK_LENGTH)

@@ -30,9 +30,9 @@ MIN_ITEM_GAP = 0.005
 BELT_ACCELERATION = 0.25
 """Acceleration of a belt when it starts and stops, m/s².
 
-A ball or lying cylinder of radius r stays in its place on the belt while g·c/r is greater. With rolling
-friction c of 1 mm and r of 20 mm that is 0.49 m/s². A standing body would slip only at g times its friction.
-A can topples only at g times its radius over half its height: ten times as much.
+A ball or lying cylinder of radius r keeps its place on the belt below g·c/r. With rolling friction c of 1 mm
+and r of 20 mm that is 0.49 m/s². An upright body would slip only at g times its friction. A can topples only
+at g times its radius over half its height: ten times as much.
 """
 BEAM_HEIGHT = 0.004
 """Height of the light barrier above the belt, m: half a plate's thickness."""

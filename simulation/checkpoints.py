@@ -123,10 +123,10 @@ class Checkpoint:
     ledger: tuple[DynamicsChange, ...]
     belts: tuple[BeltState, ...] = ()
     inventory: SavedInventory = None
-    """Items that came after the start or left; None when there are none, as in older logs."""
+    """Items that came after the start or left; None without such items, as in older logs."""
     feeder: FeederState | None = None
     obstacles: tuple[Fixture, ...] | None = None
-    """Obstacles that the robot does not know; None: those of the scene, as in older logs."""
+    """Obstacles that are unknown to the robot; None: those of the scene, as in older logs."""
     pressed: tuple[PressedItem, ...] = ()
     """Fragile items that have been between the fingers."""
     time: int | None = None
@@ -186,10 +186,10 @@ class KinematicState:
     """Items that did not leave with a bin, in the order of their numbers."""
     belts: tuple[BeltState, ...] = ()
     inventory: SavedInventory = None
-    """Items that came after the start or left; None when there are none, as in older logs."""
+    """Items that came after the start or left; None without such items, as in older logs."""
     feeder: FeederState | None = None
     obstacles: tuple[Fixture, ...] | None = None
-    """Obstacles that the robot does not know; None: those of the scene, as in older logs."""
+    """Obstacles that are unknown to the robot; None: those of the scene, as in older logs."""
 
     def to_plain(self, departed: int = 0) -> dict[str, Any]:
         """Return the state as JSON types, without the first `departed` items that left. Floats survive

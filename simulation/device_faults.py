@@ -116,7 +116,7 @@ class DeviceFaults:
         request."""
         return self._counted(self._planless)
 
-    def off(self, turn: Quaternion) -> tuple[float, ...]:
+    def wrench_bias(self, turn: Quaternion) -> tuple[float, ...]:
         """Return the bias of the wrist's sensor, (6,), N and Nm, in the world's axes; `turn` is the sensor's
         orientation in the world."""
         force, torque = self.bias

@@ -68,7 +68,7 @@ When: TypeAlias = AtTime | AtNode
 
 
 class WhenFile(file_models.FileModel):
-    """When it happens: at a time, or when a node starts; once unless `each` or `every` says otherwise."""
+    """Occasion of a fault: a time, or the start of a node; once, unless `each` or `every` repeats it."""
 
     one_of: ClassVar[tuple[str, ...]] = ("at", "node")
     """Exactly one of these is given."""
@@ -78,11 +78,11 @@ class WhenFile(file_models.FileModel):
     every: LastingTime | None = None
     """Interval at which it repeats. Only with `at`."""
     node: NodePattern | None = None
-    """The node that starts: its name, or a path as SortOne/Grasp; '*' and '?' stand for other letters."""
+    """Starting node: its name, or a path such as SortOne/Grasp; '*' and '?' match other letters."""
     start: Count | None = None
-    """At which of the node's starts, from 1; the first unless given. Only with `node`."""
+    """Number of the start of the node, from 1; the first unless given. Only with `node`."""
     delay: file_models.Duration | None = None
-    """How long after the node's start; at once unless given. Only with `node`."""
+    """Delay after the node's start; none unless given. Only with `node`."""
     each: file_models.Flag | None = None
     """true: at each of the node's starts, from that one on. Only with `node`."""
 
@@ -94,28 +94,29 @@ class WhenFile(file_models.FileModel):
 
 @dataclass(frozen=True, slots=True)
 class FaultTarget(file_models.FileValue):
-    """Which item is meant: of those that fit all that is given the nearest, or the first that was spawned."""
+    """Item that a fault affects: of the items that fit all keys, the nearest or the first spawned one."""
 
     index: Annotated[int, Strict(), Field(ge=0)] | None = None
-    """Its number in the order of spawning, from 0."""
+    """Number of the item in the order of spawning, from 0."""
     kind: str | None = None
-    """Its kind, by the scene's catalogue."""
+    """Kind of the item in the scene's catalogue."""
     form: Form | None = None
-    """Its form."""
+    """Form of the item."""
     colour: ItemColour | None = None
-    """Its colour."""
+    """Colour of the item."""
     nearest_to: Literal["tool", "object"] | None = None
-    """The nearest to the TCP, or to where the belief has what the node's port `object` names."""
+    """Reference for the nearest item: the TCP, or the believed place of the object at the node's port
+    `object`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fault(file_models.FileValue):
-    """One thing that goes wrong: what, when, and to which item, device or place."""
+    """One injected fault: kind, occasion, and the affected item, device or place."""
 
     fault: ClassVar[str]
-    """Kind of the fault in files and records; docs/faults.md says what each kind does."""
+    """Kind of the fault in files and records; docs/faults.md describes each kind."""
     when: Annotated[When, file_models.ReadAs(WhenFile, WhenFile.value)]
-    """When it happens."""
+    """Occasion of the fault."""
     probability: Probability = field(default=1.0, kw_only=True)
     """Probability that it happens, at each of its occasions. Drawn from the run's seed, from a stream of its
     own."""
@@ -141,7 +142,7 @@ class Lasting(Fault):
     """Fault that begins and ends, unless it is for good."""
 
     lasts: LastingTime | None = field(default=None, kw_only=True)
-    """How long it is so; for good unless given."""
+    """Duration of the fault; permanent unless given."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +150,7 @@ class ItemFault(Fault):
     """Fault that changes one item for good."""
 
     target: FaultTarget
-    """The item that it happens to."""
+    """The affected item."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,42 +164,42 @@ class CameraFault(Lasting):
 @fault("remove")
 @dataclass(frozen=True, slots=True)
 class Remove(ItemFault):
-    """The item is snatched away, out of the robot's world."""
+    """The item is removed from the scene."""
 
 
 @fault("friction")
 @dataclass(frozen=True, slots=True)
 class Friction(ItemFault):
-    """The item gets another friction, and mass where one is given."""
+    """The item gets another friction and, if given, another mass."""
 
     friction: FrictionCoefficient
-    """Its new coefficient of friction."""
+    """New coefficient of friction of the item."""
     mass: file_models.Mass | None = None
-    """Its new mass; unchanged unless given."""
+    """New mass of the item; unchanged unless given."""
 
 
 @fault("bump")
 @dataclass(frozen=True, slots=True)
 class Bump(ItemFault):
-    """The item gets a velocity and a spin all at once."""
+    """The item gets a velocity and an angular velocity at once."""
 
     velocity: tuple[Speed, Speed, Speed]
-    """Velocity that it gets, along x, y, z of the world."""
+    """New velocity of the item along x, y, z of the world."""
     spin: tuple[Spin, Spin, Spin] = _ZERO
-    """Angular velocity that it gets, about x, y, z of the world."""
+    """New angular velocity of the item about x, y, z of the world."""
 
 
 @fault("obstacle")
 @dataclass(frozen=True, slots=True)
 class Obstacle(Fault):
-    """An obstacle that the robot does not know is put into its way, and never moves."""
+    """An unknown obstacle appears in the path of the robot, and never moves."""
 
     body: UnknownFile
     """The body and its pose. It waits until no item and no part of the robot is in its place."""
     name: file_models.Name = "obstacle"
-    """Its name in the record."""
+    """Name of the obstacle in the record."""
     stays: file_models.Duration | None = None
-    """How long it stays before it is taken away; for good unless given."""
+    """Time after which the obstacle is removed; it stays unless given."""
 
     @property
     def fixture(self) -> Fixture:
@@ -208,10 +209,10 @@ class Obstacle(Fault):
 @fault("slip")
 @dataclass(frozen=True, slots=True)
 class Slip(Lasting):
-    """The item that the fingers hold, or hold next, has another friction for a time, or for good."""
+    """The item that the fingers hold, or hold next, has another friction for a time or permanently."""
 
     friction: FrictionCoefficient = 0.0
-    """Its coefficient of friction; then it has its own again."""
+    """Coefficient of friction during the fault; the item has its own again afterwards."""
 
 
 @fault("appear")
@@ -220,9 +221,9 @@ class Appear(Fault):
     """A further item of the catalogue appears."""
 
     kind: str
-    """Its kind, by the scene's catalogue."""
+    """Kind of the item in the scene's catalogue."""
     colour: ItemColour
-    """Its colour."""
+    """Colour of the item."""
     place: tuple[file_models.Length, file_models.Length]
     """Position of its centre, x and y in the world. It waits until nothing is there."""
     yaw: file_models.Angle = 0.0
@@ -235,7 +236,7 @@ class Heavier(ItemFault):
     """The item has another mass than the catalogue says."""
 
     mass: file_models.Mass
-    """Its new mass."""
+    """New mass of the item."""
 
 
 @fault("larger")
@@ -268,7 +269,7 @@ class CameraDrop(CameraFault):
     """A camera gives no image, for a time or for a number of images."""
 
     images: Count | None = None
-    """Number of images that do not come, unless `lasts` is over before."""
+    """Number of missing images, unless `lasts` is over before."""
 
 
 @fault("camera_shift")
@@ -283,7 +284,7 @@ class CameraShift(CameraFault):
 
     @property
     def moved(self) -> Pose:
-        """True optical frame in the frame as it was: x right, y down, z forward."""
+        """True optical frame in the former optical frame: x right, y down, z forward."""
         return Pose.from_rpy(self.shift, self.turn)
 
 
@@ -390,12 +391,11 @@ class FaultExpectation(file_models.FileValue):
     """Expected outcome, for the evaluation of a campaign. Neither the robot nor the simulation reads it."""
 
     causes: tuple[str, ...]
-    """Causes that name the failure correctly, or families of them as grasp.*; none where it should do no
-    harm."""
+    """Causes that name the failure correctly, or families such as grasp.*; empty for a fault without harm."""
     lost: Annotated[int, Strict(), Field(ge=0)] = 0
-    """How many items can physically not be sorted any more."""
+    """Number of items that can physically not be sorted any more."""
     roots: tuple[str, ...] = ()
-    """Root causes by which an explanation names it correctly, or families of them as item.*."""
+    """Root causes by which an explanation names it correctly, or families such as item.*."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -411,7 +411,7 @@ class FaultsSettings(file_models.FileValue):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultsFile(FaultsSettings):
-    """Faults of a run. Only the simulation knows them; the robot has to find out."""
+    """Faults of a run. Only the simulation knows them; the robot has to detect them."""
 
     faults: list[FaultSpec]
     """The faults; those that are due in the same tick happen in this order."""

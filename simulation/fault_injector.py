@@ -382,12 +382,12 @@ class FaultInjector:
         self._kill = kill
         self._occasions = FaultSchedule(seed)
         self._states = list(new_states(faults, seed))
-        self._told: list[event_types.FaultEvent] = []
+        self._pending_events: list[event_types.FaultEvent] = []
 
     @property
     def no_plan(self) -> Callable[[], bool] | None:
-        """Callback that tells for each planning request whether the planner finds nothing; None: no fault of
-        the file does that."""
+        """Callback for each planning request: whether the planner finds nothing; None without such a fault in
+        the file."""
         return self._hardware.faults.no_plan if any(isinstance(f, NoPlan) for f in self._faults) else None
 
     def node_started(self, path: str) -> None:
@@ -405,7 +405,7 @@ class FaultInjector:
     def tick(self) -> tuple[JournalEvent, ...]:
         """Carry out the due faults and return their events. Called after each tick of the tree."""
         now = self._hardware.clock.now
-        happened, self._told = self._told, []
+        happened, self._pending_events = self._pending_events, []
         for n, fault in enumerate(self._faults):
             state = self._states[n]
             if state.standing and self._over(n, state, now):
@@ -586,7 +586,7 @@ class FaultInjector:
             return
         if self._program().stand_in(path, _fault_generator(fault)):
             outcome = _program_fault_result(fault, path)
-            self._told.append(replace(outcome.event, node=path))
+            self._pending_events.append(replace(outcome.event, node=path))
             self._states[n] = self._occasions.taken(n, fault, state, now)
 
 

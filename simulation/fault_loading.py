@@ -87,7 +87,7 @@ def read_entry(check: DocumentChecker, loc: Location) -> Fault | None:
 
 
 def _check_entry(check: DocumentChecker, loc: Location, entry: Fault) -> None:
-    """Check what several values of an entry say together."""
+    """Check the combination of values of an entry."""
     match entry:
         case ItemFault():
             with check.readable():
@@ -143,12 +143,12 @@ def check_place(check: DocumentChecker, loc: Location, entry: Fault, place: Faul
     kinds = [each.kind for each in scene.catalogue]
     cameras = [camera.name for camera in scene.cameras]
     of = f"the scene {scene.name} has no"
-    asked: list[tuple[str, str, Sequence[str] | None]] = [
+    names: list[tuple[str, str, Sequence[str] | None]] = [
         ("camera", f"{of} camera", cameras),
         ("kind", f"the catalogue of {scene.name} has no", kinds),
         ("joint", f"the robot of {scene.name} has no joint", place.joints),
     ]
-    for key, begun, known in asked:
+    for key, begun, known in names:
         with check.readable():
             name: str | None = getattr(entry, key, None)
             if name is not None and known is not None and name not in known:
@@ -204,8 +204,8 @@ def check_faults(document: Document, place: FaultContext | None = None) -> Check
     entries: list[Fault] = []
     found = [(loc, read_entry(check, loc)) for loc in check.places("faults") if not check.full]
     if place is None and scene is not None:
-        asked = any(isinstance(entry, JointWeak) for _, entry in found)
-        place = FaultContext(scene, _joints(scene) if asked else None)
+        needs_joints = any(isinstance(entry, JointWeak) for _, entry in found)
+        place = FaultContext(scene, _joints(scene) if needs_joints else None)
     for loc, entry in found:
         if entry is None:
             continue

@@ -100,8 +100,8 @@ class TableFeed(ItemSource[TableFeedState]):
         first, _ = self._hand()
         if not self._places(first, empty=True):
             raise PicktreeError(
-                f"{self._where}: no item fits into the area of {x1 - x0:.2f} × {y1 - y0:.2f} m beside what "
-                "stands there; make it larger, or put it elsewhere"
+                f"{self._where}: no item fits into the area of {x1 - x0:.2f} × {y1 - y0:.2f} m beside the "
+                "bodies there; make it larger, or put it elsewhere"
             )
 
     @property
@@ -178,7 +178,7 @@ class TableFeed(ItemSource[TableFeedState]):
             settling=tuple(put),
             until=now + MAX_SETTLING_TIME,
         )
-        self._tell(len(put), len(waiting))
+        self._record_load(len(put), len(waiting))
 
     def _hand(self) -> tuple[list[LooseItem], int]:
         """Return the next items, the waiting ones first, and the number drawn after them."""
@@ -233,7 +233,7 @@ class TableFeed(ItemSource[TableFeedState]):
         if self._cell.at_rest(state.settling) or self._cell.now >= state.until:
             self._state = replace(state, settling=(), deliveries=state.deliveries + 1)
 
-    def _tell(self, items: int, waiting: int) -> None:
+    def _record_load(self, items: int, waiting: int) -> None:
         number = self._state.loads
         message = f"{_counted(items)} {'is' if items == 1 else 'are'} set down"
         message += f", {waiting} more found no room" if waiting else ""
@@ -329,7 +329,7 @@ class BinExchange:
         self._totes = {each.tote: each for each in totes}
         self._bins: Mapping[str, Bin] = {each.id: each for each in scene.bins}
         self._exchange = scene.exchange
-        self._asked: list[ObjectId] = []
+        self._requests: list[ObjectId] = []
         self._worked = 0.0
         self._done: Counter[ObjectId] = Counter()
         self.obstructed = False
@@ -337,7 +337,7 @@ class BinExchange:
 
     @property
     def busy(self) -> bool:
-        return bool(self._asked)
+        return bool(self._requests)
 
     @property
     def done(self) -> Mapping[ObjectId, int]:
@@ -345,18 +345,18 @@ class BinExchange:
         moving = {name for name, tote in self._totes.items() if tote.busy}
         return {name: number - (name in moving) for name, number in self._done.items()}
 
-    def ask(self, bin_id: ObjectId) -> None:
+    def request(self, bin_id: ObjectId) -> None:
         """Request the exchange of a bin. Raises PicktreeError when the scene has no such bin."""
         if bin_id not in self._bins:
             raise PicktreeError(f"there is no bin {bin_id!r}; known: {', '.join(self._bins)}")
-        if self._exchange is not None and bin_id not in self._asked:
-            self._asked.append(bin_id)
+        if self._exchange is not None and bin_id not in self._requests:
+            self._requests.append(bin_id)
 
     def stepped(self, step: int) -> None:
         """Advance by one control period, the step-th of the run."""
-        if not self._asked or step % CELL_CHECK_INTERVAL:
+        if not self._requests or step % CELL_CHECK_INTERVAL:
             return
-        each = self._bins[self._asked[0]]
+        each = self._bins[self._requests[0]]
         self.obstructed = self._cell.arm_over(Zone.around(each.pose, each.size))
         if self.obstructed:
             return
@@ -372,16 +372,16 @@ class BinExchange:
 
     def state(self) -> ExchangeState:
         """Return the state for a checkpoint."""
-        return ExchangeState(tuple(self._asked), self._worked, self.obstructed, dict(self._done))
+        return ExchangeState(tuple(self._requests), self._worked, self.obstructed, dict(self._done))
 
     def restore(self, state: ExchangeState) -> None:
-        self._asked, self._worked = list(state.asked), state.worked
+        self._requests, self._worked = list(state.asked), state.worked
         self.obstructed, self._done = state.obstructed, Counter(state.done)
 
     def _carry_out(self, each: Bin) -> None:
         inside = [body.id for body in self._cell.here() if goes_with(each, body)]
         self._cell.take_with(each.id, inside)
-        self._asked.pop(0)
+        self._requests.pop(0)
         self._worked = 0.0
         self._done[each.id] += 1
         number = self._done[each.id]
@@ -447,7 +447,7 @@ class Feeder:
             each.ready()
 
     def exchange(self, bin_id: ObjectId) -> None:
-        self._exchange.ask(bin_id)
+        self._exchange.request(bin_id)
 
     def read(self) -> FeedSignals:
         sources, exchange = self._sources, self._exchange

@@ -150,10 +150,10 @@ def read_thing(file: Path, assortment: Assortment) -> Thing:
 
 
 def _solid(file: Path, raw: bytes, scale: float, side: float) -> dict[str, Array]:
-    """Return what follows from a mesh, in SI, with the origin in its centre of mass.
+    """Return the bodies of a mesh, in SI, with the origin in its centre of mass.
 
-    `volume`, the corners (n, 3) of its hull as `0` and of its parts from `1` on, and the `stickers` (k, 4, 4)
-    of tags with that side; 0: there are none.
+    `volume`; the corners (n, 3) of its hull as `0`, and of its parts from `1` on; the `stickers` (k, 4, 4) of
+    tags. `side` is that of a tag; 0: no stickers.
     """
     try:
         parts = [points * scale for points in mesh_reader.parse_groups(raw)]
@@ -319,10 +319,10 @@ SUPPORT_TOLERANCE = 2e-4
 
 
 def upright_turn(shape: Shape) -> Quaternion:
-    """Return the orientation in which a thing stands on the face that makes it tallest.
+    """Return the upright orientation of a thing, on the face that makes it tallest.
 
-    The face must carry it up to `MIN_UPRIGHT_TILT`; if none does, the most stable one is taken. The shape's
-    origin is its centre of mass.
+    The face must carry it up to a tilt of `MIN_UPRIGHT_TILT`; without such a face, the most stable one is
+    taken. The shape's origin is its centre of mass.
     """
     assert isinstance(shape, ConvexMesh)
     vertices = np.array(shape.vertices)

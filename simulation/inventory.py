@@ -1,4 +1,4 @@
-"""Inventory of a run: the present items, and what the others were that left."""
+"""Inventory of a run: the present items, and the origin of those that left."""
 
 from __future__ import annotations
 
@@ -79,8 +79,8 @@ SavedInventory: TypeAlias = Annotated[InventoryState | None, BeforeValidator(_of
 class Inventory:
     """Inventory of a run.
 
-    `here` contains all items that did not leave with a bin, in the order of their numbers. Of each item that
-    left its number is kept, and what it was.
+    `here` contains all items that did not leave with a bin, in the order of their numbers. For each item that
+    left, number and origin are kept.
     """
 
     def __init__(self, scene: SceneDescription, spawned: Iterable[SpawnedItem]) -> None:

@@ -1,4 +1,4 @@
-"""Obstacles that the robot does not know, by name in order of arrival, and the check whether a place is
+"""Obstacles that are unknown to the robot, by name in order of arrival, and the check whether a place is
 free."""
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class FreeSpaceCheck:
         """Return whether a body fits at `pose` between items and robot, with clearance `room`, m. The arm is
         at `q` (n,), rad, the fingers are `width` m open."""
         one, at = self._shapes.of(shape), _transform(pose)
-        # What waits for room asks in each tick: nothing is computed after the first body that is in the way.
+        # Waiting obstacles test for room in each tick: nothing is computed after the first body in the way.
         lying = ((self._shapes.of(other), _transform(other_pose)) for other, other_pose in items)
         others = chain(lying, self._robot(q, width))
         request = coal.CollisionRequest()

@@ -23,7 +23,7 @@ MAX_REST_SPIN = 1.0
 MIN_SEATED_DEPTH_SHARE = 0.8
 """Share of a hole's depth that the lowest point of a seated item has reached."""
 MAX_SEATED_TILT = math.radians(5.0)
-"""Greatest tilt of an item that stands in a hole, rad."""
+"""Greatest tilt of an item that is seated in a hole, rad."""
 MAX_PENETRATION = 0.15e-3
 """Penetration of an item and a fixture above which they have passed through each other, m."""
 

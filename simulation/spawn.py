@@ -85,7 +85,7 @@ def _group(
             else:
                 middle = np.mean(list(places.values()), axis=0)
                 found = [
-                    _beside(shapes[k], turns[k], places, turned, outlines, rng)
+                    _adjacent_place(shapes[k], turns[k], places, turned, outlines, rng)
                     for _ in range(PLACE_CANDIDATES)
                 ]
                 spot, turn = min(found, key=lambda f: math.dist(f[0], middle))
@@ -100,7 +100,7 @@ def _group(
     return TouchingLayout(tuple(turned), tuple(places[k] for k in range(len(shapes))))
 
 
-def _beside(
+def _adjacent_place(
     shape: Shape,
     turn: Quaternion,
     places: dict[int, Array],
@@ -155,7 +155,7 @@ class SpawnedItem:
     pose: Pose
     """Pose in the world; the lowest point touches the support, or is above it when the item is dropped."""
     dropped: bool
-    """Whether the item falls from `pose` instead of standing there."""
+    """Whether the item falls from `pose` instead of resting there."""
     brought_by: int | None = None
     """Entry of the feed that brought the item; None: it was there at the start."""
     stickers: Stickers | None = None
@@ -333,7 +333,7 @@ def _too_small(where: str, spawn: Spawn, items: int) -> PicktreeError:
 
 
 def occupied_outlines(scene: SceneDescription) -> list[Footprint]:
-    """Return the outlines of bins, of fixtures that stand on another fixture, and of hidden obstacles."""
+    """Return the outlines of bins, of fixtures on top of another fixture, and of hidden obstacles."""
     bins = [
         footprint(box, pose.orientation).at(pose.position[:2]) for b in scene.bins for box, pose in b.parts()
     ]

@@ -20,8 +20,8 @@ from picktree.world import (
 )
 from picktree.world.scene import CatalogueEntry, Fixture, Hole
 
-MAX_STANDING_DEPTH = 0.001
-"""Depth below a board's top face up to which an item stands on it, m."""
+MAX_SUPPORTED_DEPTH = 0.001
+"""Greatest depth below a board's top face at which an item still counts as on the board, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +56,7 @@ class HoledFixtures:
         return bool(self._boards)
 
     def seat(self, shape: Shape, pose: Pose) -> HoleSeating | None:
-        """Return the seating of an item at `pose` in the world; None when it stands on a board or
-        elsewhere."""
+        """Return the seating of an item at `pose` in the world; None for an item on a board or elsewhere."""
         for board in self._boards:
             assert isinstance(board.shape, Box)
             x, y, z = board.shape.size
@@ -67,7 +66,7 @@ class HoledFixtures:
             if (
                 abs(across) > x / 2
                 or abs(along) > y / 2
-                or not -z / 2 - MAX_STANDING_DEPTH < lowest < z / 2 - MAX_STANDING_DEPTH
+                or not -z / 2 - MAX_SUPPORTED_DEPTH < lowest < z / 2 - MAX_SUPPORTED_DEPTH
             ):
                 continue
             return min((_seat(hole, shape, item) for hole in board.holes), key=lambda seat: seat.off)
@@ -132,7 +131,7 @@ class TrueBody(Body):
 
 @dataclass(frozen=True, slots=True)
 class TrueObstacle:
-    """True state of an obstacle that the robot does not know. It is no item and has no score."""
+    """True state of an obstacle that is unknown to the robot. It is no item and has no score."""
 
     id: ObjectId
     shape: Shape

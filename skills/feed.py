@@ -1,4 +1,4 @@
-"""AwaitItems and ExchangeBin: tell the feed what the robot waits for, and wait until it has come."""
+"""AwaitItems and ExchangeBin: requests to the feed, and waiting for their completion."""
 
 from __future__ import annotations
 
@@ -37,21 +37,24 @@ class _Obstruction:
 
 
 class AwaitItems(Skill):
-    """Tell the feed that the robot is ready for more, and wait until something has come.
+    """Signal the feed that the robot is ready for more items, and wait for a delivery.
 
-    SUCCESS when something was set down since the robot last looked or waited, or when the feed is exhausted:
-    the fact `feed_exhausted` tells which. What came, and where it lies, only a camera says: observe next. The
-    arm must be out of the feed's way, for nothing is set down below it, and no belt runs there. What is
-    believed on a belt is forgotten, for it rides on.
+    SUCCESS when items were set down since the last look or wait, or when the feed is exhausted (fact
+    `feed_exhausted`). Only a camera finds kind and place of new items: observe next. The arm must be out of
+    the feed's way: nothing is set down below it, and no belt runs there. Objects on a belt are removed from
+    the belief, since the belt moves them.
     """
 
     example = """
     AwaitItems: {longest: 2 min}
     """
 
-    longest: In[float] = port("how long it waits at most", unit="s", default=120.0, above=0)
+    longest: In[float] = port("maximum waiting time", unit="s", default=120.0, above=0)
     clearance: In[float] = port(
-        "how long the feed may wait for the arm to leave before it fails", unit="s", default=5.0, least=0
+        "maximum time that the feed waits for the arm to leave, before the node fails",
+        unit="s",
+        default=5.0,
+        least=0,
     )
     causes = (feed.LATE, feed.OBSTRUCTED)
     limit = 10.0
@@ -59,7 +62,7 @@ class AwaitItems(Skill):
 
     def run(self, world: World) -> Steps:
         began, arm = world.clock.now, _Obstruction(self.clearance)
-        asked = False
+        requested = False
         while True:
             bin_belief.apply_bin_exchanges(world, self.path)
             signals, waited = world.feed.read(), world.clock.now - began
@@ -68,10 +71,10 @@ class AwaitItems(Skill):
                 return
             if signals.exhausted:
                 return
-            if not asked:
+            if not requested:
                 world.feed.ready()
                 bin_belief.forget_belt_items(world)
-                asked = True
+                requested = True
             if arm.obstructs_for_long(signals, world.clock.now):
                 raise Failure(
                     feed.OBSTRUCTED,
@@ -92,12 +95,12 @@ class AwaitItems(Skill):
 
 
 class ExchangeBin(Skill):
-    """Ask for an empty bin in a full one's place, and wait until it stands there. A tote into which the feed
-    of the scene pours comes back full, until all has come.
+    """Request an empty bin in place of a full one, and wait until it is there. A tote that the feed of the
+    scene fills comes back full, as long as items are left.
 
-    With `fill` it asks only for a bin whose heap, as seen, is at least so high, and succeeds at once for
-    another. What was believed to lie in the bin goes with it. The arm must be clear of the bin, also with an
-    item in the hand: nobody reaches below it.
+    With `fill` it requests an exchange only for a bin whose heap, as seen, is at least that high; for any
+    other bin it succeeds at once. The content of the bin is removed from the belief. The arm must be clear of
+    the bin, and so must a held item: bins are not exchanged below the arm.
     """
 
     flow = control_flow.LeafFlow(empties=("bin", "fill"))
@@ -105,17 +108,20 @@ class ExchangeBin(Skill):
     ExchangeBin: {bin: red_bin, fill: 0.6}
     """
 
-    bin: In[ObjectId] = port("the bin that is to be exchanged", names="bin")
+    bin: In[ObjectId] = port("the bin to exchange", names="bin")
     level: In[float] = port(
-        "ask only when the heap is so high, as a share of the bin's depth; 0 for always",
+        "least height of the heap for an exchange, as a share of the bin's depth; 0 for any height",
         key="fill",
         default=0.0,
         least=0,
         most=1,
     )
-    longest: In[float] = port("how long it waits at most", unit="s", default=120.0, above=0)
+    longest: In[float] = port("maximum waiting time", unit="s", default=120.0, above=0)
     clearance: In[float] = port(
-        "how long somebody may wait for the arm to leave before it fails", unit="s", default=5.0, least=0
+        "maximum time that the exchange waits for the arm to leave, before the node fails",
+        unit="s",
+        default=5.0,
+        least=0,
     )
     causes = (feed.NO_EXCHANGE, feed.OBSTRUCTED, world_causes.UNKNOWN_OBJECT)
     limit = 10.0
@@ -124,7 +130,7 @@ class ExchangeBin(Skill):
     def run(self, world: World) -> Steps:
         bin_ = self._bin(world)
         if self.bin in bin_belief.apply_bin_exchanges(world, self.path):
-            return  # at an earlier request, for which nobody waited to the end
+            return  # at an earlier request, whose wait was cut short
         full = bin_belief.bin_fill_level(world, bin_)
         if full < self.level:
             self.feedback_message = f"{self.bin} is {full:.0%} full"

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 class GoTo(Skill):
     """Move the arm, free of collisions, to a named configuration of the robot file.
 
-    What is seen to come into its way meanwhile stops it, and it plans anew.
+    When the camera shows a new obstacle in its path, the arm stops and replans.
     """
 
     example = """
@@ -25,7 +25,7 @@ class GoTo(Skill):
 
     pose: In[str] = port("named pose of the robot", default="home", names="pose")
     speed: In[float] = port(
-        "share of the joints' speed limits: 1 for as fast as allowed", default=1.0, above=0, most=1
+        "share of the joints' speed limits: 1 for the full limits", default=1.0, above=0, most=1
     )
     causes = (planning.ANY, control.ANY, safety.ANY)
     uses = (ARM,)

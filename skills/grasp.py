@@ -30,23 +30,23 @@ class Grasp(Skill):
 
     object: In[ObjectId] = port("the object to grasp")
     force: In[float] = port(
-        "greatest grip force of each finger: it presses as weight and friction need, but never harder "
-        "than this, than the item bears (`force_limit`) or than the gripper can",
+        "maximum grip force of each finger: the applied force follows from weight and friction, and "
+        "is limited by this, by the item (`force_limit`) and by the gripper",
         unit="N",
         default=70.0,
         above=0,
     )
     speed: In[float] = port(
-        "share of the joints' speed limits: 1 for as fast as allowed", default=1.0, above=0, most=1
+        "share of the joints' speed limits: 1 for the full limits", default=1.0, above=0, most=1
     )
     onward: In[bool] = port(
-        "whether the object is carried on towards where it belongs, for a `Place` that follows at once: lift "
-        "and transfer are one motion then; the arm stops by itself when none does",
+        "whether lift and transfer to the destination are one motion, for a `Place` that follows at "
+        "once; the arm stops by itself when no `Place` follows",
         default=True,
     )
     servo: In[bool] = port(
-        "whether the hand stops over the object and corrects its way by what the camera on it sees, where "
-        "there is one",
+        "whether the hand stops over the object and corrects the grasp by an image of the hand "
+        "camera, if it has one",
         default=True,
     )
     causes = (

@@ -13,14 +13,14 @@ if TYPE_CHECKING:
 
 
 class OpenGripper(Skill):
-    """Open the fingers; what they held is believed to be gone from the hand."""
+    """Open the fingers; a held object is removed from the hand in the belief."""
 
     example = """
     OpenGripper: {width: 60 mm}
     """
 
     width: In[float] = port(
-        "opening between the fingers; 0 for as wide as they go", unit="m", default=0.0, least=0
+        "opening between the fingers; 0 for the full opening", unit="m", default=0.0, least=0
     )
     causes = (control.GRIPPER,)
     uses = (GRIPPER,)

@@ -28,32 +28,35 @@ class Insert(Skill):
 
     object: In[ObjectId] = port("the object to insert, which the hand holds")
     into: In[ObjectId] = port(
-        "the hole, or the fixture of whose free holes it takes the closest fit; by default where the object "
-        "belongs",
+        "the hole, or a fixture, whose free hole with the closest fit is used; by default the "
+        "destination of the object",
         default=ObjectId(""),
         names="hole",
     )
     search: In[Literal["tilt", "spiral", "none"]] = port(
-        "how the mouth is searched: `tilt`, with the object leaning and one point of it first, after it a "
-        "spiral; `spiral`, upright over the surface; `none`: straight down",
+        "search for the mouth: `tilt`, with a tilted object and one point of it first, then a spiral; "
+        "`spiral`, upright over the surface; `none`, straight down",
         default="tilt",
     )
-    force: In[float] = port("presses the object into the hole", unit="N", default=15.0, above=0, most=40)
+    force: In[float] = port("force of the object into the hole", unit="N", default=15.0, above=0, most=40)
     press: In[float] = port(
-        "presses the object onto the surface while searching", unit="N", default=8.0, above=0, most=25
+        "force of the object on the surface during the search", unit="N", default=8.0, above=0, most=25
     )
     grip: In[float] = port(
-        "of each finger while inserting; never more than the object bears", unit="N", default=30.0, above=0
+        "grip force of each finger during the insertion; limited by `force_limit` of the item",
+        unit="N",
+        default=30.0,
+        above=0,
     )
     depth: In[float] = port(
-        "how deep the object is to go; 0 for down to the bottom", unit="m", default=0.0, least=0
+        "depth of the insertion; 0 for down to the bottom", unit="m", default=0.0, least=0
     )
-    pitch: In[float] = port("between two turns of the spiral", unit="m", default=0.001, above=0)
+    pitch: In[float] = port("distance between two turns of the spiral", unit="m", default=0.001, above=0)
     attempts: In[int] = port(
-        "how often a search may begin anew, each time otherwise", default=3, least=1, most=10
+        "maximum number of searches, each with other parameters", default=3, least=1, most=10
     )
     speed: In[float] = port(
-        "share of the joints' speed limits on the way there: 1 for as fast as allowed",
+        "share of the joints' speed limits on the way to the hole: 1 for the full limits",
         default=1.0,
         above=0,
         most=1,

@@ -29,18 +29,22 @@ class Jog(Skill):
     """
 
     velocity: In[list[float]] = port(
-        "of the tool's centre point along x, y, z", unit="m/s", default=[0, 0, 0]
+        "velocity of the tool's centre point along x, y, z", unit="m/s", default=[0, 0, 0]
     )
-    turn: In[list[float]] = port("of the tool about x, y, z", unit="rad/s", default=[0, 0, 0])
-    frame: In[Literal["world", "tool"]] = port("whose axes these are", default="world")
-    duration: In[float] = port("how long; 0 for as long as nothing stops it", unit="s", default=0.0, least=0)
-    distance: In[float] = port("how far; 0 for as far as nothing stops it", unit="m", default=0.0, least=0)
-    guard: In[float] = port("contact force that stops it", unit="N", default=25.0, above=0)
+    turn: In[list[float]] = port(
+        "angular velocity of the tool about x, y, z", unit="rad/s", default=[0, 0, 0]
+    )
+    frame: In[Literal["world", "tool"]] = port("frame of these axes", default="world")
+    duration: In[float] = port("duration of the jog; 0 for no limit", unit="s", default=0.0, least=0)
+    distance: In[float] = port("distance of the jog; 0 for no limit", unit="m", default=0.0, least=0)
+    guard: In[float] = port("contact force that stops the jog", unit="N", default=25.0, above=0)
     when_stopped: In[Literal["fail", "succeed"]] = port(
-        "what it comes to when something stops it before time and distance are over", default="fail"
+        "result when the jog is stopped before its time or distance is over", default="fail"
     )
-    stopped_by: Out[str] = port("`done`, `contact`, `collision`, `joint_limit`, `singularity` or `workspace`")
-    travelled: Out[float] = port("way of the tool's centre point", unit="m")
+    stopped_by: Out[str] = port(
+        "reason of the end: `done`, `contact`, `collision`, `joint_limit`, `singularity` or `workspace`"
+    )
+    travelled: Out[float] = port("path length of the tool's centre point", unit="m")
     causes = (planning.BLOCKED, world_causes.DISTURBED, control.ANY, safety.ANY)
     uses = (ARM,)
     limit = 600.0

@@ -1,4 +1,4 @@
-"""Observe and Present: look through a camera at the scene, or at what is in the hand."""
+"""Observe and Present: look through a camera at the scene, or at the thing in the hand."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 class Observe(Skill):
     """Look through a camera; list the items that are to be taken somewhere.
 
-    What the hand holds comes first: nothing else can be grasped before. The others follow in an order that
-    keeps the travel of the empty hand short.
+    A held object comes first, since the hand can grasp nothing else before. The other items follow in an
+    order that keeps the travel of the empty hand short.
     """
 
     flow = control_flow.LeafFlow(fails_with="expect")
@@ -27,10 +27,10 @@ class Observe(Skill):
 
     camera: In[str] = port("the camera to look through", default="overhead", names="camera")
     expect: In[ObjectId] = port(
-        "fail when this object is not in view; without it, whatever is seen will do", default=ObjectId("")
+        "object that must be in view, else the node fails; without it, any view will do", default=ObjectId("")
     )
     objects: Out[list[ObjectId]] = port(
-        "ids of the items that do not lie where they belong, in the order to take them"
+        "ids of the items outside their destination, in the order to take them"
     )
     causes = (perception.NOT_FOUND, perception.NO_IMAGE)
     uses = (CAMERA,)
@@ -58,8 +58,8 @@ class Present(Skill):
     The camera sees it from both sides of the hand, as far as the arm gets there. The pose follows from the
     camera's place and field of view; the fingers are beside the thing, so that they do not hide it. Two
     different tags, or surfaces of two colours, show that more than one thing is in the hand: the skill fails
-    with `grasp.double`, and the hand still holds them. What is learnt is kept for a thing that nobody has
-    catalogued; an object of a known kind is only looked at.
+    with `grasp.double`, and the hand still holds them. The result is stored only for a thing that is not in
+    the catalogue; an object of a known kind is only looked at.
     """
 
     example = """
@@ -68,14 +68,14 @@ class Present(Skill):
 
     object: In[ObjectId] = port("the object to present, which the hand holds")
     camera: In[str] = port("the fixed camera to hold it before", default="overhead", names="camera")
-    looks: In[int] = port("looks at most: 2 for both sides of the hand", default=2, least=1, most=2)
+    looks: In[int] = port("maximum number of looks: 2 for both sides of the hand", default=2, least=1, most=2)
     until_classified: In[bool] = port(
-        "whether it ends as soon as the scene's `destinations` know what they ask for; at once when they do "
-        "already",
+        "whether it ends as soon as the properties in the scene's `destinations` are known, without a "
+        "look if they are known before",
         default=False,
     )
     speed: In[float] = port(
-        "share of the joints' speed limits: 1 for as fast as allowed", default=0.5, above=0, most=1
+        "share of the joints' speed limits: 1 for the full limits", default=0.5, above=0, most=1
     )
     causes = (
         grasp.DOUBLE,

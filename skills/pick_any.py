@@ -1,4 +1,4 @@
-"""PickAny: pick some thing out of a tote or a pile, whatever it is."""
+"""PickAny: pick any thing out of a tote or a pile."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 class PickAny(Skill):
     """Pick some thing out of a tote or a pile, without knowing its shape, size or weight.
 
-    The camera maps the heights of what lies there. The hand's shape is swept over the map: vertical
-    grasps come first, then tilted ones, then looser demands. What the wrist feels after the lift tells
-    whether something is held. The thing is then an object of the belief with its hull, colour and weight, for
+    The camera maps the heights of the heap. The hand's shape is swept over the map: vertical grasps come
+    first, then tilted ones, then looser demands. The weight at the wrist after the lift shows whether
+    something is held. The thing then becomes an object of the belief with hull, colour and weight, for
     `Place`. A thing that the hand holds already is kept. A place where a grasp has failed is left out until
     the depth there changes.
     """
@@ -29,10 +29,10 @@ class PickAny(Skill):
     tote: In[ObjectId] = port("the tote, or the fixture with a pile, to pick from", key="from", names="tote")
     thing: Out[ObjectId] = port("id of the thing in the hand", key="out")
     camera: In[str] = port("the camera that sees the heap", default="overhead", names="camera")
-    force: In[float] = port("grip force of each finger at most", unit="N", default=30.0, above=0)
-    attempts: In[int] = port("grasps that are tried, with a look before each", default=3, least=1)
+    force: In[float] = port("maximum grip force of each finger", unit="N", default=30.0, above=0)
+    attempts: In[int] = port("maximum number of grasps, with a look before each", default=3, least=1)
     speed: In[float] = port(
-        "share of the joints' speed limits: 1 for as fast as allowed", default=1.0, above=0, most=1
+        "share of the joints' speed limits: 1 for the full limits", default=1.0, above=0, most=1
     )
     causes = (
         perception.NOT_FOUND,

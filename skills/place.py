@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 class Place(Skill):
     """Place the held object into a bin, over the lowest part of its heap, or down at a point.
 
-    The hold is felt again before the release, and that the hand is empty after it. What is placed into a tote
-    with a heap is a part of the heap again, and does not count as done.
+    The skill checks the hold before the release, and the empty hand after it. An object placed into a tote
+    with a heap becomes part of the heap again and does not count as done.
     """
 
     example = """
@@ -29,10 +29,10 @@ class Place(Skill):
         "the bin to place it into; not needed with `at`", default=ObjectId(""), names="bin"
     )
     at: In[list[float]] = port(
-        "where its underside is put down, instead of `into`: x, y, z in the world", unit="m", default=[]
+        "place of its underside, instead of `into`: x, y, z in the world", unit="m", default=[]
     )
     speed: In[float] = port(
-        "share of the joints' speed limits: 1 for as fast as allowed", default=1.0, above=0, most=1
+        "share of the joints' speed limits: 1 for the full limits", default=1.0, above=0, most=1
     )
     causes = (
         place.OCCUPIED,
@@ -69,8 +69,8 @@ class Place(Skill):
         held = yield from object_placement.lower_and_release(world, task, spot)
         if self.into in world.scene.regions:
             world.scene.remove(held.id, held_object.PUT_BACK)
-            told = f"{held.id} is put back into {self.into}"
-            world.journal.note(event_types.PutDownEvent(told, self.path, object=held.id))
+            message = f"{held.id} is put back into {self.into}"
+            world.journal.note(event_types.PutDownEvent(message, self.path, object=held.id))
             return
         world.journal.note(
             event_types.ItemDoneEvent(

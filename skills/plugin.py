@@ -1,6 +1,6 @@
 """Everything that a plug-in's file needs, from one import: `from picktree.skills.plugin import Skill, port`.
 
-Each name is imported on first use, so that a skill does not load what only other skills need.
+Each name is imported on first use, so that a skill loads only its own dependencies.
 """
 
 from __future__ import annotations
@@ -210,7 +210,7 @@ _DOORS: Final = {name: door for door, names in _NAMES.items() for name in names}
 
 
 def __getattr__(name: str) -> object:
-    """Return what a plug-in imports. Raises AttributeError for another name."""
+    """Return the object of a name that a plug-in imports. Raises AttributeError for another name."""
     if name not in _DOORS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"picktree.{_DOORS[name]}"), name)

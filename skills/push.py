@@ -18,10 +18,10 @@ class Push(Skill):
     """Push an object over the table: to a place (`to`, `yaw`), along a line (`direction`, `distance`), or so
     that it can be grasped (`singulate`).
 
-    The closed fingers push at a flat side, the opened ones hold what is round between them. After each stroke
-    the arm goes out of the view and looks; the next stroke begins from what is seen and felt. What is pushed
-    stays away from the edge of its table, and from everything else; to make room, what stands around is
-    pushed along.
+    The closed fingers push at a flat side; the opened ones hold a round object between them. After each
+    stroke the arm leaves the view and the camera looks; the next stroke starts from the pose that image and
+    contact gave. A pushed object keeps away from the edge of its table and from other bodies. With
+    `singulate`, its neighbours may be pushed along.
     """
 
     example = """
@@ -29,29 +29,35 @@ class Push(Skill):
     """
 
     object: In[ObjectId] = port(
-        "the object to push, or to make room around; with `singulate` and without it the one that stands "
-        "closest to others, and what nobody has recognised first",
+        "the object to push, or to make room around; by default, with `singulate`, the one closest to "
+        "others, unrecognised objects first",
         default=ObjectId(""),
     )
-    to: In[list[float]] = port("where its middle is to be: x, y in the world", unit="m", default=[])
+    to: In[list[float]] = port("goal of its middle: x, y in the world", unit="m", default=[])
     yaw: In[float | None] = port(
-        "its heading there, as seen from above, of what looks the same the nearest one; any unless given",
+        "goal of its heading, as seen from above; a symmetric object takes the nearest equal heading; "
+        "by default any",
         unit="rad",
         default=None,
     )
-    direction: In[list[float]] = port("of a push along a line: x, y in the world, of any length", default=[])
-    distance: In[float] = port("of a push along a line", unit="m", default=0.0, least=0, most=1)
+    direction: In[list[float]] = port(
+        "direction of a push along a line: x, y in the world, of any length", default=[]
+    )
+    distance: In[float] = port("length of a push along a line", unit="m", default=0.0, least=0, most=1)
     singulate: In[bool] = port(
-        "push it, or what stands around it, until the hand fits around it; nothing is pushed when it does",
+        "whether to push it, or its neighbours, until the hand fits around it; without a push when it "
+        "fits already",
         default=False,
     )
-    tolerance: In[float] = port("how far off its middle may be in the end", unit="m", default=0.0015, above=0)
-    turned: In[float] = port(
-        "how far off its heading may be in the end", unit="rad", default=math.radians(1.5), above=0
+    tolerance: In[float] = port(
+        "maximum distance of its middle from the goal", unit="m", default=0.0015, above=0
     )
-    strokes: In[int] = port("how many strokes it may take", default=8, least=1, most=50)
-    speed: In[float] = port("of the tool while it pushes", unit="m/s", default=0.05, above=0, most=0.2)
-    force: In[float] = port("of the object on the tool that stops a stroke", unit="N", default=15.0, above=0)
+    turned: In[float] = port(
+        "maximum angle of its heading from the goal", unit="rad", default=math.radians(1.5), above=0
+    )
+    strokes: In[int] = port("maximum number of strokes", default=8, least=1, most=50)
+    speed: In[float] = port("speed of the tool during a push", unit="m/s", default=0.05, above=0, most=0.2)
+    force: In[float] = port("contact force on the tool that stops a stroke", unit="N", default=15.0, above=0)
     camera: In[str] = port("the camera to look through", default="overhead", names="camera")
     causes = (
         push.LOST_CONTACT,

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 class Stir(Skill):
     """Push through the heap in a tote with closed or open fingers, for when nothing in it can be grasped.
 
-    The strokes are planned from the height map. What lies against a wall is pushed off it; otherwise a stroke
-    goes through the highest part. After each the arm moves out of the view and looks. A stroke that changed
-    nothing is not repeated. Grasps that failed where the depth has changed may be tried again.
+    The strokes are planned from the height map. Things against a wall are pushed away from it; otherwise a
+    stroke goes through the highest part. After each the arm moves out of the view and looks. A stroke that
+    changed nothing is not repeated. Grasps that failed where the depth has changed may be tried again.
     """
 
     example = """
@@ -26,9 +26,11 @@ class Stir(Skill):
 
     tote: In[ObjectId] = port("the tote to stir in", key="in", names="tote")
     camera: In[str] = port("the camera that sees into the tote", default="overhead", names="camera")
-    strokes: In[int] = port("strokes that are tried until things lie elsewhere", default=4, least=1, most=20)
-    speed: In[float] = port("of the tool while it pushes", unit="m/s", default=0.08, above=0, most=0.2)
-    force: In[float] = port("of the things on the tool that stops a stroke", unit="N", default=15.0, above=0)
+    strokes: In[int] = port(
+        "maximum number of strokes until the heap has changed", default=4, least=1, most=20
+    )
+    speed: In[float] = port("speed of the tool during a push", unit="m/s", default=0.08, above=0, most=0.2)
+    force: In[float] = port("contact force on the tool that stops a stroke", unit="N", default=15.0, above=0)
     causes = (
         push.NO_STROKE,
         push.STALLED,

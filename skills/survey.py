@@ -38,10 +38,8 @@ class Survey(Skill):
 
     target: In[str] = port("the fixture with `marker`", default="target", names="fixture")
     camera: In[str] = port("the camera to look through", default="wrist", names="camera")
-    views: In[int] = port("places to look from, of a camera on the hand", default=12, least=4, most=100)
-    pictures: In[int] = port(
-        "how many to average, of a camera that hangs still", default=50, least=1, most=1000
-    )
+    views: In[int] = port("number of viewpoints of a camera on the hand", default=12, least=4, most=100)
+    pictures: In[int] = port("number of images to average for a fixed camera", default=50, least=1, most=1000)
     causes = (
         perception.NOT_FOUND,
         perception.NO_IMAGE,
@@ -73,7 +71,7 @@ class Survey(Skill):
                 NamedGoal(pose), scaling=world.handling.scaling(1.0), node=self.path
             )
             yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=self.path)
-            seen = yield from self._seen(world, target, 1)
+            seen = yield from self._record_images(world, target, 1)
             if seen:
                 shot = yield from self._shot(world, target, camera, self.pictures)
                 if shot is not None:
@@ -143,7 +141,7 @@ class Survey(Skill):
             self.camera, on_hand, taken.image.intrinsics, world.control.tcp, camera.pose, together
         )
 
-    def _seen(
+    def _record_images(
         self, world: World, target: calibration_targets.CalibrationTarget, pictures: int
     ) -> Doing[bool]:
         from picktree.robot.calibration import target_detection

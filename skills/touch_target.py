@@ -36,9 +36,9 @@ MIN_TOUCHES = 8
 class TouchTarget(Skill):
     """Touch the faces of a target with the tips of the closed fingers, upright, turned and leaning.
 
-    Each touch is recorded: where the tool was by the encoders, and the force. What is out of reach is passed
-    over. Nothing is corrected yet: `picktree calibrate` finds out from it where the tool's centre point is,
-    and where the target stands.
+    Each touch is recorded with the tool's pose by the encoders and the force. Faces out of reach are skipped.
+    The skill corrects nothing: `picktree calibrate` estimates the tool's centre point and the target's pose
+    from the touches.
     """
 
     example = """
@@ -128,7 +128,7 @@ class TouchTarget(Skill):
                     node=self.path,
                 )
                 yield from world.control.settle()
-                touch = self._felt(world, contact) if felt.contact else None
+                touch = self._touch_record(world, contact) if felt.contact else None
             except Failure as failure:
                 if world.control.monitor.stopped is not None:
                     raise
@@ -141,7 +141,9 @@ class TouchTarget(Skill):
             self._skip(world, contact, why)
         return touch
 
-    def _felt(self, world: World, contact: calibration_targets.TouchPoint) -> observations.TargetTouch:
+    def _touch_record(
+        self, world: World, contact: calibration_targets.TouchPoint
+    ) -> observations.TargetTouch:
         pushed = world.control.wrench_external().force
         against = float(np.dot(pushed, contact.normal))
         return observations.TargetTouch(contact.face, world.control.tcp, max(0.0, against), contact.name)

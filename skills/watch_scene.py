@@ -25,10 +25,10 @@ _TIME_TOLERANCE = 1e-9
 class WatchScene(Decorator):
     """Looks through a camera at intervals while its child runs, whether the arm moves or not.
 
-    The belief learns of each picture when the camera's time of thinking is over; the child does not wait for
-    it. What the arm or what it holds hides stays believed. So a motion notices what comes into its way, and
-    `Grasp` that its object was moved. While something is taken or let go, for 0.25 s after a grasp and 0.5 s
-    after a release, no picture is taken.
+    Each picture updates the belief when the camera's time of thinking is over; the child does not wait for
+    it. Objects hidden by the arm or by the held object stay believed. So a motion detects a new obstacle in
+    its path, and `Grasp` a moved object. No picture is taken during a grasp or a release, for 0.25 s after a
+    grasp, and for 0.5 s after a release.
     """
 
     flow = control_flow.ChildFlow(
@@ -43,8 +43,8 @@ class WatchScene(Decorator):
     camera: In[str] = port("the camera to look through", default="overhead", names="camera")
     every: In[float] = port("time between two pictures", unit="s", default=0.5, least=0.05)
     blind: In[float] = port(
-        "how long pictures may fail to come before the child is halted and the node fails with what the "
-        "camera said",
+        "maximum time without a picture; after it the child is halted, and the node fails with the "
+        "camera's failure",
         unit="s",
         default=2.0,
         least=0,

@@ -73,7 +73,7 @@ class Namespace:
         self._wired: dict[str, tuple[Namespace, Reference]] = {}
 
     def _alias(self, key: str) -> tuple[Namespace, Reference] | None:
-        """Return the namespace and the reference that the key stands for; None: it is a key of its own."""
+        """Return namespace and reference of an alias key; None for a key of its own."""
         if key.startswith(ROOT_KEY):
             return Namespace(self._board, self._prefix.partition("/")[0]), Reference(key[1:])
         return self._wired.get(key)

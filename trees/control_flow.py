@@ -1,5 +1,5 @@
-"""Statuses of a node in BehaviorTree.CPP's words, and its flow as data: which children it ticks, and
-what their results lead to. The linter analyses it.
+"""Statuses of a node in BehaviorTree.CPP's words, and its flow as data: the order of its children, and the
+consequences of their results. The linter analyses it.
 """
 
 from __future__ import annotations
@@ -68,7 +68,8 @@ class LeafFlow:
     fails_with: str = ""
     """Input without which the leaf has none of its declared causes; empty: it always has them."""
     hand_by: tuple[str, Mapping[object, Hand]] | tuple[()] = ()
-    """Input whose value decides what the hand holds, with the contents by value; else it is `hand_after`."""
+    """Input whose value decides the content of the hand, with the contents by value; else it is
+    `hand_after`."""
     empties: tuple[str, str] = ("", "")
     """Input with the bin that success empties, and the input that prevents it in a rehearsal; empty: none."""
     gives_up: bool = False
@@ -85,7 +86,7 @@ class ChildFlow:
     reactive: bool = False
     """Whether the children before the running one are ticked again at every tick."""
     own: Mapping[NodeStatus, NodeStatus] = field(default_factory=dict[NodeStatus, NodeStatus])
-    """Ends of the node itself, by what the child does; IDLE: before its first tick."""
+    """Ends of the node itself, by the status of the child; IDLE: before its first tick."""
     own_unless: str = ""
     """Input that prevents the ends in `own` when it is 0; empty: none."""
     pauses: bool = False
@@ -124,7 +125,7 @@ class Choice(ChildFlow):
 
 @dataclass(frozen=True, slots=True)
 class CleanUp(ChildFlow):
-    """As `ChildFlow`, of all children but the last, to which a failure leads; the node then fails, too."""
+    """Children as in `ChildFlow`, but the last runs only after a failure; the node then fails, too."""
 
     on_halt: str = ""
     """Input: whether a halt ticks the last child, too."""
@@ -132,12 +133,12 @@ class CleanUp(ChildFlow):
 
 @dataclass(frozen=True, slots=True)
 class Loop(ChildFlow):
-    """Several runs of the children. A loop that no run is allowed is SUCCESS, a retry FAILURE."""
+    """Several runs of the children. Without any allowed run a loop is SUCCESS, a retry FAILURE."""
 
     runs: str = ""
     """Input with the maximum number of runs, -1 for any number; empty: there is no maximum."""
     each_of: str = ""
-    """Input with the list of which each element has a run; empty: none."""
+    """Input with the list whose elements have a run each; empty: none."""
     guard: str = ""
     """Input with the expression that must hold before each run, else the loop ends with SUCCESS."""
     passes_over: tuple[str, str] = ("", "")
@@ -146,7 +147,7 @@ class Loop(ChildFlow):
 
 @dataclass(frozen=True, slots=True)
 class Turns(ChildFlow):
-    """As `ChildFlow`, from the child after the one that has succeeded last."""
+    """Children as in `ChildFlow`, from the child after the last successful one."""
 
     wraps: str = ""
     """Input: whether the first child follows the last."""
@@ -154,12 +155,13 @@ class Turns(ChildFlow):
 
 @dataclass(frozen=True, slots=True)
 class Resumed(ChildFlow):
-    """As `ChildFlow`, from the child at which the last activation failed or was halted."""
+    """Children as in `ChildFlow`, from the child at which the last activation failed or was halted."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pipeline(ChildFlow):
-    """As `ChildFlow`, reactive. A child that has ended in this activation and runs again leads on, too."""
+    """Reactive children as in `ChildFlow`. A child that ended in this activation leads on, even when it runs
+    again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +173,7 @@ class AtOnce(ChildFlow):
     tolerated: str = ""
     """Input with the number of failures that is too many; -1: all."""
     waits: bool = False
-    """Whether it goes on until all children have ended."""
+    """Whether it runs until all children have ended."""
 
 
 @dataclass(frozen=True, slots=True)

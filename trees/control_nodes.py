@@ -45,7 +45,7 @@ from .ports import In, children, optional_child, port, table
 
 
 class OrderedNode(ControlNode, abstract=True):
-    """Node that ticks its children in order, as its `flow` says; goes on with the child that was RUNNING."""
+    """Node that ticks its children in the order of its `flow` and resumes at the child that was RUNNING."""
 
     parts = children("the children, in this order")
     remembers = ("_index", "_skipped")
@@ -78,7 +78,7 @@ class OrderedNode(ControlNode, abstract=True):
 
 
 class ReactiveNode(OrderedNode, abstract=True):
-    """Node that ticks its children anew at each tick, from the first."""
+    """Node that ticks its children again at each tick, from the first."""
 
     remembers = positions = ()
     counted = ()
@@ -92,7 +92,7 @@ class ReactiveNode(OrderedNode, abstract=True):
 
 
 class Sequence(OrderedNode):
-    """Ticks its children in order until one fails; goes on with the child that was RUNNING.
+    """Ticks its children in order until one fails; resumes at the child that was RUNNING.
 
     SUCCESS when all succeeded (skipped ones do not count), SKIPPED when all were skipped. It fails with the
     failure of its failing child.
@@ -105,11 +105,11 @@ class Sequence(OrderedNode):
       - Place: {object: "{item}", into: "{item.destination}"}
     """
 
-    parts = children("what is done, in this order")
+    parts = children("the steps, in this order")
 
 
 class SequenceWithMemory(OrderedNode):
-    """A Sequence that goes on with the child that failed or was halted, also when it is started again.
+    """A Sequence that resumes at the child that failed or was halted, also after a new start.
 
     Children before that one are not ticked again until all have succeeded. SKIPPED when all were skipped in
     one go.
@@ -125,7 +125,7 @@ class SequenceWithMemory(OrderedNode):
           - Grasp: {object: "{item}"}
     """
 
-    parts = children("what is done, in this order")
+    parts = children("the steps, in this order")
 
     def on_start(self) -> None:
         self._skipped = 0
@@ -138,10 +138,10 @@ class SequenceWithMemory(OrderedNode):
 
 
 class PipelineSequence(OrderedNode):
-    """Ticks its children again at each tick, from the first to the furthest that has run, as Nav2's.
+    """Ticks its children again at each tick, from the first to the furthest that has run, as in Nav2.
 
-    A child that runs again does not hold up those behind it that have begun. It ends when a child fails, or
-    when the last has succeeded; what still runs is then halted. SKIPPED when all were skipped.
+    A child that runs again does not delay later children that have begun. It ends when a child fails, or when
+    the last has succeeded; children that still run are then halted. SKIPPED when all were skipped.
     """
 
     flow = Pipeline(success=NEXT, skipped=NEXT, reactive=True)
@@ -153,7 +153,7 @@ class PipelineSequence(OrderedNode):
       - GoTo: {pose: home}
     """
 
-    parts = children("what is done, in this order, each again while the later ones run")
+    parts = children("the steps, in this order; each is ticked again while the later ones run")
 
     def on_tick(self) -> NodeStatus:
         skipped = 0
@@ -169,7 +169,7 @@ class PipelineSequence(OrderedNode):
 
 
 class ReactiveSequence(ReactiveNode):
-    """Asks every child anew at each tick, from the first: conditions first, then what they guard.
+    """Ticks every child again at each tick, from the first: conditions first, then the guarded child.
 
     When an earlier child runs or fails, a later one that was RUNNING is halted, after the earlier was ticked.
     """
@@ -181,14 +181,14 @@ class ReactiveSequence(ReactiveNode):
       - GoTo: {pose: home}
     """
 
-    parts = children("the conditions, then what they guard")
+    parts = children("the conditions, then the guarded child")
 
 
 class Fallback(OrderedNode):
-    """Ticks its children in order until one succeeds; goes on with the child that was RUNNING.
+    """Ticks its children in order until one succeeds; resumes at the child that was RUNNING.
 
     When none succeeds it fails with the last child's failure, the others' attached. A child without a report
-    (a false condition) does not hide one that has. SKIPPED when all were skipped.
+    (a false condition) does not hide the report of another. SKIPPED when all were skipped.
     """
 
     flow = ChildFlow(failure=NEXT, skipped=NEXT)
@@ -198,11 +198,11 @@ class Fallback(OrderedNode):
       - SafeRetreat: {hand: open}
     """
 
-    parts = children("what is tried, in this order")
+    parts = children("the alternatives, in this order")
 
 
 class ReactiveFallback(ReactiveNode):
-    """Tries every child anew at each tick, from the first.
+    """Ticks every child again at each tick, from the first.
 
     When an earlier child runs or succeeds, a later one that was RUNNING is halted, after the earlier was
     ticked. Both hold the arm for a moment, and the one that acquired it last keeps it.
@@ -215,16 +215,16 @@ class ReactiveFallback(ReactiveNode):
       - SafeRetreat: {hand: open}
     """
 
-    parts = children("what is tried, the most wanted first")
+    parts = children("the alternatives, the preferred one first")
 
 
 class RoundRobin(ControlNode):
-    """Ticks its children in turn, and begins each time after the child that succeeded last, as Nav2's.
+    """Ticks its children in turn, and starts each time after the child that succeeded last, as in Nav2.
 
     A child that fails or is skipped passes the turn on, in the same tick. It fails when all have failed, and,
-    unless it may `wrap_around`, when the last child has had its turn and did not succeed. Whose turn it is
-    outlasts success; failure and being halted give it back to the first child. As handler of a `Recover` it
-    tries another cure at each failure.
+    without `wrap_around`, when the last child has had its turn without success. The turn is kept after a
+    success; a failure or a halt gives it back to the first child. As handler of a `Recover` it tries another
+    cure at each failure.
     """
 
     flow = Turns(failure=NEXT, skipped=NEXT, wraps="wrap_around")
@@ -241,8 +241,8 @@ class RoundRobin(ControlNode):
               - SafeRetreat: {pose: observe}
     """
 
-    parts = children("what takes turns")
-    wrap_around: In[bool] = port("after the last child it is the first one's turn again", default=False)
+    parts = children("the children that take turns")
+    wrap_around: In[bool] = port("whether the first child follows the last one", default=False)
     causes = (tree.ATTEMPTS,)
     remembers = ("_turn", "_failed")
     positions = ("_turn",)
@@ -313,7 +313,7 @@ class AsyncSequence(_AsyncNode):
       - Log: {message: in the next tick}
     """
 
-    parts = children("the children, in this order")
+    parts = children("the steps, in this order")
 
 
 class AsyncFallback(_AsyncNode):
@@ -326,14 +326,14 @@ class AsyncFallback(_AsyncNode):
       - GoTo: {pose: home}
     """
 
-    parts = children("the children, in this order")
+    parts = children("the alternatives, in this order")
 
 
 class TryCatch(ControlNode):
     """A Sequence of all children but the last, which runs when one of them fails: the node then fails, too.
 
     It fails with the failure of the child that failed, however the last child ends. With `catch_on_halt` a
-    halt also ticks the last child, once; nothing that takes longer may stand there, and nothing that moves.
+    halt also ticks the last child, once; that child must end in one tick and move nothing.
     """
 
     flow = CleanUp(success=NEXT, skipped=NEXT, on_halt="catch_on_halt")
@@ -395,7 +395,7 @@ class TryCatch(ControlNode):
 class ParallelNode(ControlNode, abstract=True):
     """Node that ticks all children that have not ended, in order, in each tick."""
 
-    parts = children("what is done at the same time")
+    parts = children("the steps that run at the same time")
     counts: ClassVar[tuple[str, ...]] = ()
     """Inputs with a number of children."""
     remembers = ("_ended", "_succeeded", "_failed", "_reports")
@@ -441,7 +441,7 @@ class ParallelNode(ControlNode, abstract=True):
                     pass
             yield skipped
 
-    def children_meant(self, *numbers: int) -> tuple[int, ...]:
+    def resolve_counts(self, *numbers: int) -> tuple[int, ...]:
         """Return numbers of children; one below zero counts from the end. Raises Failure for too many."""
         total = len(self.parts)
         meant = tuple(counted(number, total) for number in numbers)
@@ -462,7 +462,8 @@ class Parallel(ParallelNode):
     """Ticks all children that have not ended, in order, in each tick.
 
     A number below zero counts from the end: -1 is all children, -2 all but one. It fails with the first
-    failure, the others' attached. What still runs when it ends is halted. SKIPPED when all were skipped.
+    failure, the others' attached. Children that still run at its end are halted. SKIPPED when all were
+    skipped.
     """
 
     flow = AtOnce(wanted="success_count", tolerated="failure_count")
@@ -473,14 +474,16 @@ class Parallel(ParallelNode):
     """
 
     success_count: In[int] = port(
-        "how many children must succeed; -1 for all, -2 for all but one", default=-1
+        "number of children that must succeed; -1 for all, -2 for all but one", default=-1
     )
-    failure_count: In[int] = port("how many failures are too many; -1 when all failed", default=1)
+    failure_count: In[int] = port(
+        "number of failures at which the node fails; -1 for all children", default=1
+    )
     counts = ("success_count", "failure_count")
 
     def on_tick(self) -> NodeStatus:
         total = len(self.parts)
-        wanted, tolerated = self.children_meant(self.success_count, self.failure_count)
+        wanted, tolerated = self.resolve_counts(self.success_count, self.failure_count)
         skipped = 0
         for skipped in self.tick_parts():
             # As in BT.CPP: with a number that counts from the end, skipped children need not succeed.
@@ -493,7 +496,7 @@ class Parallel(ParallelNode):
 
 
 class ParallelAll(ParallelNode):
-    """Ticks all children in each tick until every one has ended, whatever the others do.
+    """Ticks all children in each tick until every one has ended, independent of the results of others.
 
     It then fails when `max_failures` children or more have failed: with the first failure, the others'
     attached. A skipped child needs no end; SKIPPED when all were skipped.
@@ -509,13 +512,13 @@ class ParallelAll(ParallelNode):
     """
 
     max_failures: In[int] = port(
-        "how many failures are too many; -1 when all failed, -2 when all but one", default=1
+        "number of failures at which the node fails; -1 for all children, -2 for all but one", default=1
     )
     counts = ("max_failures",)
 
     def on_tick(self) -> NodeStatus:
         total = len(self.parts)
-        (tolerated,) = self.children_meant(self.max_failures)
+        (tolerated,) = self.resolve_counts(self.max_failures)
         *_, skipped = (0, *self.tick_parts())
         if skipped == total:
             return NodeStatus.SKIPPED
@@ -530,9 +533,9 @@ def counted(number: int, total: int) -> int:
 
 
 class BranchNode(ControlNode, abstract=True):
-    """Node whose first child's answer selects the one that is ticked; reactive: anew at each tick."""
+    """Node whose first child selects the next one by its result; reactive: again at each tick."""
 
-    parts = children("the condition, what is done if it holds, what otherwise", least=2, most=3)
+    parts = children("the condition, the child for true, the child for false", least=2, most=3)
     remembers = ("_chosen",)
     positions = ("_chosen",)
     _chosen: int = 0
@@ -556,9 +559,9 @@ class BranchNode(ControlNode, abstract=True):
 
 
 class IfThenElse(BranchNode):
-    """Asks its first child once; then ticks the second (yes) or the third (no) until it ends.
+    """Ticks its first child until it ends; then ticks the second after SUCCESS, the third after FAILURE.
 
-    Without a third child a no is FAILURE. SKIPPED when the condition is skipped.
+    Without a third child, FAILURE of the first is FAILURE of the node. SKIPPED when the condition is skipped.
     """
 
     flow = Branch()
@@ -570,7 +573,7 @@ class IfThenElse(BranchNode):
     """
 
     parts = children(
-        "the condition, what is done if it holds, what otherwise",
+        "the condition, the child for true, the child for false",
         least=2,
         most=3,
         labels=("if", "then", "else"),
@@ -578,10 +581,11 @@ class IfThenElse(BranchNode):
 
 
 class WhileDoElse(BranchNode):
-    """Asks its first child at every tick, and ticks the second while it holds, the third while not.
+    """Ticks its first child at every tick, then the second while the first succeeds, the third while it
+    fails.
 
     It is not a loop: it ends when the ticked child ends. As in BT.CPP the branch that is left is halted
-    before the other is ticked. Without a third child a no is FAILURE.
+    before the other is ticked. Without a third child, FAILURE of the first is FAILURE of the node.
     """
 
     flow = Branch(reactive=True)
@@ -593,7 +597,7 @@ class WhileDoElse(BranchNode):
     """
 
     parts = children(
-        "the condition, what is done while it holds, what otherwise",
+        "the condition, the child while it is true, the child while it is false",
         least=2,
         most=3,
         labels=("while", "do", "else"),
@@ -618,7 +622,7 @@ class Switch(ControlNode):
       default: {Grasp: {object: "{item}"}}
     """
 
-    variable: In[object] = port("the value that decides; it is read at every tick")
+    variable: In[object] = port("the value to match; it is read at every tick")
     cases = table("what is done for each value", key="cases", required=True, matches="variable")
     default = optional_child("what is done for all other values", key="default")
     causes = (tree.NO_CASE,)

@@ -1,5 +1,5 @@
-"""Data flow of a mission before anything runs: who writes a key and with what, and which values arrive
-at which inputs. Values flow through keys, lists and the ports of sub-trees.
+"""Data flow of a mission before anything runs: the writers of each key with their values, and the values that
+arrive at each input. Values flow through keys, lists and the ports of sub-trees.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class ValueSource:
 
     type: ValueType
     mark: Mark
-    """Where the text says so."""
+    """Place in the text that gives the value."""
     writer: str = ""
     """Path of the node that writes it; empty for an input of the tree."""
     unit: str | None = None
@@ -53,13 +53,13 @@ class ValueSource:
     names: NameKind | None = None
     """Kind of thing in scene or robot that it names."""
     port: str | None = None
-    """The input of the tree through which it comes in as it is,"""
+    """Input of the tree that passes the value unchanged,"""
     depth: int = 0
-    """or of which it is an element, so many lists deep."""
+    """or whose element it is, at this depth of lists."""
 
-    def told(self, file: str) -> str:
-        """Where it comes from, for a reader of that file."""
-        place = self.mark.told(file)
+    def describe(self, file: str) -> str:
+        """Describe the origin of the value, for a reader of that file."""
+        place = self.mark.describe(file)
         if self.writer:
             return f"{self.writer} writes it, {place}"
         return f"the tree's input {self.port!r}, {place}" if self.port else place
@@ -76,7 +76,7 @@ def _flat(values: Iterable[Plain]) -> tuple[Plain, ...]:
 
 
 def constant(value: object, mark: Mark, writer: str = "") -> ValueSource:
-    """A literal, or a default."""
+    """Return the source of a literal or a default."""
     return ValueSource(type_of_value(value), mark, writer, values=(cast("Plain", value),), certain=True)
 
 
@@ -96,14 +96,15 @@ _TYPES: Mapping[str, ValueType] = {
 
 
 def type_of_port(port: PortDeclaration) -> ValueType:
-    """The type of the values that come out of the port."""
+    """Return the type of the values of an output."""
     one = _TYPES.get(port.type.name, ANY)
     found = list_of(one) if port.type.many else one
     return replace(found, optional=port.type.optional)
 
 
 def distinct(sources: Iterable[ValueSource]) -> tuple[ValueSource, ...]:
-    """Each kind of source once, with the first writer; beyond a bound only that there are others."""
+    """Return each kind of source once, with the first writer; beyond MAX_SOURCES one unknown source for the
+    rest."""
     found: dict[object, ValueSource] = {}
     for source in sources:
         values = repr(source.values)
@@ -127,9 +128,10 @@ _TAKES: Mapping[str, tuple[str, ...]] = {
 
 
 def type_mismatch(source: ValueSource, target: PortDeclaration, text: str, *, strict: bool) -> str | None:
-    """Why the input does not take what comes from there, as a sentence; `text` is what the file says.
+    """Return the reason why the input cannot take the value, as a sentence; None when it can. `text` is the
+    text of the file.
 
-    strict: the name of a place is no object, unless the input asks for one.
+    strict: the name of a place is no object, unless the input takes places.
     """
     if not _fits(source.type, target, strict=strict):
         return f"{text} is {source.type.words()}, not {target.type.words()}"
@@ -138,7 +140,7 @@ def type_mismatch(source: ValueSource, target: PortDeclaration, text: str, *, st
     values = source.values or ()
     wrong = [problem for value in values if (problem := _refused(value, target)) is not None]
     if wrong and (source.certain or len(wrong) == len(values)):
-        # A literal stands in the reason already.
+        # The reason contains a literal already.
         return f"{text}: {wrong[0]}" if text.startswith("{") or text == DEFAULT else wrong[0]
     return None
 
@@ -173,7 +175,7 @@ def _takes(value: ValueType, port: PortDeclaration, *, strict: bool) -> bool:
 
 
 MAX_CHAIN: Final = 60
-"""How far a value is followed from key to key."""
+"""Greatest number of keys through which a value is followed."""
 _PLAIN: Mapping[type, ValueType] = {bool: BOOL, int: INT, float: FLOAT, str: WORD}
 FACT_TYPES: Final[Mapping[str, ValueType]] = {name: _PLAIN[kind] for name, kind in world_facts.FACTS.items()}
 """Types of the facts of the world; a text among them is the id of an object."""
@@ -192,7 +194,7 @@ class PlacedNode:
 
 
 def placed_nodes(tree: TreeSpec) -> Iterator[PlacedNode]:
-    """The nodes of a tree, parents first."""
+    """Yield the nodes of a tree, parents first."""
     todo = [PlacedNode(tree.root, f"{tree.name}/{tree.root.name}", tree)]
     while todo:
         placed = todo.pop()
@@ -203,7 +205,7 @@ def placed_nodes(tree: TreeSpec) -> Iterator[PlacedNode]:
 
 @dataclass(frozen=True, slots=True)
 class NodeExpression:
-    """An expression of a node, and the key under which it stands."""
+    """An expression of a node, and its key."""
 
     key: str
     expression: Expression
@@ -220,7 +222,7 @@ class NodeExpression:
 
 
 def expressions_of(spec: NodeSpec) -> Iterator[NodeExpression]:
-    """All expressions of one node."""
+    """Yield all expressions of one node."""
     for name, expression in spec.preconditions.items():
         yield NodeExpression(name, expression)
     for key, bound in spec.ports.items():
@@ -249,30 +251,31 @@ class KeyUse:
 
 
 def ports_of(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> tuple[PortDeclaration, ...]:
-    """Return the ports of the node, or of the sub-tree that it stands for."""
+    """Return the ports of the node, or of the sub-tree that it calls."""
     if spec.node is not None:
         return spec.node.declaration.ports
     return trees[spec.id].ports if spec.id in trees else ()
 
 
 def uses_of(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> Iterator[KeyUse]:
-    """The keys of one node. A wire to a port of a sub-tree reads or writes as the port's direction says."""
+    """Yield the key uses of one node. A wire to a port of a sub-tree reads or writes by the direction of the
+    port."""
     for port in ports_of(spec, trees):
         bound = spec.ports.get(port.key)
         if isinstance(bound, Reference):
             yield KeyUse(spec, port.key, bound.key, port, port.direction == "out")
             if port.remapped and port.direction == "out":
                 yield KeyUse(spec, port.key, bound.key, port, writes=False)  # the tree may read it, too
-    for asked in expressions_of(spec):
-        for name in sorted(asked.expression.names):
-            yield KeyUse(spec, asked.key, name, asked.expression, writes=False)
+    for place in expressions_of(spec):
+        for name in sorted(place.expression.names):
+            yield KeyUse(spec, place.key, name, place.expression, writes=False)
     for name, assignments in spec.postconditions.items():
         for assignment in assignments:
             yield KeyUse(spec, name, assignment.key, assignment, writes=True)
 
 
 class TreeKeys(Mapping[str, ValueType]):
-    """The types of a tree's keys by name, as an expression asks for them, and the sources behind them."""
+    """Types of a tree's keys by name, for expressions, with the sources of their values."""
 
     def __init__(
         self,
@@ -284,7 +287,7 @@ class TreeKeys(Mapping[str, ValueType]):
         """`below` are the keys of all trees, by name."""
         self.tree = tree
         self.places = {id(placed.spec): placed for placed in placed_nodes(tree)}
-        """By `id` of the spec."""
+        """Placed nodes by `id` of the spec."""
         self.writes: dict[str, list[KeyUse]] = {}
         self._below, self._facts = below, facts
         self.inputs = {port.key: port for port in tree.ports if port.direction == "in"}
@@ -330,7 +333,7 @@ class TreeKeys(Mapping[str, ValueType]):
         return own or (self is root and any(ROOT_KEY + key in keys.writes for keys in self._below.values()))
 
     def sources(self, key: str) -> tuple[ValueSource, ...]:
-        """All that may write the key; nothing when nobody in the tree does."""
+        """Return the sources of the key; empty when no node of the tree writes it."""
         found = self._sources.get(key)
         if found is None:
             if key in self._open or len(self._open) >= MAX_CHAIN:
@@ -384,7 +387,7 @@ class TreeKeys(Mapping[str, ValueType]):
             for source in self._input_of(write.spec, what.like or what.each_of or "", mark):
                 yield replace(source if what.like else source.elements(), mark=mark, writer=path)
         elif write.spec.node is None and what.type.name == "any":
-            # An output whose type nobody declared: what the sub-tree writes there.
+            # An output without a declared type has the type that the sub-tree writes.
             for source in self._below[write.spec.id].sources(what.key):
                 yield replace(source, mark=mark, writer=path, port=None, depth=0)
         else:
@@ -434,17 +437,17 @@ class ArrivingValue:
     at: WiredInput
     source: ValueSource
     target: PortDeclaration
-    """Where it ends up: the same input, or that of a node in the sub-tree."""
+    """Final input: the same one, or that of a node in the sub-tree."""
     node: NodeSpec
     problem: str | None
     """Why it does not fit there."""
 
     def hints(self) -> list[str]:
-        """Where it goes, and where it comes from."""
+        """Describe target and origin of the value."""
         file = self.at.mark.file
-        goes = f"it goes to the port {self.target.key!r} of {self.node.id}, {self.node.mark.told(file)}"
+        goes = f"it goes to the port {self.target.key!r} of {self.node.id}, {self.node.mark.describe(file)}"
         wired = self.at.text.startswith("{") and self.source.mark != self.at.mark
-        comes = [self.source.told(file)] if wired else []
+        comes = [self.source.describe(file)] if wired else []
         if (
             self.at.text.startswith("{=")
             and self.target.type.name == "int"
@@ -462,7 +465,7 @@ def _arrival(at: WiredInput, source: ValueSource, demand: _Demand) -> ArrivingVa
 
 
 class ValueFlow:
-    """The trees of a mission with their keys, and what arrives at each input.
+    """Trees of a mission with their keys, and the values that arrive at each input.
 
     Raises CycleError for sub-trees in a circle.
     """
@@ -478,7 +481,7 @@ class ValueFlow:
             for port in trees[name].ports:
                 keys.sources(port.key)  # now, so that callers need not look through many trees at once
         self.arrivals = tuple(self._all(trees))
-        """By input; what stands first at an input came first in the text."""
+        """Arriving values by input, in the order of the text."""
 
     def _all(self, trees: Mapping[str, TreeSpec]) -> Iterator[tuple[ArrivingValue, ...]]:
         for name, keys in self.keys.items():
@@ -498,7 +501,7 @@ class ValueFlow:
         own = _Demand(port, spec, 0, strict=spec.node is not None)
         if bound is None or isinstance(bound, Constant):
             value = bound.value if isinstance(bound, Constant) else port.default
-            text = _shown(bound.text) if isinstance(bound, Constant) else DEFAULT
+            text = _excerpt(bound.text) if isinstance(bound, Constant) else DEFAULT
             # It was converted to the port's own type; whether it names something is another question.
             wanted = [own, *inside] if port.names is not None else inside
             place = WiredInput(spec.mark_at(port.key), placed.path, port, text)
@@ -518,7 +521,7 @@ class ValueFlow:
                     self._add(tree, source, demand)
 
     def _parameter(self, main: TreeSpec, port: PortDeclaration) -> Iterator[ArrivingValue]:
-        """The default of a parameter of the mission, as far as it goes on to nodes."""
+        """Yield the default of a parameter of the mission, if it reaches nodes."""
         if port.direction == "in" and not port.required and port.default != "":
             mark = main.places.get(port.key, main.mark)
             place = WiredInput(mark, main.name, port, DEFAULT)
@@ -539,6 +542,6 @@ def _literal(place: WiredInput, value: object, wanted: list[_Demand]) -> Iterato
         yield _arrival(place, source, demand)
 
 
-def _shown(text: object) -> str:
+def _excerpt(text: object) -> str:
     shown = repr(text) if isinstance(text, str) else str(text)
     return shown if len(shown) <= 60 else shown[:57] + "..."

@@ -43,7 +43,7 @@ class Decorator(ControlNode, abstract=True):
 
 
 class StatusDecorator(Decorator, abstract=True):
-    """Decorator that reports another status than the child's, as its `flow` says."""
+    """Decorator that replaces the child's status by its `flow`."""
 
     def on_tick(self) -> NodeStatus:
         state = self.relay()
@@ -157,7 +157,7 @@ class RateController(Decorator):
       - GoTo: {pose: home}
     """
 
-    hz: In[float] = port("rounds a second", default=10.0, above=0)
+    hz: In[float] = port("ticks of the child per second", default=10.0, above=0)
     remembers = ("_since", "_begins")
     _since: float = 0.0
     _begins: bool = True
@@ -189,7 +189,7 @@ class RunOnce(Decorator):
     """
 
     then_skip: In[bool] = port(
-        "after the first time SKIPPED (true), or the first answer again (false)", default=True
+        "result from the second time on: SKIPPED (true), or the first result again (false)", default=True
     )
     remembers = ("_first_answer", "_first_failure")
     _first_answer: str = ""
@@ -210,7 +210,7 @@ class RunOnce(Decorator):
 class Repeat(Decorator):
     """Runs its child `num_cycles` times, or for as long as `while` holds; it fails when the child fails.
 
-    `while` is asked before each cycle. The tick ends between two cycles. A skipped child skips the loop.
+    `while` is evaluated before each cycle. The tick ends between two cycles. A skipped child skips the loop.
     """
 
     flow = Loop(success=AGAIN, runs="num_cycles", guard="while")
@@ -221,9 +221,9 @@ class Repeat(Decorator):
       do: {Observe: {camera: overhead, objects: "{items}"}}
     """
 
-    num_cycles: In[int] = port("how often; -1 for without end", default=-1, least=-1)
+    num_cycles: In[int] = port("number of cycles; -1 for no limit", default=-1, least=-1)
     condition: In[Expression | None] = port(
-        "go on only while this holds; asked before each cycle", key="while", default=None
+        "condition to continue, checked before each cycle", key="while", default=None
     )
     remembers = ("_cycles",)
     _cycles: int = 0
@@ -238,7 +238,7 @@ class Repeat(Decorator):
         self._cycles = 0
 
     def on_tick(self) -> NodeStatus:
-        if self.body.state is not NodeStatus.RUNNING and self._enough():
+        if self.body.state is not NodeStatus.RUNNING and self._is_finished():
             return NodeStatus.SUCCESS
         state = self.relay()
         if state is not NodeStatus.SUCCESS:
@@ -246,7 +246,7 @@ class Repeat(Decorator):
         self._cycles += 1
         return NodeStatus.SUCCESS if self._cycles == self.num_cycles else NodeStatus.RUNNING
 
-    def _enough(self) -> bool:
+    def _is_finished(self) -> bool:
         if self.num_cycles >= 0 and self._cycles >= self.num_cycles:
             return True
         return self.condition is not None and not self.holds(self.condition)
@@ -280,7 +280,7 @@ class RetryUntilSuccessful(Decorator):
       do: {Grasp: {object: "{item}"}}
     """
 
-    num_attempts: In[int] = port("how often the child may run; -1 for without end", least=-1)
+    num_attempts: In[int] = port("maximum number of runs of the child; -1 for no limit", least=-1)
     causes = (tree.ATTEMPTS,)
     remembers = ("_attempts", "_reports")
     _attempts: int = 0
@@ -324,10 +324,10 @@ _MAX_REPORTS = 20
 class ForEach(Decorator):
     """Runs its child once for each element of a list, which is read when the loop starts.
 
-    The tick ends between two elements. With `on_failure: continue` a failure is noted in the record as
-    handled and the loop goes on; it then succeeds at the end. What it does not pass over: a fault of the
-    program, and a safety stop that nobody has acknowledged. An empty list is SUCCESS; SKIPPED when the child
-    was skipped for every element.
+    The tick ends between two elements. With `on_failure: continue` a failure is recorded as handled and the
+    loop continues; it then succeeds at the end. It never passes over a fault of the program, nor a safety
+    stop without acknowledgement. An empty list is SUCCESS; SKIPPED when the child was skipped for every
+    element.
     """
 
     flow = Loop(
@@ -346,9 +346,9 @@ class ForEach(Decorator):
     items: In[list[object]] = port("the elements", key="in")
     item: Out[object] = port("key of the present element, for the child to read", key="out", each_of="in")
     on_failure: In[Literal["fail", "continue"]] = port(
-        "when the child fails: fail with it, or continue with the next element", default="fail"
+        "reaction to a failure of the child: fail with it, or continue with the next element", default="fail"
     )
-    most: In[int] = port("how many elements at most, from the first; -1 for all", default=-1, least=-1)
+    most: In[int] = port("maximum number of elements, from the first; -1 for all", default=-1, least=-1)
     remembers = ("_items", "_index", "_skipped")
     _items: list[object] = []  # noqa: RUF012 - replaced when the loop starts, never changed
     _index: int = 0
@@ -417,12 +417,12 @@ class ForEach(Decorator):
 
 
 class EntryNode(Node, abstract=True):
-    """Node that asks whether a key was written since it asked before. A write of an equal value counts."""
+    """Node that checks whether a key was written since its last check. A write of an equal value counts."""
 
     entry: In[object] = port("the key whose writes count", takes="key")
     remembers = ("_updated",)
     _updated: bool | None = None
-    """Whether the key was written since the last question; None: it was never asked."""
+    """Whether the key was written since the last check; None before the first check."""
 
     def bind(self, wiring: Wiring, runtime: Runtime) -> None:
         super().bind(wiring, runtime)

@@ -107,7 +107,7 @@ def describe(
         raise TypeError(f"{declaration.id}: port {missing[0].key!r} is missing: {missing[0].doc}")
     for slot in declaration.slots:
         if slot.required and slot.key not in slots:
-            raise TypeError(f"{declaration.id}: {_wanted(slot)} missing: {slot.doc}")
+            raise TypeError(f"{declaration.id}: {_slot_subject(slot)} missing: {slot.doc}")
     ordered = {slot.key: slots[slot.key] for slot in declaration.slots if slot.key in slots}
     return NodeDescription(declaration.id, node, ports, ordered)
 
@@ -157,7 +157,7 @@ def plain_value(value: object, what: str) -> Value:
     if callable(to_plain):
         return plain_value(to_plain(), what)
     hint = "; its id is a text: give '.id'" if isinstance(getattr(value, "id", None), str) else ""
-    raise TypeError(f"{what}: a value of type {type(value).__name__} cannot stand in a mission{hint}")
+    raise TypeError(f"{what}: a value of type {type(value).__name__} is not allowed in a mission{hint}")
 
 
 def _positional(declaration: NodeDeclaration, given: tuple[Child, ...]) -> Filled:
@@ -201,7 +201,7 @@ def _nodes(declaration: NodeDeclaration, given: Iterable[object]) -> tuple[NodeD
     return tuple(found)
 
 
-def _wanted(slot: SlotDeclaration) -> str:
+def _slot_subject(slot: SlotDeclaration) -> str:
     if slot.key != "do":
         return f"{slot.key!r} is"
     return "its children are" if slot.arity == "many" else "its child is"
@@ -292,7 +292,7 @@ def annotation(port: PortDeclaration) -> str:
 MAIN: Final = "Main"
 FILE_MODULE: Final = "picktree_plugin_"
 """Beginning of the names under which the files of plug-ins are imported."""
-_NOWHERE: Final = Mark("", 1, 1)
+_NO_PLACE: Final = Mark("", 1, 1)
 _IN_PYTHON: Final = Mark("mission", 0, 0)
 
 
@@ -387,7 +387,7 @@ class MissionSource:
         data |= {"include": list(self.include)} if self.include else {}
         data |= {"plugins": plugins} if plugins else {}
         data["trees"] = {name: tree.value() for name, tree in trees.items()}
-        return mission_text(from_value(data, _NOWHERE))
+        return mission_text(from_value(data, _NO_PLACE))
 
     def document(self, folder: Path) -> Document:
         """Return the mission as a document in `folder` that is not written there."""
@@ -465,5 +465,5 @@ class DescribedNode(Behaviour):
 
     def __repr__(self) -> str:
         if "description" in vars(self):
-            return value_text(from_value(self.description.value(), _NOWHERE))
+            return value_text(from_value(self.description.value(), _NO_PLACE))
         return f"<{type(self).__name__} {self.name}>"

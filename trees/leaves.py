@@ -90,8 +90,8 @@ class SetBlackboard(Node):
     """
 
     kind = "action"
-    value: In[object] = port("the value, or a reference to another")
-    output_key: Out[object] = port("the key to write it to", like="value")
+    value: In[object] = port("the value, or a reference to an entry")
+    output_key: Out[object] = port("the key to write to", like="value")
 
     def on_tick(self) -> NodeStatus:
         self.output_key = self.value
@@ -101,7 +101,7 @@ class SetBlackboard(Node):
 class Script(Node):
     """Assigns to keys of the blackboard: `key := expression`, several with `;`.
 
-    `:=` makes the key where there is none; `=`, `+=`, `-=`, `*=` and `/=` change one that is there.
+    `:=` creates a missing key; `=`, `+=`, `-=`, `*=` and `/=` change an existing one.
     """
 
     flow = LeafFlow(steady=True, ends=(SUCCESS,))
@@ -111,7 +111,7 @@ class Script(Node):
 
     kind = "action"
     causes = (tree.MISSING_INPUT,)
-    code: In[str] = port("the assignments, as `n := 3; n += 1`", takes="assignments")
+    code: In[str] = port("the assignments, such as `n := 3; n += 1`", takes="assignments")
 
     def on_tick(self) -> NodeStatus:
         assign("code", self.wiring, self.world)
@@ -128,7 +128,7 @@ class Log(Node):
 
     kind = "action"
     message: In[str] = port("the sentence for the record")
-    value: In[object] = port("a value to log behind it", default=None)
+    value: In[object] = port("a value to log after it", default=None)
 
     def on_tick(self) -> NodeStatus:
         value = plain_copy(self.value)

@@ -33,7 +33,7 @@ class Plugin:
     """Name in `plugins:`; for an installed plug-in its module."""
     nodes: tuple[type[Node], ...]
     file: Path | None = None
-    """Source file; None when there is none, as for a compiled module."""
+    """Source file; None without one, as for a compiled module."""
     source: bytes = b""
     """Source code that was run, for the record."""
     distribution: str = ""
@@ -68,7 +68,7 @@ class NodeSpec:
         return tuple(node for filled in self.slots.values() for _, node in filled)
 
     def mark_at(self, key: str) -> Mark:
-        """Return where the value of one of its keys stands; of one that is not given, where the node does."""
+        """Return the place of the value of one of its keys; for a missing key the place of the node."""
         return self.places.get(key, self.mark)
 
     def iterate(self) -> Iterator[NodeSpec]:

@@ -23,7 +23,7 @@ class MissionFiles(Protocol):
     """
 
     def document(self, name: str) -> Document:
-        """Return the file. Raises PicktreeError when there is none, FileError when it cannot be read."""
+        """Return the file. Raises PicktreeError for a missing file, FileError for an unreadable one."""
         ...
 
 

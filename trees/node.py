@@ -207,7 +207,8 @@ class Node(DescribedNode):
     example: ClassVar[str] = ""
     """The node as a mission writes it, for the reference."""
     remembers: ClassVar[tuple[str, ...]] = ()
-    """Attributes that change how the node goes on: plain values, FailureReports, tuples of them."""
+    """Attributes of the node's state: plain values, FailureReports, tuples of them. Its behaviour depends on
+    them."""
     positions: ClassVar[tuple[str, ...]] = ()
     """Attributes in `remembers` that name children: list index, tuple of indices, or label of a table.
     They follow the child when the mission is edited during a run."""
@@ -305,7 +306,7 @@ class Node(DescribedNode):
     def step(self, *, kept: bool = False) -> NodeStatus:
         """Run one tick. An exception in the node's code becomes the failure `internal.error`.
 
-        kept: the parent has not reset the node, so preconditions are not asked of one that has ended.
+        kept: the parent has not reset the node, so preconditions of a node that has ended are not evaluated.
         """
         began = time.perf_counter()
         self.ticked = True

@@ -28,7 +28,7 @@ class PortValues:
         return not self.keys.isdisjoint(keys)
 
     def number(self, key: str) -> float | None:
-        """Return the number given as a literal; None when there is none."""
+        """Return the number given as a literal; None without one."""
         value = self.constants.get(key)
         return value if isinstance(value, int | float) and not isinstance(value, bool) else None
 
@@ -195,9 +195,7 @@ def convert_literal(
         return [convert_literal(item, one, unit, choices, within) for item in cast("list[object]", value)]
     converted = _CONVERTERS[kind.name](value, unit)
     if choices is not None and converted not in choices:
-        raise ValueError(
-            f"{show(converted)} is none of the choices; {suggest_name(str(value), map(str, choices))}"
-        )
+        raise ValueError(f"{show(converted)} is not a choice; {suggest_name(str(value), map(str, choices))}")
     if kind.name in ("int", "float"):
         within.check(cast("float", converted), value, unit)
     return converted

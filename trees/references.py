@@ -40,7 +40,7 @@ class ExpressionLocator:
         self._texts = {str(document.path): document.text for document in documents}
         self._lines: dict[str, list[str]] = {}
 
-    def told(
+    def describe(
         self, start: Mark, text: str, error: expression_syntax.ExpressionError, before: int = 0
     ) -> tuple[Mark, str]:
         """Return place and message of an error in an expression that begins `before` characters after
@@ -54,7 +54,7 @@ class ExpressionLocator:
         if text and line[skipped:].startswith(text) and "\n" not in text:
             column = start.column + skipped + error.offset
             return Mark(start.file, start.line, column), str(error)
-        return start, error.told(text)
+        return start, error.describe(text)
 
     def _line(self, start: Mark) -> str:
         """Return the rest of the line from there."""
@@ -65,7 +65,7 @@ class ExpressionLocator:
 
 
 ROOT_KEY: Final = "@"
-"""First character of a key that is one of the tree `Main`, in whatever tree it is named."""
+"""First character of a key of the tree `Main`, from any tree."""
 _REFERENCE = re.compile(r"\{(@?[A-Za-z_]\w{0,59})((?:\.[A-Za-z_]\w{0,59}){0,9})\}", re.ASCII)
 REFERENCE_IN_TEXT: Final = re.compile(_REFERENCE.pattern, re.ASCII)
 """Reference anywhere in a text."""

@@ -100,7 +100,7 @@ def _overrides(mission: Mission, given: Mapping[str, Plain]) -> dict[str, dict[s
 
 
 def _port(mission: Mission, spec: NodeSpec, name: str, key: str) -> PortDeclaration:
-    """Return the node's input of that name. Raises PicktreeError when there is none."""
+    """Return the node's input of that name. Raises PicktreeError for an unknown name."""
     ports = mission.trees[spec.id].ports if spec.node is None else spec.node.declaration.ports
     inputs = [port for port in ports if port.direction == "in"]
     port = next((port for port in inputs if port.key == key), None)

@@ -71,7 +71,7 @@ def _take_over(
     except PicktreeError:  # a cause that the edited plug-in no longer has
         return False
     running = NodeStatus(str(state["state"])) is NodeStatus.RUNNING
-    lost = any(name not in memory for name in node.positions) or _lost_count(node, state, saved)
+    lost = any(name not in memory for name in node.positions) or _counts_missing_child(node, state, saved)
     node.restore_state({**state, "inputs": _inputs(node, state), "memory": memory})
     if not active or (running and (lost or not _rewired(node, state))):
         node.halt()
@@ -145,7 +145,9 @@ def _index(node: Node, index: int, children: Sequence[str]) -> int | None:
     return now.index(children[index]) if children[index] in now else None
 
 
-def _lost_count(node: Node, state: Mapping[str, Plain], saved: Mapping[str, Mapping[str, Plain]]) -> bool:
+def _counts_missing_child(
+    node: Node, state: Mapping[str, Plain], saved: Mapping[str, Mapping[str, Plain]]
+) -> bool:
     """Return whether a child that the node has counted is gone."""
     now = {child.path for child in node.below}
     gone = (path for path in cast("list[str]", state["children"]) if path not in now)
@@ -300,7 +302,7 @@ class BehaviourTree:
                 node.pass_over(elements)
 
     def acting(self, path: str = "") -> str | None:
-        """Return the path of the first running skill at or below `path`; empty when there is none.
+        """Return the path of the first running skill at or below `path`; empty when no skill runs.
 
         None: the node itself does not run.
         """
@@ -321,7 +323,7 @@ class BehaviourTree:
         return True
 
     def look(self) -> Tick:
-        """Report the nodes as they are, with writes and transitions since the last tick."""
+        """Report the present states of the nodes, with writes and transitions since the last tick."""
         return self._report()
 
     def _report(self) -> Tick:
@@ -538,7 +540,7 @@ def checked_value(tree: BehaviourTree, key: str, value: object) -> Plain:
 
 
 def _ports_at(tree: BehaviourTree, key: str) -> list[PortDeclaration]:
-    """Return the ports that are wired to a key, as far as their types say anything."""
+    """Return the ports that are wired to a key, without untyped ones."""
     untyped = ("any", "expression")
     return [port for wired, port in _wired_keys(tree) if wired == key and port.type.name not in untyped]
 

@@ -102,7 +102,7 @@ class Skill(Node, abstract=True):
 
     def on_tick(self) -> NodeStatus:
         if self._runtime.stand_ins:
-            self._give_way()
+            self._replace_body()
         if self._steps is None:
             self._steps = self._body(cast("World", self.world))
         elif self.world.clock.now - self._began > self.time_limit() + 1e-9:
@@ -157,8 +157,8 @@ class Skill(Node, abstract=True):
             message = f"{self.wiring.id} yields while it is halted: a finally cannot wait"
             self.world.journal.note(event_types.InternalErrorEvent(message, self.path))
 
-    def _give_way(self) -> None:
-        """Replace the skill's body with the stand-in of the runtime, if there is one."""
+    def _replace_body(self) -> None:
+        """Replace the skill's body with the runtime's replacement for it, if there is one."""
         body = self._runtime.stand_ins.pop(self.path, None)
         if body is not None:
             self.on_halt()

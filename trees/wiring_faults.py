@@ -40,37 +40,37 @@ from .references import ATTRIBUTE_TYPES, Constant, ExpressionLocator, PortExpres
 def expression_faults(
     circuit: ValueFlow, pointer: ExpressionLocator, unfinished: Collection[str] = ()
 ) -> Iterator[Diagnostic]:
-    """A fault for each expression that can have no value.
+    """Yield a fault for each expression that can have no value.
 
-    `unfinished`: trees of which not all could be read, so that a name may be written where nobody sees it.
+    `unfinished`: trees with unreadable parts, which may write any name.
     """
     for name, keys in circuit.keys.items():
         for placed in keys.places.values():
-            for asked in expressions_of(placed.spec):
+            for node_expression in expressions_of(placed.spec):
                 try:
-                    check_types(asked.expression, keys, ATTRIBUTE_TYPES)
+                    check_types(node_expression.expression, keys, ATTRIBUTE_TYPES)
                 except UnknownName as error:
                     if name not in unfinished:
-                        yield expression_fault(placed, asked, error, pointer, "P227")
+                        yield expression_fault(placed, node_expression, error, pointer, "P227")
                 except expression_syntax.ExpressionError as error:
-                    yield expression_fault(placed, asked, error, pointer, "P226")
+                    yield expression_fault(placed, node_expression, error, pointer, "P226")
 
 
 def expression_fault(
     placed: PlacedNode,
-    asked: NodeExpression,
+    node_expression: NodeExpression,
     error: expression_syntax.ExpressionError,
     pointer: ExpressionLocator,
     code: str,
 ) -> Diagnostic:
     """Return the fault of an expression."""
-    start = placed.spec.mark_at(asked.key)
-    mark, message = pointer.told(start, asked.expression.text, error, asked.before)
-    return Diagnostic(mark, placed.path, f"{asked.what}: {message}", "", code)
+    start = placed.spec.mark_at(node_expression.key)
+    mark, message = pointer.describe(start, node_expression.expression.text, error, node_expression.before)
+    return Diagnostic(mark, placed.path, f"{node_expression.what}: {message}", "", code)
 
 
 def wiring_faults(circuit: ValueFlow) -> Iterator[Diagnostic]:
-    """At each input the first thing that does not fit; attributes, cases and writes that cannot be."""
+    """Yield the first misfit of each input, and faults of attributes, cases and writes."""
     for keys in circuit.keys.values():
         for placed in keys.places.values():
             yield from _attributes(keys, placed)
@@ -88,7 +88,7 @@ def _misfit(arrival: ArrivingValue) -> Diagnostic:
 
 
 def _attributes(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
-    """References to attributes of what is no object."""
+    """Yield a fault for each attribute of a value that is no object."""
     for key, bound in placed.spec.ports.items():
         if isinstance(bound, Reference) and bound.attributes:
             mark = placed.spec.mark_at(key)
@@ -99,7 +99,7 @@ def _attributes(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
 def _no_object(
     reference: Reference, sources: tuple[ValueSource, ...], file: str
 ) -> Iterator[tuple[str, str]]:
-    wrong = [(reference.key, s.type, s.told(file)) for s in sources if s.type.kind not in _MAY_BE_OBJECTS]
+    wrong = [(reference.key, s.type, s.describe(file)) for s in sources if s.type.kind not in _MAY_BE_OBJECTS]
     attributes = ((name, ATTRIBUTE_TYPES[name]) for name in reference.attributes[:-1])
     wrong += [(name, kind, "") for name, kind in attributes if kind.kind != "object"]
     for name, kind, hint in wrong[:1]:
@@ -110,7 +110,7 @@ _MAY_BE_OBJECTS = ("any", "word", "object")
 
 
 def _cases(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
-    """Cases that the value which decides can never be."""
+    """Yield a fault for each case that the deciding value can never be."""
     if placed.spec.node is None:
         return
     for slot in placed.spec.node.declaration.slots:
@@ -126,15 +126,15 @@ def _never(
 ) -> Diagnostic:
     mark = placed.spec.mark_at(f"{slot.key}/{label}")
     values = [_as_label(value) for source in sources for value in source.values or ()]
-    hint = suggest_name(label, values) if values else sources[0].told(mark.file)
+    hint = suggest_name(label, values) if values else sources[0].describe(mark.file)
     message = f"{text} is never {label!r}" + ("" if values else f": it is {sources[0].type.words()}")
     return Diagnostic(mark, placed.path, message, hint, "P258")
 
 
 def _may_be(source: ValueSource, label: str) -> bool:
-    """Whether the case of that name may ever be chosen by a value from there.
+    """Whether a value of that source may ever choose the case of that name.
 
-    A literal that decides is a setting of the mission: cases for other settings may stand beside it.
+    A deciding literal is a setting of the mission, which may have cases for other settings, too.
     """
     if source.certain:
         return True
@@ -167,7 +167,8 @@ def _as_label(value: object) -> str:
 
 
 def _writes(keys: TreeKeys, facts: frozenset[str]) -> Iterator[Diagnostic]:
-    """Writes to inputs of the tree or of another type than its output has; keys that hide a fact."""
+    """Yield a fault for each write to an input of the tree or of another type than its output, and for each
+    key that hides a fact."""
     for port in keys.tree.ports:
         if port.key in facts:
             yield Diagnostic(_declared(keys, port.key), keys.tree.name, *_hidden(port.key), "P259")
@@ -188,7 +189,7 @@ def _write(keys: TreeKeys, key: str, write: KeyUse, facts: frozenset[str]) -> It
         for source in keys.written(write):
             problem = type_mismatch(source, output, "what it writes", strict=False)
             if problem is not None:
-                hint = f"the tree's output {key!r}, {_declared(keys, key).told(mark.file)}"
+                hint = f"the tree's output {key!r}, {_declared(keys, key).describe(mark.file)}"
                 yield Diagnostic(mark, path, f"{what}: {problem}", hint, "P237")
                 return
     elif key in facts:
@@ -209,9 +210,9 @@ MAX_DEPTH: Final = 30
 
 
 def unlike_comparisons(circuit: ValueFlow, pointer: ExpressionLocator) -> Iterator[Diagnostic]:
-    """Yield a fault for each comparison that fails with what a call gives, whatever the other values are.
+    """Yield a fault for each comparison that fails with the value of a call, for all other values.
 
-    The parameters of the mission have no call: what is set is not known.
+    Parameters of the mission have no call: their values are unknown.
     """
     calls = _Calls(circuit)
     for name, keys in circuit.keys.items():
@@ -219,9 +220,11 @@ def unlike_comparisons(circuit: ValueFlow, pointer: ExpressionLocator) -> Iterat
         if not open_ or name == MAIN:
             continue
         for placed in keys.places.values():
-            for asked in expressions_of(placed.spec):
-                inputs = [key for key in open_ if key in asked.expression.names]
-                fault = _first_fault(calls, keys, placed, asked, inputs, pointer) if inputs else None
+            for node_expression in expressions_of(placed.spec):
+                inputs = [key for key in open_ if key in node_expression.expression.names]
+                fault = (
+                    _first_fault(calls, keys, placed, node_expression, inputs, pointer) if inputs else None
+                )
                 if fault is not None:
                     yield fault
 
@@ -230,17 +233,19 @@ def _first_fault(
     calls: _Calls,
     keys: TreeKeys,
     placed: PlacedNode,
-    asked: NodeExpression,
+    node_expression: NodeExpression,
     inputs: list[str],
     pointer: ExpressionLocator,
 ) -> Diagnostic | None:
-    names: dict[str, ValueType] = {name: keys[name] for name in asked.expression.names if name in keys}
+    names: dict[str, ValueType] = {
+        name: keys[name] for name in node_expression.expression.names if name in keys
+    }
     for key in inputs:
-        for source in calls.given(keys.tree.name, key):
-            error = unlike_sides(asked.expression, {**names, key: source.type}, ATTRIBUTE_TYPES)
+        for source in calls.input_values(keys.tree.name, key):
+            error = unlike_sides(node_expression.expression, {**names, key: source.type}, ATTRIBUTE_TYPES)
             if error is not None:
-                fault = expression_fault(placed, asked, error, pointer, "P226")
-                hint = f"{key!r} is {source.type.words()}, {source.told(fault.mark.file)}"
+                fault = expression_fault(placed, node_expression, error, pointer, "P226")
+                hint = f"{key!r} is {source.type.words()}, {source.describe(fault.mark.file)}"
                 return replace(fault, hint=hint)
     return None
 
@@ -257,8 +262,8 @@ class _Calls:
                 if placed.spec.node is None:
                     self._places.setdefault(placed.spec.id, []).append((keys, placed))
 
-    def given(self, tree: str, key: str, depth: int = MAX_DEPTH) -> tuple[ValueSource, ...]:
-        """Return the values of an input, one for each call that says its type."""
+    def input_values(self, tree: str, key: str, depth: int = MAX_DEPTH) -> tuple[ValueSource, ...]:
+        """Return the values of an input, one for each call with a known type."""
         if depth and (tree, key) not in self._known:
             found = (self._at(*place, key, depth) for place in self._places.get(tree, ()))
             self._known[tree, key] = distinct(source for sources in found for source in sources)
@@ -274,7 +279,7 @@ class _Calls:
             sources = keys.reference(bound)
             ports = [source.port for source in sources if source.type.kind == "any" and not source.depth]
             if len(sources) == 1 and ports and ports[0] is not None:
-                yield from self.given(keys.tree.name, ports[0], depth - 1)
+                yield from self.input_values(keys.tree.name, ports[0], depth - 1)
             elif sources:
                 # A key that is written with several types may have the right one here.
                 yield replace(sources[0], type=join(source.type for source in sources))

@@ -1,4 +1,4 @@
-"""World as the robot knows it: values, shapes, belief, causes, events, protocols of the hardware."""
+"""World model of the robot: values, shapes, belief, causes, events, protocols of the hardware."""
 
 import lazy_loader
 

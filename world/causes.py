@@ -1,4 +1,4 @@
-"""The hierarchy of failure causes: what a skill may say that went wrong, in one file for all floors."""
+"""Hierarchy of failure causes: all names that a failure may have, in one file."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ class Cause:
         return self.name
 
     def __reduce__(self) -> tuple[Callable[[str], Cause], tuple[str]]:
-        return cause_named, (self.name,)  # another process has the same causes, which are told by identity
+        return cause_named, (self.name,)  # another process compares the same causes by identity
 
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """All causes that begin with `name`; a skill declares it when it may end in any of them."""
+    """All causes whose names begin with `name`; a skill declares it when it may end with any of them."""
 
     name: str
 
@@ -42,10 +42,8 @@ class perception:
     """Causes of looking: not found, ambiguous, or no picture."""
 
     NOT_FOUND = Cause("perception.not_found", "The object was not seen where it should be.", "observe again")
-    AMBIGUOUS = Cause(
-        "perception.ambiguous", "Several objects fit what was asked for.", "observe from another view"
-    )
-    STALE = Cause("perception.stale", "What is known of the object is too old.", "observe again")
+    AMBIGUOUS = Cause("perception.ambiguous", "Several objects fit the request.", "observe from another view")
+    STALE = Cause("perception.stale", "The last observation of the object is too old.", "observe again")
     NO_IMAGE = Cause("perception.no_image", "The camera gave no image in time.", "observe again")
     ANY = Family("perception")
 
@@ -73,8 +71,8 @@ class planning:
     )
     CONSTRAINT = Cause(
         "planning.constraint",
-        "What was asked for the whole way of a motion does not hold.",
-        "ask for less, or start elsewhere",
+        "No motion keeps the path constraint over its whole length.",
+        "relax the constraint, or start elsewhere",
     )
     BLOCKED = Cause("planning.blocked", "The way that was planned is not free any more.", "plan again")
     WORKSPACE = Cause("planning.workspace", "The goal lies outside of the workspace.", "ask for another goal")
@@ -84,7 +82,7 @@ class planning:
 class grasp:
     """Causes of grasping: no candidate, missed, or slipped."""
 
-    NO_CANDIDATE = Cause("grasp.no_candidate", "No grasp is left to try.", "clear what stands around it")
+    NO_CANDIDATE = Cause("grasp.no_candidate", "No grasp is left to try.", "clear the space around it")
     MISSED = Cause("grasp.missed", "The fingers closed and hold nothing.", "observe again")
     SLIPPED = Cause("grasp.slipped", "The object slipped out of the fingers.", "observe again, grip harder")
     DOUBLE = Cause("grasp.double", "More than one thing is in the hand.", "put them back into the tote")
@@ -92,9 +90,9 @@ class grasp:
 
 
 class place:
-    """Causes of placing: no room, or not where it was let go."""
+    """Causes of placing: no room, or a wrong place after the release."""
 
-    OCCUPIED = Cause("place.occupied", "Something stands where the object should go.", "choose another spot")
+    OCCUPIED = Cause("place.occupied", "Another body is at the goal of the object.", "choose another spot")
     MISSED = Cause("place.missed", "The object is not where it was put.", "observe again")
     FULL = Cause("place.full", "No free spot is left.", "empty the bin")
     ANY = Family("place")
@@ -116,7 +114,7 @@ class push:
     STALLED = Cause("push.stalled", "The object does not move any further.", "push from another side")
     MISSED = Cause("push.missed", "The object did not end where it should.", "push again")
     NO_STROKE = Cause(
-        "push.no_stroke", "No stroke that is free moves the object there.", "clear what stands around it"
+        "push.no_stroke", "No stroke that is free moves the object there.", "clear the space around it"
     )
     ANY = Family("push")
 
@@ -126,7 +124,7 @@ class control:
 
     TRACKING = Cause("control.tracking", "The arm did not follow its trajectory.", "retreat safely")
     TIMEOUT = Cause("control.timeout", "A motion took longer than it may.", "retreat safely")
-    GRIPPER = Cause("control.gripper", "The fingers did not do what they were told to.", "reset the gripper")
+    GRIPPER = Cause("control.gripper", "The fingers did not follow a command.", "reset the gripper")
     ANY = Family("control")
 
 
@@ -143,7 +141,7 @@ class safety:
     SINGULARITY = Cause(
         "safety.singularity", "The arm came to a singular configuration.", "go there by a planned motion"
     )
-    TRAJECTORY = Cause("safety.trajectory", "A trajectory is not sound.", "mend what made it")
+    TRAJECTORY = Cause("safety.trajectory", "A trajectory is not sound.", "correct its source")
     TORQUE_LIMIT = Cause("safety.torque_limit", "A joint was loaded more than it may be.", "retreat safely")
     PAYLOAD = Cause("safety.payload", "The hand carries more than it may.", "let go of it, set it aside")
     STALE_SENSOR = Cause(
@@ -158,7 +156,7 @@ class safety:
 
 
 class world:
-    """Causes in the world: what is not there, or not as it was believed."""
+    """Causes in the world: an unknown object, or a scene that differs from the belief."""
 
     UNKNOWN_OBJECT = Cause("world.unknown_object", "No such object is known.", "observe")
     DISTURBED = Cause("world.disturbed", "The scene changed while it was acted on.", "observe again")
@@ -168,9 +166,9 @@ class world:
 class feed:
     """Causes of feeding: nothing came, or nothing was taken away."""
 
-    LATE = Cause("feed.late", "Nothing came within the time.", "wait on, or see to the feed")
+    LATE = Cause("feed.late", "Nothing came within the time.", "wait longer, or check the feed")
     NO_EXCHANGE = Cause(
-        "feed.no_exchange", "No empty bin came within the time.", "wait on, or see to who exchanges bins"
+        "feed.no_exchange", "No empty bin came within the time.", "wait longer, or check the exchange of bins"
     )
     OBSTRUCTED = Cause("feed.obstructed", "The feed waits for the arm to leave.", "retreat safely")
     ANY = Family("feed")
@@ -181,8 +179,8 @@ class tree:
 
     TIMEOUT = Cause("tree.timeout", "The branch took longer than its time.", "give it more time")
     ATTEMPTS = Cause("tree.attempts", "All attempts are used up.", "allow more attempts")
-    BUDGET = Cause("tree.budget", "What recovery may cost is used up.", "allow more, or escalate")
-    GIVEN_UP = Cause("tree.given_up", "Whoever was asked for help gave it up.", "see to it by hand")
+    BUDGET = Cause("tree.budget", "The recovery budget is used up.", "allow more, or escalate")
+    GIVEN_UP = Cause("tree.given_up", "The operator gave up.", "see to it by hand")
     NO_CASE = Cause("tree.no_case", "No case matches and there is no default.", "add a default")
     MISSING_INPUT = Cause("tree.missing_input", "An input has no value.", "write it before it is read")
     ANY = Family("tree")
@@ -242,23 +240,23 @@ def register_cause(cause: Cause) -> Cause:
 
 
 def known_causes() -> Mapping[str, Cause]:
-    """A copy of all registered causes, for `restore_causes`."""
+    """Return a copy of all registered causes, for `restore_causes`."""
     return dict(_causes)
 
 
 def restore_causes(causes: Mapping[str, Cause]) -> None:
-    """Forget what was registered since: a plug-in failed, or its file is run again."""
+    """Discard later registrations, after a plug-in has failed or before its file runs again."""
     _causes.clear()
     _causes.update(causes)
 
 
 def all_causes() -> tuple[Cause, ...]:
-    """Every registered cause, in the order of registration."""
+    """Return every registered cause, in the order of registration."""
     return tuple(_causes.values())
 
 
 def cause_named(name: str) -> Cause:
-    """The cause of that name. Raises PicktreeError with the known names when there is none."""
+    """Return the cause of that name. Raises PicktreeError with the known names for an unknown name."""
     try:
         return _causes[name]
     except KeyError:

@@ -1,4 +1,4 @@
-"""The named colours: what scene files may say, the simulation paints, and perception recognises."""
+"""Named colours: for scene files, the simulation, and perception."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ITEM_COLOURS: Mapping[str, Rgb] = MappingProxyType(
         "purple": (0.55, 0.15, 0.75),
     }
 )
-"""Saturated and at least 25° of hue apart, so that a camera can tell them."""
+"""Saturated and at least 25° of hue apart, so that a camera can distinguish them."""
 
 PLAIN_COLOURS: Mapping[str, Rgb] = MappingProxyType(
     {
@@ -31,7 +31,8 @@ PLAIN_COLOURS: Mapping[str, Rgb] = MappingProxyType(
         "black": (0.08, 0.08, 0.08),
     }
 )
-"""Unsaturated: for fixtures, bins and the robot, which perception tells from items by it."""
+"""Unsaturated colours of fixtures, bins and the robot; perception distinguishes them from items by
+saturation."""
 
 COLOURS: Mapping[str, Rgb] = MappingProxyType({**ITEM_COLOURS, **PLAIN_COLOURS})
 

@@ -34,7 +34,7 @@ class Stopwatch:
             self._since += seconds
 
     def seconds(self) -> Mapping[str, float]:
-        """Wall seconds so far, by part; a copy."""
+        """Return a copy of the wall seconds so far, by part."""
         return dict(self._seconds)
 
     def _switch(self) -> None:

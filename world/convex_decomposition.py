@@ -111,7 +111,7 @@ def as_arrays(mesh: ConvexMesh) -> dict[str, Array]:
 
 
 def from_arrays(arrays: Mapping[str, Array], source: str, scale: float) -> ConvexMesh:
-    """Return the body of what `as_arrays` gave; other names are left out."""
+    """Return the body from the arrays of `as_arrays`; other names are ignored."""
     numbers = range(sum(name.isdecimal() for name in arrays))
     vertices, *parts = (arrays[str(n)] for n in numbers)
     return _mesh(vertices, source, scale, parts)
@@ -214,7 +214,7 @@ def _heading(raw: bytes, scale: float) -> str:
 
 
 MAX_HULL_VOLUME_RATIO = 1.25
-"""Greatest volume of a hull that stands for blocks, as a multiple of theirs."""
+"""Greatest volume of a hull that replaces blocks, as a multiple of their volume."""
 EDGE_DECIMALS = 5
 """Digits to which edges of blocks are compared, m: the belief rounds their places to a thousandth of a mm."""
 _SIGNS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])

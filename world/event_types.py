@@ -28,9 +28,9 @@ End: TypeAlias = Literal["cured", "done_instead", "given_up", "unhandled", "open
 Fate: TypeAlias = Literal["cured", "done_instead", "passed_over", "branched", "ended", "open"]
 """Outcome of a single failure; it follows from the end of its episode.
 
-`cured`, `done_instead` and `open`: as its episode. A failure whose episode was given up or unhandled is told
-by what the mission did: `passed_over`: a loop went on with the next item. `branched`: a Fallback or another
-node went another way. `ended`: it reached the root, and the mission ended with it.
+`cured`, `done_instead` and `open`: as its episode. The reaction of the mission decides for an episode that
+was given up or unhandled. `passed_over`: a loop continued with the next item. `branched`: a Fallback or
+another node took another branch. `ended`: the failure reached the root and ended the mission.
 """
 
 
@@ -132,7 +132,7 @@ class InternalErrorEvent(JournalEvent, kind="internal_error"):
 
 
 class HelpWantedEvent(JournalEvent, kind="help_wanted"):
-    """A node asks the operator."""
+    """A node requests a decision of the operator."""
 
     reason: Annotated[str, "question"]
     choices: Annotated[tuple[str, ...], "possible answers"]
@@ -288,7 +288,7 @@ class PresentEvent(JournalEvent, kind="present"):
     colours: Annotated[tuple[str, ...], "colours of its surface, the largest first"] = ()
     tags: Annotated[tuple[str, ...], "numbers of the ArUco tags that were read on it"] = ()
     size: Annotated[float | None, "greatest distance of two seen points", "m"] = None
-    mass: Annotated[float | None, "mass as it was weighed in the hand", "kg"] = None
+    mass: Annotated[float | None, "mass weighed in the hand", "kg"] = None
 
 
 class RegraspEvent(JournalEvent, kind="regrasp"):

@@ -33,7 +33,7 @@ class HeapRegion:
     size: tuple[float, float]
     """Lengths along x and y with the walls, m."""
     wall: float = 0.0
-    """Thickness of the walls, m; 0: there are none."""
+    """Thickness of the walls, m; 0: no walls."""
     rim: float = 0.0
     """Height of the walls above the support, m."""
     floor: float = 0.0
@@ -74,7 +74,7 @@ def heap_regions(scene: SceneDescription) -> dict[str, HeapRegion]:
 
 def region_of(scene: SceneDescription, spawn: Spawn) -> str:
     """Return the name of the region of a heap: its tote, or the fixture with the highest level top below the
-    middle of its area. Empty when there is none."""
+    middle of its area. Empty without one."""
     if spawn.into is not None:
         return str(spawn.into)
     x, y = np.mean(spawn.rectangle, axis=0)
@@ -110,7 +110,7 @@ class MapTag:
 
     number: int
     at: tuple[float, float]
-    """Its middle in the map's frame, m."""
+    """Centre of the tag in the map's frame, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +172,7 @@ class HeightMap:
         return wide.astype(np.bool_)
 
     def inside(self, points: Array) -> NDArray[np.bool_]:
-        """Select the points (k, 3) of the frame on the inner side of the walls; all where there are none.
+        """Select the points (k, 3) of the frame on the inner side of the walls; all points without walls.
 
         A finger beyond a wall closes on it.
         """
@@ -247,7 +247,7 @@ class BarredPlace:
         return cls((x, y), tuple(np.nan_to_num(heap.around(x, y, BARRED_RADIUS), nan=-1.0).tolist()))
 
     def holds(self, heap: HeightMap) -> bool:
-        """Return whether the depth there is still as it was at the attempt."""
+        """Return whether the depth there is unchanged since the attempt."""
         now = np.nan_to_num(heap.around(*self.at, BARRED_RADIUS), nan=-1.0)
         if len(now) != len(self.heights):
             return False

@@ -24,7 +24,7 @@ ROUND_HOLE_SIDES = 32
 MIN_WALL = 0.001
 """Least wall between two holes' mouths, and from one to the sides of the box, m."""
 MIN_AREA = 1e-10
-"""Areas below this are none, m²."""
+"""Area below which a polygon counts as empty, m²."""
 Polygon: TypeAlias = Array
 """Corners (n, 2), counter-clockwise and convex, in the fixture's frame, m."""
 
@@ -37,7 +37,7 @@ class InterlockedHoles:
 
 
 def outline(hole: Hole, grown: float = 0.0) -> Polygon:
-    """The walls from above, in the fixture's frame, moved outwards by `grown` m."""
+    """Return the walls from above, in the fixture's frame, moved outwards by `grown` m."""
     if hole.form == "round":
         reach = (hole.size[0] / 2 + grown) / math.cos(math.pi / ROUND_HOLE_SIDES)
         angles = (np.arange(ROUND_HOLE_SIDES) + 0.5) * (2 * math.pi / ROUND_HOLE_SIDES)
@@ -50,7 +50,7 @@ def outline(hole: Hole, grown: float = 0.0) -> Polygon:
 
 
 def convex_pieces(fixture: Fixture) -> tuple[tuple[ConvexMesh, Pose], ...]:
-    """Convex pieces, which together are the fixture's solid, with their poses in its frame.
+    """Return convex pieces that together are the solid of the fixture, with their poses in its frame.
 
     The fixture is a box, and its holes were checked on reading.
     """
@@ -86,7 +86,7 @@ def _bored(box: Box, holes: tuple[Hole, ...], *, layers: bool = False) -> tuple[
 
 
 def partition_top(box: Box, holes: Sequence[Hole]) -> list[tuple[Polygon, Hole | None]] | InterlockedHoles:
-    """The box from above, cut until there is one hole in each polygon at most."""
+    """Return the box from above, cut into polygons with at most one hole each."""
     x, y, _ = box.size
     whole = np.array([(x, y), (-x, y), (-x, -y), (x, -y)]) / 2
     return _parted(whole, tuple(holes))
@@ -131,9 +131,10 @@ def _cut(holes: Sequence[Hole]) -> tuple[Array, float] | None:
 
 
 def wall_thickness(one: Hole, other: Hole) -> float:
-    """Wall between the mouths of two holes, chamfers included, m; 0 or less where they overlap.
+    """Return the thickness of the wall between the mouths of two holes, chamfers included, m; 0 or less where
+    they overlap.
 
-    Exact where the nearest points lie on a side and anything; a little too small between two corners.
+    Exact when a nearest point is on a side; a little too small between two corners.
     """
     mouths = (outline(one, one.chamfer), outline(other, other.chamfer))
     best = -math.inf
@@ -205,7 +206,7 @@ def _prism(polygon: Polygon, low: float, high: float) -> tuple[ConvexMesh, Pose]
 
 
 def _hull(levels: Iterable[tuple[Polygon, float]]) -> tuple[ConvexMesh, Pose]:
-    """The hull of polygons at heights, about the middle of its corners."""
+    """Return the hull of polygons at heights, about the middle of its corners."""
     corners = np.unique(np.vstack([np.column_stack([p, np.full(len(p), z)]) for p, z in levels]), axis=0)
     x, y, z = (float(c) for c in corners.mean(axis=0))
     around = corners - (x, y, z)
@@ -253,13 +254,13 @@ def surface(box: Box, holes: tuple[Hole, ...]) -> Surface:
 
 
 Slack: TypeAlias = tuple[float, float]
-"""How much wider a hole is than the item, along the hole's long side and across, m."""
+"""Excess of the hole's width over the item's, along the hole's long side and across, m."""
 
 
 def hole_clearance(hole: Hole, shape: Shape) -> Slack | None:
-    """Return the clearance of an item that stands in the hole, on both sides together; negative where it
-    is too wide. None when its form does not go with the hole's. Cylinders and spheres go into round holes,
-    boxes into square holes and slots, meshes into none."""
+    """Return the clearance of an item in the hole, on both sides together; negative where it is too wide.
+    None when their forms do not fit. Cylinders and spheres go into round holes, boxes into square holes and
+    slots, meshes into none."""
     match shape:
         case Cylinder(radius, _) | Sphere(radius) if hole.form == "round":
             return hole.size[0] - 2 * radius, hole.size[1] - 2 * radius
@@ -287,8 +288,8 @@ def tightest_hole(holes: Iterable[Hole], shape: Shape) -> Hole | None:
 
 
 def named_holes(fixtures: Iterable[Fixture], name: str) -> tuple[Hole, ...] | None:
-    """Return the holes that a name such as `board` or `board/left` stands for: all of a fixture, or one.
-    None when it is neither."""
+    """Return the holes of a name such as `board` or `board/left`: all holes of a fixture, or one. None for
+    any other name."""
     for fixture in fixtures:
         if fixture.holes and fixture.id == name:
             return fixture.holes
@@ -299,7 +300,7 @@ def named_holes(fixtures: Iterable[Fixture], name: str) -> tuple[Hole, ...] | No
 
 
 def find_hole(scene: PlanningScene, hole_id: str) -> tuple[Fixture, Hole]:
-    """The hole of that id and the fixture in which it is. Raises Failure(world.unknown_object)."""
+    """Return the hole of that id and its fixture. Raises Failure(world.unknown_object)."""
     for fixture in scene.fixtures.values():
         for hole in fixture.holes:
             if hole.id == hole_id:
@@ -309,7 +310,7 @@ def find_hole(scene: PlanningScene, hole_id: str) -> tuple[Fixture, Hole]:
 
 
 def hole_in_world(scene: PlanningScene, hole_id: str) -> Pose:
-    """Where the middle of the hole's mouth is believed to be; z points out of it.
+    """Return the believed pose of the middle of the hole's mouth; z points out of the hole.
 
     Raises Failure(world.unknown_object).
     """
@@ -323,10 +324,10 @@ def occupied(scene: PlanningScene, hole_id: str) -> bool:
 
 
 def fitting_hole(scene: PlanningScene, object_id: str, into: str | None = None) -> Hole | None:
-    """The free hole into which the object belongs: by form and size, that which leaves it the least room.
+    """Return the free hole into which the object fits with the least clearance.
 
-    `into` is a fixture with holes, or one hole; default: the object's destination. None when that has no
-    holes, or when the object fits no hole of it that is free. Raises Failure(world.unknown_object).
+    `into` is a fixture with holes, or one hole; default: the object's destination. None when it has no holes,
+    or no free hole that fits the object. Raises Failure(world.unknown_object).
     """
     target = into if into is not None else scene.destination(object_id)
     holes = None if target is None else named_holes(scene.fixtures.values(), target)

@@ -180,7 +180,7 @@ def _converted(value: object, hint: object) -> object:
         return tuple(_converted(each, inner) for each in cast("list[object]", value))
     if origin is Literal:
         if value not in get_args(hint):
-            raise ValueError(f"{value!r} is none of {get_args(hint)}")
+            raise ValueError(f"{value!r} is not one of {get_args(hint)}")
         return value
     wanted = {float: (int, float), tuple: (list, tuple)}.get(cast("type", origin or hint), origin or hint)
     if not isinstance(value, cast("type", wanted)) or (isinstance(value, bool) and hint is not bool):
@@ -244,7 +244,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Candidates:
-    """Candidate search: number of grasps that reached each stage, and what became of each one."""
+    """Candidate search: number of grasps that reached each stage, and the result of each one."""
 
     purpose: str
     object: str
@@ -256,7 +256,7 @@ class Candidates:
 
 @dataclass(frozen=True, slots=True)
 class ImageEntry:
-    """A camera shot, with what perception made of it in one line each."""
+    """A camera image, with the results of perception in one line each."""
 
     image: RgbdImage
     findings: tuple[str, ...] = ()
@@ -271,7 +271,7 @@ class Journal:
     def __init__(self) -> None:
         self._entries: list[Entry] = []
         self.items_done = 0
-        """How often an item was placed, as the robot believes; part of the state."""
+        """Number of items that were placed, in the belief; part of the state."""
 
     def note(self, entry: Entry) -> None:
         self._entries.append(entry)

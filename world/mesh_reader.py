@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     import trimesh
 
 FORMATS = ("stl", "obj", "dae", "ply", "off", "glb")
-"""Formats that are read. A glTF file in several parts is none of them: it names files that may be missing."""
+"""Formats of readable meshes. A glTF file in several parts is excluded: it names files that may be
+missing."""
 MAX_BYTES = 200_000_000
 MAX_TRIANGLES = 4_000_000
 MAX_MATERIAL_BYTES = 1_000_000
@@ -45,7 +46,7 @@ _LIBRARY = re.compile(rb"^\s*mtllib\s+(.*)", re.MULTILINE)
 
 
 class MeshError(ValueError):
-    """Error in a mesh file, with a hint at what would be right."""
+    """Error in a mesh file, with a remedy."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(f"{message}; {hint}" if hint else message)
@@ -106,7 +107,7 @@ def parse_mesh(raw: bytes, path: Path) -> TriangleMesh:
         raise MeshError(f"the mesh has {len(faces):,} triangles", f"{MAX_TRIANGLES:,} at most; simplify it")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise MeshError("the mesh has faces of vertices that it lacks")
-    # What no face names is no part of the body.
+    # Vertices without a face are no part of the body.
     used, places = np.unique(faces, return_inverse=True)
     vertices, faces = vertices[used], places.reshape(-1, 3).astype(np.int64)
     _refuse_infinite(vertices)
@@ -223,7 +224,7 @@ def _prepared(raw: bytes, kind: str) -> bytes:
 
 
 def _ascii(raw: bytes) -> bytes:
-    """Return a text in ASCII: names in other letters tell nothing of geometry."""
+    """Return a text in ASCII: names in other letters do not affect the geometry."""
     wide = raw.startswith((b"\xff\xfe", b"\xfe\xff"))
     return raw.decode("utf-16" if wide else "utf-8-sig", errors="replace").encode("ascii", errors="replace")
 
@@ -258,8 +259,8 @@ def _loaded(raw: bytes, kind: str, materials: dict[str, bytes], *, by_object: bo
     try:
         loaded = trimesh.load_scene(io.BytesIO(raw), kind, process=False, **options)  # pyright: ignore[reportUnknownMemberType]
     except (ValueError, NotImplementedError) as error:
-        said = str(error).strip().partition("\n")[0] or type(error).__name__
-        raise MeshError(f"the mesh file cannot be read: {said}") from None
+        message = str(error).strip().partition("\n")[0] or type(error).__name__
+        raise MeshError(f"the mesh file cannot be read: {message}") from None
     except Exception:  # noqa: BLE001 - the library of each format has errors of its own
         raise MeshError(DAMAGED) from None
     return loaded

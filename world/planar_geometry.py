@@ -1,4 +1,4 @@
-"""Poses and outlines in the plane: what lies on a table, as seen from above."""
+"""Poses and outlines in the plane: bodies on a table, seen from above."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .shapes import Cylinder, Shape, Sphere, corners
 from .values import Array, Pose, quaternion_product
 
 MIN_UPRIGHT_COSINE = 0.7
-"""Cosine of the tilt up to which a cylinder stands."""
+"""Cosine of the greatest tilt of an upright cylinder."""
 MAX_LEVEL_SINE = 0.5
 """Sine of the angle up to which an axis of a body counts as level."""
 SAME_CORNER_DISTANCE = 5e-4
@@ -56,7 +56,7 @@ class PlanarPose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanarOutline:
-    """A convex body from above: corners (n, 2), counter-clockwise, grown by `radius`; of what is round one
+    """A convex body from above: corners (n, 2), counter-clockwise, grown by `radius`; a round body has one
     corner, the origin."""
 
     corners: Array
@@ -73,7 +73,7 @@ class PlanarOutline:
 
     @property
     def turn(self) -> float:
-        """Turned by this it is the same, rad; 0 when it has no heading."""
+        """Angle of rotational symmetry, rad; 0 for a body without a heading."""
         if self.round:
             return 0.0
         for fold in SYMMETRY_FOLDS:
@@ -84,8 +84,8 @@ class PlanarOutline:
         return 2 * math.pi
 
     def inertia(self) -> float:
-        """Mean square of the distance of its points from the origin, m²: how friction on its underside
-        resists turning, against moving."""
+        """Mean square of the distance of its points from the origin, m². It weights frictional resistance
+        against rotation relative to translation."""
         if self.round:
             return self.radius**2 / 2
         a, b = self.corners, np.roll(self.corners, -1, axis=0)
@@ -112,12 +112,12 @@ def heading(shape: Shape, pose: Pose) -> float:
 
 
 def planar(shape: Shape, pose: Pose) -> PlanarPose:
-    """Where a body is on its table."""
+    """Return the pose of a body on its table."""
     return PlanarPose(pose.position[0], pose.position[1], heading(shape, pose))
 
 
 def moved(shape: Shape, pose: Pose, to: PlanarPose) -> Pose:
-    """The body pushed to another place on the same table."""
+    """Return the body pushed to another place on the same table."""
     half = (to.yaw - heading(shape, pose)) / 2
     turned = quaternion_product((0.0, 0.0, math.sin(half), math.cos(half)), pose.orientation)
     return Pose((to.x, to.y, pose.position[2]), turned)
@@ -135,7 +135,7 @@ def outline(shape: Shape, pose: Pose) -> PlanarOutline:
             a, b = height / 2, radius
             return PlanarOutline(np.array([[a, -b], [a, b], [-a, b], [-a, -b]]))
         case _:
-            import cv2  # slow to load, and whoever checks a mission asks for no outline
+            import cv2  # slow to load, and checks of missions need no outline
 
             points = (corners(shape) @ rotation.T)[:, :2]
             level = PlanarPose(0.0, 0.0, -heading(shape, pose)).apply(points)
@@ -145,12 +145,13 @@ def outline(shape: Shape, pose: Pose) -> PlanarOutline:
 
 
 def wrap_angle(angle: float, turn: float = 2 * math.pi) -> float:
-    """The angle that is the same but for whole `turn`s and nearest to 0, rad."""
+    """Return the equivalent angle nearest to 0, rad; angles are equivalent up to whole multiples of
+    `turn`."""
     return angle - turn * round(angle / turn) if turn else 0.0
 
 
 def outline_distance(one: PlanarOutline, at: PlanarPose, other: PlanarOutline, there: PlanarPose) -> float:
-    """Free distance of two outlines, m; negative: the least way that parts them."""
+    """Return the free distance of two outlines, m; negative: the least translation that separates them."""
     a, b = at.apply(one.corners), there.apply(other.corners)
     radii = one.radius + other.radius
     apart = max(_beyond(a, b), _beyond(b, a))
@@ -160,7 +161,8 @@ def outline_distance(one: PlanarOutline, at: PlanarPose, other: PlanarOutline, t
 
 
 def _beyond(polygon: Array, points: Array) -> float:
-    """Greatest distance by which the line of an edge holds off all points; negative when none does."""
+    """Return the greatest distance by which the line of an edge separates all points; negative when none
+    does."""
     if len(polygon) < 2:
         return -math.inf
     edge = np.roll(polygon, -1, axis=0) - polygon
@@ -170,7 +172,7 @@ def _beyond(polygon: Array, points: Array) -> float:
 
 
 def _nearest(points: Array, polygon: Array) -> float:
-    """Least distance of points to the border of a polygon."""
+    """Return the least distance of points to the border of a polygon."""
     edge = np.roll(polygon, -1, axis=0) - polygon
     square = np.maximum((edge * edge).sum(axis=1), 1e-18)
     away = points[:, None, :] - polygon[None, :, :]

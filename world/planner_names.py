@@ -72,7 +72,7 @@ def unknown_planner(name: str) -> str:
     return f"there is no planner {describe(name)}"
 
 
-def _known(name: str) -> str:
+def _checked_name(name: str) -> str:
     if not is_planner(name):
         raise file_models.InvalidValue(unknown_planner(name), suggest_planner(name), code="P108")
     return name
@@ -80,13 +80,14 @@ def _known(name: str) -> str:
 
 PlannerName = Annotated[
     str,
-    AfterValidator(_known),
+    AfterValidator(_checked_name),
     WithJsonSchema({"anyOf": [{"enum": list(BUILT_IN)}, {"type": "string"}]}),
 ]
 """Name of a planner in a file. Installed plug-ins may add to the proposed ones."""
 
 
 def _plain(name: str) -> str:
-    """Return a name without what differs between spellings: `RRT*`, `RRTstar` and `rrt_star` are the same."""
+    """Return a name without the differences between spellings: `RRT*`, `RRTstar` and `rrt_star` are the
+    same."""
     word = name[:60].lower().replace("*", "star").removeprefix("geometric::").removesuffix("kconfigdefault")
     return re.sub(r"[^a-z0-9]", "", word).removesuffix("1")

@@ -1,4 +1,5 @@
-"""The belief: what the robot thinks stands where. Skills, recovery and trees know nothing else."""
+"""Belief: the robot's planning scene, and the only state of the scene that skills, recovery and trees
+read."""
 
 from __future__ import annotations
 
@@ -18,8 +19,8 @@ from .values import ObjectId, Pose, Vector3
 
 Role: TypeAlias = Literal["item", "obstacle", "heap"]
 FALLEN_SIGMA = 0.02
-"""Standard deviation of the position along each axis of what fell out of the hand and was not seen since, m.
-It marks it: what a camera sees never has exactly this one."""
+"""Standard deviation of the position along each axis of an object that fell out of the hand and was not seen
+since, m. It marks such objects: a detection never has exactly this value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,14 +30,14 @@ class ObstacleBlock:
     size: Vector3
     """Edge lengths, m."""
     at: Vector3
-    """Its centre, m."""
+    """Centre of the block, m."""
     supposed: bool = False
-    """Whether nothing was seen in it: the obstacle may go on there, where the picture showed nothing."""
+    """Whether nothing was seen in it: the obstacle may extend there, where the picture showed nothing."""
 
 
 @dataclass(frozen=True, slots=True)
 class BeliefObject(Body):
-    """One movable body as it is believed to be. While attached, its pose follows from the TCP."""
+    """One movable body of the belief. While attached, its pose follows from the TCP."""
 
     sigma_position: float
     """Standard deviation of the position along each axis, m."""
@@ -47,20 +48,20 @@ class BeliefObject(Body):
     last_seen: float
     """Simulated seconds."""
     role: Role = field(default="item", kw_only=True)
-    """`item`: fitted to the catalogue, or a thing lifted out of a heap. `obstacle`: depth that nothing known
-    explains. `heap`: what lies in a tote or in a pile."""
+    """`item`: fitted to the catalogue, or a thing lifted out of a heap. `obstacle`: depth that no known body
+    explains. `heap`: the contents of a tote or a pile."""
     object_in_tcp: Pose | None = None
     """Set while the object is attached to the gripper."""
     place: str = "table"
-    """Where it is believed to lie: `table`, a bin's id, `hand`, or `aside`."""
+    """Believed place: `table`, a bin's id, `hand`, or `aside`."""
     blocks: tuple[ObstacleBlock, ...] = ()
     """Known parts of an obstacle. If their convex hull wastes little, it is the `shape`, else that is their
     bounding box; collisions are checked with `obstacle_hulls`. Empty for items, and for obstacles of older
     logs."""
     mass: float | None = None
-    """Mass as it was weighed in the hand, kg; None: not weighed."""
+    """Mass weighed in the hand, kg; None: not weighed."""
     seen_size: float | None = None
-    """Greatest length of what a camera saw of it, m; None: that of its shape."""
+    """Greatest length of its part that a camera saw, m; None: that of its shape."""
 
     tag: int | None = None
     """Number of the ArUco tag that was read on it; None: none was."""
@@ -139,7 +140,7 @@ class PlanningScene:
         return self._objects.get(ObjectId(object_id))
 
     def get(self, object_id: str) -> BeliefObject:
-        """The object of that id. Raises Failure(world.unknown_object) when there is none."""
+        """Return the object of that id. Raises Failure(world.unknown_object) for an unknown id."""
         found = self.find(object_id)
         if found is None:
             raise Failure(
@@ -151,7 +152,7 @@ class PlanningScene:
         return found
 
     def destination(self, object_id: str) -> ObjectId | None:
-        """The bin where the object belongs by the scene's rules."""
+        """Return the bin for the object by the scene's rules."""
         return self._destination(self.get(object_id))
 
     @property
@@ -160,13 +161,13 @@ class PlanningScene:
         return next((o for o in self._objects.values() if o.attached), None)
 
     def new_id(self, stem: str) -> ObjectId:
-        """An id that was never given before, such as `red_block_2`."""
+        """Return an id that was never used before, such as `red_block_2`."""
         n = self._numbers.get(stem, 0) + 1
         self._numbers[stem] = n
         return ObjectId(f"{stem}_{n}")
 
     def put(self, belief: BeliefObject, reason: str) -> None:
-        """Add the object, or replace what is believed of it. A weighed mass is kept."""
+        """Add the object, or replace its belief. A weighed mass is kept."""
         before = self._objects.get(belief.id)
         if belief.mass is None and before is not None and before.mass is not None:
             belief = replace(belief, mass=before.mass)
@@ -186,7 +187,7 @@ class PlanningScene:
         )
 
     def detach(self, object_id: str, pose: Pose, place: str, reason: str = "released") -> None:
-        """The object is believed to rest at `pose` in the world from now on."""
+        """Detach the object from the hand; it is believed to rest at `pose` in the world from now on."""
         self.put(replace(self.get(object_id), object_in_tcp=None, pose=pose, place=place), reason)
 
     def carry(self, tcp_in_world: Pose) -> None:
@@ -213,8 +214,9 @@ class PlanningScene:
                 if not self._allowed[key]:
                     del self._allowed[key]
 
-    def let_stand(self, pairs: Iterable[tuple[str, str]]) -> None:
-        """Allow these pairs of a link and a fixture to touch from now on: the link stands on the fixture."""
+    def allow_mounting(self, pairs: Iterable[tuple[str, str]]) -> None:
+        """Allow these pairs of a link and a fixture to touch from now on: the link is mounted on the
+        fixture."""
         self._standing |= {frozenset(pair) for pair in pairs}
 
     def allowed(self, a: str, b: str) -> bool:
@@ -245,7 +247,7 @@ class PlanningScene:
         return copy
 
     def take_changes(self) -> tuple[BeliefChange, ...]:
-        """Changes since the last call, for the record."""
+        """Return the changes since the last call, for the record."""
         changes = tuple(self._changes)
         self._changes.clear()
         return changes

@@ -110,25 +110,25 @@ class RgbdImage:
     stamp: float
     intrinsics: Intrinsics
     camera_in_world: Pose
-    """As believed (from the scene file): x right, y down, z forward."""
+    """Believed pose of the camera (from the scene file): x right, y down, z forward."""
 
 
 class NoImage(Exception):
-    """The camera gave no image in time. Who looks says so as perception.no_image."""
+    """The camera gave no image in time. Perception reports it as perception.no_image."""
 
 
 class Camera(Protocol):
     """A camera that returns colour, depth and stamp, and no segmentation."""
 
     def capture(self) -> RgbdImage:
-        """Raises NoImage when none comes."""
+        """Return the next image. Raises NoImage without one."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class SensorStamps:
-    """When each sensor of the robot last gave a new reading, s. One that is silent stands still: what it is
-    asked then, it answers as before."""
+    """Times of the last new reading of each sensor of the robot, s. The stamp of a silent sensor does not
+    change, and its reading repeats."""
 
     joints: float
     gripper: float
@@ -140,36 +140,37 @@ class FeedSignals:
     """Signals of the feed to the robot."""
 
     exhausted: bool = True
-    """Nothing more will come."""
+    """Whether nothing more will come."""
     busy: bool = False
-    """Items are set down, a belt runs or a bin is exchanged, or would be if the arm were out of the way."""
+    """Whether items are set down, a belt runs or a bin is exchanged, or would be with the arm out of the
+    way."""
     obstructed: bool = False
-    """The feed waits for the arm to leave the place."""
+    """Whether the feed waits for the arm to leave the place."""
     deliveries: int = 0
-    """How often something was set down, or a belt has stopped with something new, since the run began."""
+    """Number of deliveries since the run began: items set down, or a belt that stopped with something new."""
     exchanges: Mapping[ObjectId, int] = field(default_factory=dict[ObjectId, int])
-    """How often each bin was exchanged: for an empty one, or a tote for a full one."""
+    """Number of exchanges of each bin: for an empty one, or a tote for a full one."""
 
 
 class Feed(Protocol):
     """Feed that brings items and takes full bins away: people, a feeder, belts. It communicates by binary
-    signals only; items and their places are seen by cameras."""
+    signals only; cameras find items and their places."""
 
     def ready(self) -> None:
-        """Say that the robot is done with what lies there: what waits for that may come, belts may run."""
+        """Report that the robot is done with the present items: waiting loads may come, belts may run."""
         ...
 
     def exchange(self, bin_id: ObjectId) -> None:
-        """Ask for an empty bin in this one's place. Asked again meanwhile, it is one request."""
+        """Request an empty bin in place of this one. Repeated requests before the exchange count once."""
         ...
 
     def read(self) -> FeedSignals:
-        """The lines in this control period."""
+        """Return the signals in this control period."""
         ...
 
 
 class Hardware(Protocol):
-    """Everything that a `World` stands on. `step` lets one control period pass."""
+    """Hardware below a `World`. `step` lets one control period pass."""
 
     @property
     def clock(self) -> Clock: ...
@@ -187,8 +188,8 @@ class Hardware(Protocol):
     def stamps(self) -> SensorStamps: ...
     @property
     def feels_effort(self) -> bool:
-        """Whether `JointState.effort` is what the joints exert while the arm moves, too, so that it may be
-        judged by the robot's dynamics."""
+        """Whether `JointState.effort` is the effort of the joints also during motions, so that it can be
+        checked against the robot's dynamics."""
         ...
 
     @property
@@ -210,7 +211,7 @@ NO_SIGNALS = FeedSignals()
 
 
 class NoFeed:
-    """`protocols.Feed`: nobody is there to hear."""
+    """`protocols.Feed` of a scene without a feed."""
 
     def ready(self) -> None: ...
 

@@ -6,7 +6,7 @@ test the model itself; the physics backend does, with pybullet's contacts.
 
 Bodies are seen from above and have no inertia. They are moved out of the tool, and out of each other, by the
 least effort. A rotation by one radian costs as much as a translation by the root mean square distance of the
-underside's points. This stands for the ellipsoidal limit surface of friction (Howe and Cutkosky, "Practical
+underside's points. This approximates the ellipsoidal limit surface of friction (Howe and Cutkosky, "Practical
 force-motion models for sliding manipulation", IJRR 15, 1996). Contacts are solved by projections, one after
 the other (Müller et al., "Position based dynamics", 2007).
 """
@@ -141,7 +141,7 @@ class PlanarPushModel:
         """Separate moved bodies from the bodies that they have entered, which then count as moved too.
         Returns the greatest depth, m."""
         worst = 0.0
-        # The order of a set of names is that of their hashes, which each process draws anew.
+        # The order of a set of names is that of their hashes, which differ between processes.
         for name in [name for name in self._bodies if name in moved]:
             body = self._bodies[name]
             for other_name, other in self._bodies.items():

@@ -11,7 +11,7 @@ import numpy as np
 class RandomStreams:
     """Random generators by (seed, stream name, count).
 
-    `take` counts how often a stream was asked, and that count is state: it belongs into a checkpoint.
+    `take` counts the generators of each stream; the count is state and belongs into a checkpoint.
     """
 
     def __init__(self, seed: int) -> None:
@@ -19,17 +19,18 @@ class RandomStreams:
         self._counts: dict[str, int] = {}
 
     def at(self, stream: str, n: int) -> np.random.Generator:
-        """The n-th generator of `stream`; depends on nothing but (seed, stream, n)."""
+        """Return the n-th generator of `stream`; it depends only on (seed, stream, n)."""
         return np.random.default_rng([self.seed, zlib.crc32(stream.encode()), n])
 
     def take(self, stream: str) -> np.random.Generator:
-        """The next generator of `stream`."""
+        """Return the next generator of `stream`."""
         n = self._counts.get(stream, 0)
         self._counts[stream] = n + 1
         return self.at(stream, n)
 
     def number(self, stream: str) -> int:
-        """A positive 31-bit seed from the next generator of `stream`, for libraries that want a number."""
+        """Return a positive 31-bit seed from the next generator of `stream`, for libraries that want a
+        number."""
         return int(self.take(stream).integers(1, 2**31 - 1))
 
     def state(self) -> dict[str, int]:

@@ -19,7 +19,7 @@ Values: TypeAlias = Mapping[str, object]
 
 @dataclass(frozen=True)
 class Body:
-    """Movable body: as it is detected, believed to be, or truly is."""
+    """Movable body: detected, believed or true."""
 
     kind: str
     """Kind of the catalogue, or `unknown`."""
@@ -65,13 +65,13 @@ class ItemCount:
             (self.set_aside, "set aside"),
             (self.without_destination, "without a destination"),
         )
-        told = ", ".join(f"{number} {words}" for number, words in others if number)
-        return f"{counts}; {told}" if told else counts
+        listed = ", ".join(f"{number} {words}" for number, words in others if number)
+        return f"{counts}; {listed}" if listed else counts
 
 
 @dataclass(frozen=True)
 class TreeNode:
-    """Node of the tree as it was loaded. `parent` is empty for the root."""
+    """Node of the loaded tree. `parent` is empty for the root."""
 
     path: str
     id: str
@@ -130,7 +130,7 @@ class Transition:
     inputs: Values = field(default_factory=dict[str, object])
     """Values that a starting node has read through references, by port; else empty."""
     subject: str = ""
-    """Object that the first port of type `object` of a starting node names; empty when there is none."""
+    """Object at the first port of type `object` of a starting node; empty without one."""
     cause: str = ""
     origin: str = ""
     """Path of the node from which a failure came; empty without a failure."""

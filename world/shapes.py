@@ -54,7 +54,7 @@ class ConvexMesh:
 @dataclass(frozen=True, slots=True)
 class CompoundMesh(ConvexMesh):
     """Body of convex parts, m, about its centre of mass. Its `vertices` are those of its hull, which may
-    stand for it where room around it is all that counts."""
+    replace it where only the space around the body matters."""
 
     parts: tuple[tuple[Vector3, ...], ...]
     """Corners of each convex part."""
@@ -63,13 +63,13 @@ class CompoundMesh(ConvexMesh):
 
 
 OBSTACLE_VOLUME = "volume"
-"""Source of a convex mesh that stands for cells of an unknown obstacle, which changes with each view."""
+"""Source of a convex mesh for cells of an unknown obstacle, which changes with each view."""
 Shape: TypeAlias = Box | Cylinder | Sphere | ConvexMesh | CompoundMesh
 """Form of a body in its own frame, m."""
 
 
 def scaled(shape: Shape, factor: float) -> Shape:
-    """The shape, `factor` times as large along each of its axes."""
+    """Return the shape, `factor` times as large along each of its axes."""
     match shape:
         case Box((x, y, z)):
             return Box((x * factor, y * factor, z * factor))
@@ -206,7 +206,7 @@ def _first_spans(spans: list[tuple[Array, Array]]) -> tuple[Array, Array]:
     near, far = spans[0]
     for start, end in spans[1:]:
         met, known = start <= end, near <= far
-        # What lies behind the origin hides nothing.
+        # Surfaces behind the origin hide nothing.
         ahead = np.where(end > 0.0, start, np.inf) < np.where(known & (far > 0.0), near, np.inf)
         taken = met & (ahead | ~known)
         near, far = np.where(taken, start, near), np.where(taken, end, far)
@@ -224,7 +224,7 @@ def _slabs(local: Array, d: Array, half: Array) -> tuple[Array, Array]:
 
 
 def _quadratic(a: Array, b: Array, c: float) -> tuple[Array, Array]:
-    """Roots of a·s² + 2·b·s + c; near > far where there are none."""
+    """Return the roots of a·s² + 2·b·s + c; near > far without real roots."""
     a = np.maximum(a, MIN_DIRECTION)
     root = b * b - a * c
     hit = root >= 0.0
@@ -248,10 +248,9 @@ def greatest_length(shape: Shape) -> float:
 
 
 def convex_hull(points: Array, options: str | None = None) -> ConvexHull:
-    """The convex hull of points (n, 2) or (n, 3), by qhull. `options` are qhull's own.
+    """Return the convex hull of points (n, 2) or (n, 3), by qhull. `options` are qhull's own.
 
-    Raises:
-        RuntimeError: The points have no extent in one direction, and are not joggled (option `QJ`).
+    Raises: RuntimeError: The points have no extent in one direction, and are not joggled (option `QJ`).
     """
     kind = library_parts.library_part(
         "scipy.spatial._qhull", "scipy.spatial.ConvexHull", "scipy.linalg", "scipy._lib"
@@ -267,7 +266,7 @@ def half_spaces(mesh: ConvexMesh) -> tuple[Array, Array]:
 
 
 def inside(shape: Shape, pose: Pose, points: Array, margin: float = 0.0) -> NDArray[np.bool_]:
-    """Which points (n, 3) of the world lie in the shape at `pose`, or not further than `margin` m beside its
+    """Select the points (n, 3) of the world in the shape at `pose`, or at most `margin` m away from its
     faces."""
     local = (points - np.array(pose.position)) @ pose.rotation()
     match shape:

@@ -111,7 +111,7 @@ class Pose:
 
 
 def rotated(turn: Quaternion, vector: Vector3) -> Vector3:
-    """A vector turned by a unit quaternion, in plain numbers: for what is done in every step."""
+    """Return a vector rotated by a unit quaternion, in plain numbers, for code that runs in every step."""
     (qx, qy, qz, qw), (x, y, z) = turn, vector
     tx, ty, tz = 2.0 * (qy * z - qz * y), 2.0 * (qz * x - qx * z), 2.0 * (qx * y - qy * x)
     return (

@@ -42,7 +42,7 @@ class Refusal:
         around = {o.id: o.pose for o in scene.objects if o.pose.distance(subject.pose) <= SURROUNDINGS_RADIUS}
         return cls(message, around, sum(o.place in scene.bins for o in scene.objects))
 
-    def stands(self, subject: BeliefObject, scene: PlanningScene) -> bool:
+    def is_valid(self, subject: BeliefObject, scene: PlanningScene) -> bool:
         """Return whether nothing has changed around the object since."""
         now = Refusal.of("", subject, scene)
         return (
@@ -57,8 +57,8 @@ class Refusal:
 
 
 class AttemptMemory:
-    """Names of the candidates that were tried and failed, for each (node path, object); and refusals, which
-    stand until something changes around their object."""
+    """Memory of attempts: names of failed candidates for each (node path, object), and refusals. A refusal is
+    valid until something changes around its object."""
 
     def __init__(self) -> None:
         self._tried: dict[str, list[str]] = {}
@@ -66,16 +66,16 @@ class AttemptMemory:
         """Refusals by `skill|object`."""
 
     def refuse(self, skill: str, subject: BeliefObject, scene: PlanningScene, message: str) -> None:
-        """Remember that a skill cannot do anything with an object as things stand."""
+        """Record that a skill cannot handle an object in the present scene."""
         self.refusals[f"{skill}|{subject.id}"] = Refusal.of(message, subject, scene)
 
     def refusal(self, skill: str, subject: BeliefObject, scene: PlanningScene) -> str | None:
-        """Return the message of a refusal that stands as long as nothing changes; None: there is none."""
+        """Return the message of a refusal that is still valid; None without one."""
         found = self.refusals.get(f"{skill}|{subject.id}")
-        return found.message if found is not None and found.stands(subject, scene) else None
+        return found.message if found is not None and found.is_valid(subject, scene) else None
 
     def remaining(self, node: str, subject: str, candidates: Iterable[C]) -> list[C]:
-        """Candidates not tried before by this node on this subject, in their order.
+        """Return the candidates that this node has not tried on this subject, in their order.
 
         When all were tried the memory is cleared and all are offered again: the scene may have changed.
         """
@@ -88,7 +88,7 @@ class AttemptMemory:
         return fresh
 
     def count(self, node: str, subject: str) -> int:
-        """How many candidates were tried since the memory was last cleared."""
+        """Return the number of candidates that were tried since the memory was last cleared."""
         return len(self._tried.get(f"{node}|{subject}", ()))
 
     def failed(self, node: str, subject: str, candidate: str) -> None:
@@ -98,7 +98,7 @@ class AttemptMemory:
         self._tried.pop(f"{node}|{subject}", None)
 
     def forget(self, subject: str) -> None:
-        """An object is gone for good: nothing that was tried on it is of use any more."""
+        """Discard all attempts and refusals of an object that is gone for good."""
         for memory in (self._tried, self.refusals):
             for key in [key for key in memory if key.rpartition("|")[2] == subject]:
                 del memory[key]
@@ -119,15 +119,15 @@ class FeedProgressState:
 
 
 class FeedProgress:
-    """Counts of the feed's lines up to which the belief has followed them: whatever came since is news."""
+    """Counts of deliveries and exchanges that the belief contains; later ones are new."""
 
     def __init__(self) -> None:
         self.deliveries = 0
-        """Of these it is known that they came: somebody has looked, or waits for no more."""
+        """Number of deliveries that were looked at or are no longer waited for."""
         self._exchanges: dict[ObjectId, int] = {}
 
     def exchanged(self, signals: FeedSignals) -> tuple[ObjectId, ...]:
-        """Bins that were exchanged since this was asked last."""
+        """Return the bins that were exchanged since the last call."""
         counts = signals.exchanges
         found = tuple(bin_id for bin_id, n in counts.items() if n > self._exchanges.get(bin_id, 0))
         self._exchanges.update((bin_id, counts[bin_id]) for bin_id in found)
@@ -144,9 +144,9 @@ class FeedProgress:
 ASIDE = "aside"
 """The place of an item that the mission has given up."""
 TAKEN_AWAY = "taken away with its bin"
-"""Why an object leaves the belief when its bin is exchanged for an empty one."""
+"""Reason to remove an object from the belief when its bin is exchanged for an empty one."""
 RODE_ON = "the belt carries it on"
-"""Why an object leaves the belief when the belt on which it lies may run."""
+"""Reason to remove an object from the belief when the belt below it may run."""
 FACTS: Mapping[str, type[bool] | type[int] | type[float] | type[str]] = {
     "items_left": bool,
     "items_to_do": int,
@@ -163,7 +163,7 @@ GRASP, PUSH = "grasp", "push"
 
 
 def items_to_do(scene: PlanningScene) -> tuple[BeliefObject, ...]:
-    """Items that are believed to lie elsewhere than where they belong, and are not put aside."""
+    """Return the items that are believed to be outside their destination and are not set aside."""
     return tuple(
         o
         for o in scene.objects
@@ -177,10 +177,10 @@ def items_to_do(scene: PlanningScene) -> tuple[BeliefObject, ...]:
 def facts(
     scene: PlanningScene, *, looked: bool, stopped: bool, exhausted: bool, done: int, now: float
 ) -> Mapping[str, bool | int | float | str]:
-    """Their values. `items_left` is true before anybody has looked, too: nothing is known of the table.
-    It is true while a heap is left.
+    """Return the values of the facts. `items_left` is true also before the first look, when the table is
+    unknown, and while a heap is left.
 
-    `exhausted`: the feed's line says that nothing more will come; `done`: items placed so far.
+    `exhausted`: the feed signals that nothing more will come; `done`: items placed so far.
     """
     held = scene.held
     left = len(items_to_do(scene))

@@ -482,7 +482,7 @@ def plan_in_scene(asked: PlanQuery) -> PlanAnswer:
         sentence = f"the hand finds no room at any of {len(goal.rejected)} grasps of {asked.to}"
         if not goal.rejected:
             sentence = f"{asked.to} is wider than the gripper opens"
-        refused = PlanRefusal("grasp.no_candidate", sentence, "clear what stands around it", {})
+        refused = PlanRefusal("grasp.no_candidate", sentence, "clear the space around it", {})
         answer = replace(answer, refused=refused)
     if asked.picture is not None:
         view = asked.view or PictureView()

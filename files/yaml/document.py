@@ -21,7 +21,7 @@ KINDS = ("mission", "scene", "robot", "faults", "cases", "plan")
 class Document:
     """A file that was read. `data` is the whole mapping, `picktree` and `kind` included.
 
-    `faults` are those of its form that do not keep it from being read: whoever checks it adds to them.
+    `faults` are those of its form that leave it readable; checks add their faults to them.
     """
 
     path: Path
@@ -34,7 +34,7 @@ class Document:
     """The documents of which this one was laid together."""
 
     def mark(self, loc: Location) -> Mark:
-        """Where the value stands; of a value that is not there, where its nearest parent stands."""
+        """Return the place of the value; for a missing value the place of its nearest parent."""
         node = self.root
         for part in loc:
             child = node.child(part)
@@ -44,7 +44,7 @@ class Document:
         return node.mark
 
     def key_mark(self, loc: Location) -> Mark:
-        """Where the key of the value stands."""
+        """Return the place of the key of the value."""
         parent: YamlNode | None = self.root
         for part in loc[:-1]:
             parent = parent.child(part) if parent else None
@@ -53,7 +53,8 @@ class Document:
         return self.mark(loc)
 
     def character_mark(self, loc: Location, character: int) -> Mark:
-        """Where a character (from 0) of a text stands; its start when the text is not written as it reads."""
+        """Return the place of a character (from 0) of a text; its start when quotes or escapes shift its
+        characters."""
         start, value = self.mark(loc), self.get(loc)
         text = next((d.text for d in (*self.layers, self) if str(d.path) == start.file), None)
         if text is None or not isinstance(value, str) or "\n" in value:
@@ -64,7 +65,7 @@ class Document:
         return Mark(start.file, start.line, start.column + len(quote) + character) if verbatim else start
 
     def get(self, loc: Location) -> Value:
-        """The value at that place, None when there is none."""
+        """Return the value at that location; None for a missing value."""
         node: YamlNode | None = self.root
         for part in loc:
             node = node.child(part) if node else None
@@ -81,7 +82,7 @@ class Document:
         character: int | None = None,
         severity: Severity = "error",
     ) -> Diagnostic:
-        """A fault of the value there, or (`key`) of its key, or of one of its characters (from 0)."""
+        """Return a fault of the value there, or (`key`) of its key, or of one of its characters (from 0)."""
         if character is not None:
             mark = self.character_mark(loc, character)
         else:
@@ -130,7 +131,7 @@ def read_document(path: Path, kind: str | None = None, text: str | None = None) 
     faults = [*reading.faults, *_format_faults(reading.root)]
     other = list(_kind_faults(reading.root, kind))
     if other or any(fault.code == "P102" and fault.where for fault in faults):
-        # What another kind or another format says cannot be judged.
+        # Documents of another kind or format cannot be checked.
         raise FileError([*faults, *other])
     return Document(path, text, str(data["kind"]), data, reading.root, tuple(faults))
 

@@ -49,9 +49,9 @@ T = TypeVar("T")
 
 
 class DocumentChecker:
-    """Reads parts of one document and keeps what is wrong with them.
+    """Checker of one document: reads its parts and collects their faults.
 
-    What it reads is there as far as it could be read; whatever asks for more stands under `readable()`.
+    Faulty parts are left out of the result. Checks that need complete parts belong under `readable()`.
     """
 
     def __init__(self, document: Document) -> None:
@@ -61,7 +61,7 @@ class DocumentChecker:
 
     @property
     def full(self) -> bool:
-        """Whether so much is wrong that nobody wants to know more."""
+        """Whether the number of faults exceeds MAX_FAULTS."""
         return len(self.faults) > MAX_FAULTS
 
     def readable(self) -> AbstractContextManager[None]:
@@ -79,7 +79,7 @@ class DocumentChecker:
         character: int | None = None,
         severity: Severity = "error",
     ) -> None:
-        """As `Document.fault`, and keep it."""
+        """Record a fault, with the arguments of `Document.fault`."""
         made = self.document.fault(
             loc, message, hint, code=code, key=key, character=character, severity=severity
         )
@@ -119,14 +119,16 @@ class DocumentChecker:
             return read_model(model, value)
         except pydantic.ValidationError as error:
             details = [detail for detail in error.errors(include_url=False) if not _follows(detail)]
-            said = [d for d in details if d["type"] != "missing" or d["loc"] not in {(k,) for k in needed}]
-            for detail in said[: MAX_FAULTS + 1]:
+            reported = [
+                d for d in details if d["type"] != "missing" or d["loc"] not in {(k,) for k in needed}
+            ]
+            for detail in reported[: MAX_FAULTS + 1]:
                 self._add(_to_diagnostic(self.document, model, loc, detail))
             places = [tuple(part for part in d["loc"] if part != "[key]") for d in details]
             return partial_model(model, value, places)
 
     def each(self, model: type[Model], section: str, *, most: int = MAX_ENTRIES) -> dict[str, Model]:
-        """The models of a mapping's values by key, each as far as it can be read."""
+        """Return the models of a mapping's values by key, without unreadable parts."""
         value = self.document.get((section,))
         if value is None:
             return {}
@@ -144,7 +146,7 @@ class DocumentChecker:
         return {name: self.read(model, (section, name)) for name in value if not self.full}
 
     def sequence(self, model: type[Model], section: str, *, most: int = MAX_ENTRIES) -> list[Model]:
-        """The models of a list's entries, each as far as it can be read."""
+        """Return the models of a list's entries, without unreadable parts."""
         return [self.read(model, loc) for loc in self.places(section, most=most) if not self.full]
 
     def places(self, section: str, *, most: int = MAX_ENTRIES) -> list[Location]:
@@ -166,7 +168,8 @@ class DocumentChecker:
         return number > most
 
     def one_of(self, loc: Location, keys: Collection[str]) -> str | None:
-        """Which of the keys the mapping at `loc` has; a fault unless it is exactly one."""
+        """Return the one key of `keys` that the mapping at `loc` has; record a fault unless it has exactly
+        one."""
         value = self.document.get(loc)
         if not isinstance(value, dict):
             return None  # reported already
@@ -181,7 +184,7 @@ class DocumentChecker:
         return None
 
     def written(self, loc: Location, number: float, unit: str) -> str:
-        """A quantity as the file gives it."""
+        """Return a quantity in the words of the file."""
         value = self.document.get(loc)
         return value if isinstance(value, str) else f"{number:g} {unit}".strip()
 
@@ -192,7 +195,8 @@ class DocumentChecker:
 
 
 def _follows(detail: Any) -> bool:
-    """A list that pydantic calls too short only because it left out its faulty entries."""
+    """Whether the fault only follows from others: pydantic calls a list too short without its faulty
+    entries."""
     context = cast("Mapping[str, object]", detail.get("ctx") or {})
     least, given = context.get("min_length"), detail.get("input")
     return (
@@ -203,7 +207,7 @@ def _follows(detail: Any) -> bool:
 
 
 def _to_diagnostic(document: Document, model: type[AnyModel], base: Location, detail: Any) -> Diagnostic:
-    """The fault of one of pydantic's errors; `base` is where the model's value stands."""
+    """Return the fault of one of pydantic's errors; `base` is the location of the model's value."""
     path: Location = tuple(detail["loc"])
     wrong_key = bool(path) and path[-1] == "[key]"
     path = path[:-1] if wrong_key else path
@@ -242,7 +246,7 @@ def _to_diagnostic(document: Document, model: type[AnyModel], base: Location, de
         case _:
             wanted = _WANTED.get(kind, kind.replace("_", " "))
             message = f"{wanted} is wanted, not {describe(given)}"
-            return document.fault(loc, message, _meant(kind, given), code="P106", key=wrong_key)
+            return document.fault(loc, message, _suggestion(kind, given), code="P106", key=wrong_key)
 
 
 _WANTED = {
@@ -268,7 +272,7 @@ _BOUNDS = {
 }
 
 
-def _meant(kind: str, given: object) -> str:
+def _suggestion(kind: str, given: object) -> str:
     if kind.startswith("bool"):
         return suggest_boolean(given)
     if kind.startswith(("int", "float")):
@@ -277,13 +281,13 @@ def _meant(kind: str, given: object) -> str:
         return _listed_hint(given)
     if kind in ("dict_type", "model_type", "dataclass_type"):
         if isinstance(given, list):
-            return "its keys stand without a '-'"
+            return "its keys are written without a '-'"
         return structure_hint(given) if isinstance(given, str) else ""
     return "quote it" if kind == "string_type" and isinstance(given, int | float) else ""
 
 
 def _listed_hint(given: object) -> str:
-    """Return how a list is written that stands there without brackets or dashes."""
+    """Return a hint on the form of a list for a value that lacks brackets or dashes."""
     if isinstance(given, dict):
         return "each entry of a list begins with '- '"
     if isinstance(given, str) and len(given) <= 60:
@@ -303,7 +307,7 @@ def _length(model: type[AnyModel], path: Location, value: object, context: Mappi
 
 
 def _annotation(model: object, path: Location) -> object:
-    """The declared type of the value at `path` below a model."""
+    """Return the declared type of the value at `path` below a model."""
     here = bare(model)
     for part in path:
         origin, parts = get_origin(here), get_args(here)

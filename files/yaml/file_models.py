@@ -97,7 +97,7 @@ class FileModel(BaseModel):
 
 @dataclass(frozen=True)
 class Quantity(BeforeValidator):
-    """Reads a number with a unit, and says so in a JSON Schema under `unit`."""
+    """Reads a number with a unit, and declares it in a JSON Schema under `unit`."""
 
     unit: str = ""
     bounds: tuple[tuple[str, float], ...] = ()
@@ -109,7 +109,8 @@ class Quantity(BeforeValidator):
 def quantity(
     unit: str, *, above: float | None = None, least: float | None = None, most: float | None = None
 ) -> Quantity:
-    """A number with a unit: greater than `above`, not under `least`, not over `most` (SI)."""
+    """Return the type of a number with a unit: greater than `above`, not under `least`, not over `most`
+    (SI)."""
 
     def read(value: object) -> float:
         if not isinstance(value, str | int | float):
@@ -187,7 +188,7 @@ class ShortForm(BeforeValidator):
 
 
 def as_mapping(key: str, given: object) -> ShortForm:
-    """A bare value stands for a mapping with one key; `given` is what may be written."""
+    """Return the short form of a mapping with one key: its bare value. `given` is the type of bare values."""
 
     def wrap(value: object) -> object:
         if value is None or isinstance(value, dict | FileModel):
@@ -214,7 +215,7 @@ Angle = Annotated[float, quantity("rad")]
 Duration = Annotated[float, quantity("s", least=0)]
 Mass = Annotated[float, quantity("kg", above=0)]
 ItemMass = Annotated[float, quantity("kg", above=0, most=20)]
-"""Mass of what an arm on a table takes."""
+"""Mass of an item for an arm on a table."""
 Force = Annotated[float, quantity("N", above=0)]
 Share = Annotated[float, quantity("", least=0, most=1)]
 Vector = tuple[Length, Length, Length]
@@ -306,7 +307,7 @@ def read_model(model: type[Model], value: object) -> Model:
 
 
 def partial_model(model: type[Model], value: object, faulty: Collection[Location]) -> Model:
-    """The model of `value`, of which the parts in `faulty` (pydantic's places) could not be read."""
+    """Return the model of `value` without the parts in `faulty` (pydantic's places)."""
     found: dict[str, object] = {}
     for name, field in model_fields(model).items():
         key = field.alias or name
@@ -362,7 +363,7 @@ def _part(annotation: object, value: object, faulty: Sequence[Location]) -> obje
 
 
 def declared_type(field: FieldInfo) -> object:
-    """Return a field's annotation with its metadata, as it was written."""
+    """Return a field's annotation with its metadata."""
     return Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
 
 
@@ -376,7 +377,7 @@ def _converted(annotation: object) -> bool:
 
 
 def bare(annotation: object) -> object:
-    """An annotation without `Annotated` and `| None`, in the form in which files give it."""
+    """Return an annotation without `Annotated` and `| None`, in the form of files."""
     while True:
         origin, parts = get_origin(annotation), get_args(annotation)
         if origin is Annotated:
@@ -407,7 +408,7 @@ class FileName:
 
 
 def file_names(model: type[AnyModel], data: object) -> Iterator[FileName]:
-    """Yield the names of other files in a document's data, in whatever form they are written."""
+    """Yield the names of other files in a document's data, in any of their forms."""
     for pattern, role in _forms(model):
         for loc, value in _matching(pattern, data, ()):
             if isinstance(value, str):
@@ -440,7 +441,7 @@ def renamed(data: Mapping[str, Any], names: Mapping[Location, str]) -> dict[str,
 
 
 def _matching(pattern: Location, value: object, loc: Location) -> Iterator[tuple[Location, object]]:
-    """Yield place and value of what stands where a pattern leads; `*` is each key or index."""
+    """Yield location and value of each match of a pattern; `*` matches every key or index."""
     if not pattern:
         yield loc, value
         return
@@ -478,7 +479,7 @@ def _marked(kind: Any, loc: Location, above: tuple[object, ...]) -> Iterator[tup
 
 
 def _alternatives(kind: Any, marks: tuple[object, ...] = ()) -> Iterator[tuple[Any, tuple[object, ...]]]:
-    """Yield the members of an annotation, each with what `Annotated` says of it."""
+    """Yield the members of an annotation, each with its metadata in `Annotated`."""
     while get_origin(kind) is Annotated:
         kind, *more = get_args(kind)
         kind = next((mark.form for mark in more if isinstance(mark, ReadAs)), kind)
@@ -498,7 +499,7 @@ def _fields(kind: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _short_forms(kind: Any, marks: tuple[object, ...]) -> Iterator[Any]:
-    """Yield the annotation of the key for which a bare value may stand."""
+    """Yield the annotation of each key whose bare value is a short form of the mapping."""
     keys = [mark.key for mark in marks if isinstance(mark, ShortForm)]
     yield from (inner for name, inner in _fields(kind) if name in keys)
 

@@ -9,13 +9,13 @@ from bisect import bisect_right
 from pathlib import Path
 from typing import Final, cast
 
-from picktree.files import MOST_NEAR, Diagnostic, FileError, Mark, PicktreeError, suggest_name
+from picktree.files import MAX_NEAR_NAMES, Diagnostic, FileError, Mark, PicktreeError, suggest_name
 
 MAX_BYTES: Final = 1_000_000
 """Maximum size of a YAML file."""
 
-# What YAML 1.2 allows in a stream (section 5.1), less the byte order mark in mid-text, and less what ends a
-# line for some readers and not for others: they disagree about what stands behind it.
+# Characters that YAML 1.2 allows in a stream (section 5.1), without the byte order mark in mid-text. Line
+# separators that only some readers recognise are also left out: readers disagree about the text behind them.
 _FORBIDDEN = re.compile(
     "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]|\r(?!\n)"
 )
@@ -46,7 +46,7 @@ def decoded(raw: bytes, file: str) -> str:
 
 
 def check_characters(text: str, file: str) -> None:
-    """Check a text's length and characters. Raises FileError at the first that may not stand in a file."""
+    """Check a text's length and characters. Raises FileError at the first forbidden character."""
     if len(text) > MAX_BYTES:
         message = f"the file is larger than {MAX_BYTES // 1_000_000} MB"
         raise _fault(Mark(file, 1, 1), message, "", "P123")
@@ -56,7 +56,7 @@ def check_characters(text: str, file: str) -> None:
         if bad[0] in _LINE_SEPARATORS:
             message = f"the line separator {name} ends a line for some readers and not for others"
             raise _fault(mark, message, "end the line as your editor does", "P121")
-        raise _fault(mark, f"the character {name} may not stand in a text file", "", "P121")
+        raise _fault(mark, f"the character {name} is not allowed in a text file", "", "P121")
 
 
 def _fault(mark: Mark, message: str, hint: str, code: str) -> FileError:
@@ -98,7 +98,7 @@ def read_bytes(path: Path, most: int) -> bytes:
     try:
         mode = os.fstat(descriptor).st_mode
         if not stat.S_ISREG(mode):
-            raise Unreadable(f"this is {_what(mode)}, not a file")
+            raise Unreadable(f"this is {_file_kind(mode)}, not a file")
         with open(descriptor, "rb", closefd=False) as file:
             content = cast("bytes | None", file.read(most + 1))
     except OSError as error:
@@ -125,11 +125,11 @@ def near_files(path: Path) -> str:
         names = sorted(each.stem for each in path.parent.iterdir() if each.suffix == path.suffix)
     except (OSError, ValueError):
         return ""
-    hint = suggest_name(path.stem, names, most=MOST_NEAR)
+    hint = suggest_name(path.stem, names, most=MAX_NEAR_NAMES)
     return re.sub(r"(?<=\w)'", f"{path.suffix}'", hint) if hint.startswith("did") else ""
 
 
-def _what(mode: int) -> str:
+def _file_kind(mode: int) -> str:
     if stat.S_ISDIR(mode):
         return "a folder"
     if stat.S_ISFIFO(mode):

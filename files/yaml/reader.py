@@ -1,7 +1,7 @@
 """YAML reader: text to plain values with their places.
 
 Scalars are read by YAML 1.2's core schema, as editors read them: `no` and `on` are texts, `1e-3` is a number,
-`010` is ten. Keys are always texts, as they are written."""
+`010` is ten. Keys are always texts."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ s."""
 
 @dataclass(slots=True)
 class YamlNode:
-    """A value with its place; `size` and `height` count what an alias would repeat."""
+    """A value with its place; `size` and `height` count the nodes that an alias would repeat."""
 
     value: Value
     mark: Mark
@@ -52,7 +52,7 @@ class YamlReadResult:
 
 
 def read(text: str, file: str) -> YamlReadResult:
-    """The text's one document. Raises FileError when the text cannot be read to its end."""
+    """Return the only document of the text. Raises FileError when the text cannot be read to its end."""
     return _Reader(text, file).read()
 
 
@@ -68,7 +68,8 @@ _COLON = re.compile(r"\s*:")
 
 
 def resolve(text: str) -> str | int | float | bool | None:
-    """The value of a plain scalar in YAML 1.2's core schema. Raises ValueError for a number too long."""
+    """Return the value of a plain scalar in YAML 1.2's core schema. Raises ValueError for a number too
+    long."""
     if _NULL.fullmatch(text):
         return None
     if _BOOL.fullmatch(text):
@@ -96,7 +97,7 @@ class _Open:
     skip: bool = False
     """The value that comes next has a key that was refused."""
     bare: bool = False
-    """A key that stands in braces without a colon: `{item}`."""
+    """Whether it is a key in braces without a colon: `{item}`."""
     joined: tuple[str, Mark] | None = None
     """Value that the key holds by itself, `{pose:home}`: the value that comes next is empty."""
 
@@ -118,9 +119,9 @@ class _Reader:
             for event in yaml.parse(self._text, yaml.CSafeLoader):
                 self._take(event)
         except yaml.YAMLError as error:
-            told = {fault.mark for fault in self._faults}
+            reported = {fault.mark for fault in self._faults}
             for fault in syntax_faults(error, self._text, self._file):
-                if fault.mark not in told:
+                if fault.mark not in reported:
                     self._add_fault(fault)
             raise FileError(self._faults) from None
         if self._root is None:
@@ -158,7 +159,7 @@ class _Reader:
         if target is None:
             message = f"*{event.anchor} names no finished value"
             self._stop(
-                mark, message, "its anchor stands before it; a text that begins with * is quoted", code="P117"
+                mark, message, "its anchor comes before it; quote a text that begins with *", code="P117"
             )
         self._count(target.size, mark)
         if len(self._open) + target.height > MAX_DEPTH:
@@ -230,7 +231,7 @@ class _Reader:
         parent = self._open[-1]
         parent.skip = True
         if key in parent.node.keys:
-            message, first = f"the key {_shown(key)} is given twice", parent.node.keys[key].line
+            message, first = f"the key {_excerpt(key)} is given twice", parent.node.keys[key].line
             hint = f"first on line {first}" + (
                 "; nodes of a list begin with '- '" if key[:1].isupper() else ""
             )
@@ -307,7 +308,7 @@ class _Reader:
 
     def _refuse_tag(self, tag: str | None, mark: Mark) -> None:
         if tag is not None:
-            message = f"the tag {_shown(tag.replace('tag:yaml.org,2002:', '!!'))} is not read"
+            message = f"the tag {_excerpt(tag.replace('tag:yaml.org,2002:', '!!'))} is not read"
             self._fault(mark, where(self._loc()), message, "leave it out", code="P116")
 
     def _fault(self, mark: Mark, trail: str, message: str, hint: str = "", *, code: str) -> None:
@@ -330,5 +331,5 @@ def _mark(file: str, mark: object) -> Mark:
     return Mark(file, int(line) + 1, int(column) + 1)
 
 
-def _shown(text: str) -> str:
+def _excerpt(text: str) -> str:
     return repr(text if len(text) <= 60 else text[:57] + "...")

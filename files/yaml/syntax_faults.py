@@ -21,8 +21,8 @@ COMMA: Final = "a ',' in a number ends the value"
 """Message of a decimal comma in braces."""
 _BLANKS: Final = "\u00a0\u1680\u2000-\u200a\u202f\u205f\u3000"
 _WIDTHLESS: Final = "\u200b-\u200d\u2060\u00ad"
-_STRANGE = re.compile(f"[{_BLANKS}{_WIDTHLESS}]+")
-_STRANGE_EDGE = re.compile(rf"^[{_BLANKS}{_WIDTHLESS}]+|[{_BLANKS}{_WIDTHLESS}]+$")
+_LOOK_ALIKE_SPACE = re.compile(f"[{_BLANKS}{_WIDTHLESS}]+")
+_LOOK_ALIKE_SPACE_AT_EDGE = re.compile(rf"^[{_BLANKS}{_WIDTHLESS}]+|[{_BLANKS}{_WIDTHLESS}]+$")
 _OPENING, _CLOSING = "“”„‟‘’‚‛«»", "“”‟‘’‛«»"
 _CURLY = re.compile(rf"[{_OPENING}](?P<inner>[^“”„‟«»]*)[{_CLOSING}]")
 _JOINED_KEY = re.compile(
@@ -63,9 +63,9 @@ class Slip:
 
 @dataclass(frozen=True, slots=True)
 class PlainText:
-    """A text without quotes, read as it is meant; `value` where a key holds its value, too.
+    """A text without quotes in its intended reading; `value` for a key that holds its value, too.
 
-    `quoted`: what is meant is a text in quotes, never a number.
+    `quoted`: the intended value is a text in quotes, never a number.
     """
 
     text: str
@@ -75,11 +75,11 @@ class PlainText:
 
 
 def look_alike(text: str, *, is_key: bool) -> PlainText | None:
-    """Return what a text without quotes means, where look-alikes begin it, end it or stand in a key."""
+    """Return the intended reading of an unquoted text with look-alike characters at its ends or in a key."""
     curly = _CURLY.fullmatch(text)
     if curly is not None:
         return PlainText(curly["inner"], _curly(curly), quoted=True)
-    found = (_STRANGE if is_key else _STRANGE_EDGE).search(text)
+    found = (_LOOK_ALIKE_SPACE if is_key else _LOOK_ALIKE_SPACE_AT_EDGE).search(text)
     if found is None:
         return None
     plain = re.sub(f"[{_BLANKS}]", " ", re.sub(f"[{_WIDTHLESS}]", "", text)).strip()
@@ -91,7 +91,7 @@ def joined_key(text: str) -> PlainText | None:
     found = _JOINED_KEY.fullmatch(text)
     if found is None:
         return None
-    blank = _STRANGE.search(text)
+    blank = _LOOK_ALIKE_SPACE.search(text)
     if blank is not None:
         slip = _strange(blank, text)
     elif found["wide"]:
@@ -106,12 +106,12 @@ def spoilt_key(text: str) -> Slip | None:
     found = _OPENED_KEY.match(text)
     if found is not None:
         return _unspaced(found)
-    blank = _STRANGE.match(text)
+    blank = _LOOK_ALIKE_SPACE.match(text)
     return _strange(blank, text) if blank is not None else None
 
 
 def structure_hint(text: str) -> str:
-    """Return what is meant by a text that stands for a node or a mapping; "" for an unknown one.
+    """Return a hint for a text in place of a node or a mapping; "" for an unknown one.
 
     >>> structure_hint("pose:home"), structure_hint("a text")
     ("a blank is missing behind the ':': write 'pose: home'", '')
@@ -226,7 +226,7 @@ def slip_at(lines: Sequence[str], row: int, column: int, message: str) -> Slip |
 
 
 def _index(error: yaml.YAMLError) -> int:
-    """Return where an error stands: a quote that is never closed, where it opens."""
+    """Return the index of an error in the text; for an unclosed quote the index of its opening."""
     if not isinstance(error, yaml.MarkedYAMLError):
         return 0
     opens = "quoted scalar" in str(error.context or "")
@@ -274,7 +274,7 @@ def _slips_of_line(line: str) -> list[Slip]:
         inner = half["a"] if half["a"] is not None else half["b"]
         message, hint = "one of the two quotes is a curly one", f'write "{inner}"'
         found.append(Slip(half.start(), half.end(), f'"{inner}"', message, hint, LOOK_ALIKE))
-    found += [_strange(match, line) for match in _STRANGE.finditer(code)]
+    found += [_strange(match, line) for match in _LOOK_ALIKE_SPACE.finditer(code)]
     found += [_wide(line, at) for at, letter in enumerate(masked) if letter in _MARKS]
     found += [
         _unspaced(match)
@@ -312,7 +312,7 @@ class _Words:
     message: str
     hint: str = ""
     at_start: bool = False
-    """The fault stands where the construct begins, not where the reader gave up."""
+    """Whether the fault is placed where the construct begins, not where the reader gave up."""
 
 
 _NEVER_CLOSED = _Words(
@@ -324,7 +324,7 @@ _PROBLEMS: Mapping[str, _Words] = {
         "a ':' does not fit here", "quote the text, or indent it"
     ),
     "block sequence entries are not allowed in this context": _Words(
-        "a list cannot begin here", "each '-' stands on a line of its own, under the key"
+        "a list cannot begin here", "write each '-' on a line of its own, under the key"
     ),
     "did not find expected key": _Words(
         "this does not line up with the keys above", "check indent and quotes"
@@ -389,13 +389,13 @@ def _wrong_indent(text: str, at: yaml.Mark) -> tuple[int, int, _Words] | None:
     if above is None or ":" not in here[indent:] or ":" in here[indent : at.column]:
         return None
     before = _code(lines[above])
-    column, said = len(before) - len(before.lstrip()), before.strip().removeprefix("- ")
-    if _KEY_AND_VALUE.fullmatch(said) and indent > column:
+    column, content = len(before) - len(before.lstrip()), before.strip().removeprefix("- ")
+    if _KEY_AND_VALUE.fullmatch(content) and indent > column:
         key = here.strip().partition(":")[0]
-        message = f"{key!r} is indented deeper than {said.partition(':')[0]!r} above it, which has a value"
+        message = f"{key!r} is indented deeper than {content.partition(':')[0]!r} above it, which has a value"
         return at.line + 1, indent + 1, _Words(message, f"begin it in column {column + 1}")
-    words = said.split()
-    if 1 < len(words) <= 3 and ":" not in said and words[0].isidentifier():
+    words = content.split()
+    if 1 < len(words) <= 3 and ":" not in content and words[0].isidentifier():
         value = " ".join(words[1:])
         return above + 1, column + len(words[0]) + 1, _Words(
             "a ':' is missing behind this key", f"write '{words[0]}: {value}'"

@@ -1,7 +1,7 @@
 """Calibration targets of a scene, and the touches at which closed fingers measure the TCP in all three
 directions.
 
-Where the closed fingers touch a target, so that their tip is known in all three directions.
+Together the touches determine the finger tips in all three directions.
 
 On a side face the tip's place along the face's normal counts. Turned by half a turn about the vertical it
 counts with the other sign, so the two together part the tip from the face. Leaning with the tip ahead, how
@@ -69,18 +69,18 @@ def touch_points(target: Pose, size: Vector3, at_tips: Array, turned: float) -> 
     """Return all touch points of a block of `size` m at `target` in the world; `at_tips` as from
     `fingertip_corners`.
 
-    `turned`: of the hand's x axis against the target's when it is upright, rad, a multiple of a right angle.
-    It makes no difference but to what the arm can reach.
+    `turned`: angle of the upright hand's x axis to the target's, rad, a multiple of a right angle. It only
+    changes the reachability of the points.
     """
     deepest = size[2] / 2 - MAX_PAD_SHARE * float(np.ptp(at_tips[:, 2]))
     low = max((SIDE_TOUCH_HEIGHT - 0.5) * size[2], deepest)
     return tuple(
         _contact(target, name, face, point, hands, at_tips, low)
-        for name, face, point, hands in _wanted(size, turned)
+        for name, face, point, hands in _touch_directions(size, turned)
     )
 
 
-def _wanted(size: Vector3, turned: float) -> Iterator[tuple[str, Array, Array, tuple[Array, ...]]]:
+def _touch_directions(size: Vector3, turned: float) -> Iterator[tuple[str, Array, Array, tuple[Array, ...]]]:
     """Yield name, normal, point and the hand's axes (3, 3), in the target's frame."""
     x, y, z = (length / 2 for length in size)
     up = np.array([0.0, 0.0, 1.0])
@@ -157,7 +157,7 @@ def targets(fixtures: Iterable[Fixture]) -> tuple[CalibrationTarget, ...]:
 
 
 def target_named(fixtures: Iterable[Fixture], name: str) -> CalibrationTarget:
-    """Return the target of that name. Raises Failure(world.unknown_object) when there is none."""
+    """Return the target of that name. Raises Failure(world.unknown_object) for an unknown name."""
     known = targets(fixtures)
     for target in known:
         if target.name == name:

@@ -107,11 +107,11 @@ class CalibrationResiduals:
         parts = [
             np.concatenate([p.ravel(), d])
             for shot, n in zip(self._shots, self._camera_of, strict=True)
-            for p, d in [self._seen(shot, guess, n)]
+            for p, d in [self._weighted_tiles(shot, guess, n)]
         ]
-        return np.concatenate([*parts, self._felt(guess), self._known(guess)])
+        return np.concatenate([*parts, self._weighted_touches(guess), self._prior_residuals(guess)])
 
-    def seen(self, guess: CalibrationParameters, camera: int) -> tuple[Array, Array]:
+    def camera_residuals(self, guess: CalibrationParameters, camera: int) -> tuple[Array, Array]:
         """Return the residuals of one camera: pixels (n, 2) and depths (n,) m, not normalised."""
         pixels, depths = zip(
             *(
@@ -123,7 +123,7 @@ class CalibrationResiduals:
         )
         return np.concatenate(pixels), np.concatenate(depths)
 
-    def felt(self, guess: CalibrationParameters) -> Array:
+    def touch_residuals(self, guess: CalibrationParameters) -> Array:
         """Return the distances (n,) between the fingers and the faces that they touch, m, not normalised."""
         turn, place = guess.target.rotation(), np.array(guess.target.position)
         found: list[float] = []
@@ -135,10 +135,12 @@ class CalibrationResiduals:
             found.append(gap + guess.yields * touch.force)
         return np.array(found)
 
-    def _felt(self, guess: CalibrationParameters) -> Array:
-        return self.felt(guess) / TOUCH_SIGMA
+    def _weighted_touches(self, guess: CalibrationParameters) -> Array:
+        return self.touch_residuals(guess) / TOUCH_SIGMA
 
-    def _seen(self, shot: TargetImage, guess: CalibrationParameters, camera: int) -> tuple[Array, Array]:
+    def _weighted_tiles(
+        self, shot: TargetImage, guess: CalibrationParameters, camera: int
+    ) -> tuple[Array, Array]:
         pixels, depths = self._misses(shot, guess, camera)
         edges = np.sqrt(np.array([tile.area for tile in shot.tiles]))
         sigma = np.hypot(DEPTH_SIGMA, np.array([tile.depth_sigma for tile in shot.tiles]))
@@ -162,7 +164,7 @@ class CalibrationResiduals:
         on_top = float(normal @ (turn @ self._centres[0] + place))
         return pixels, on_top / (rays @ normal) - np.array([tile.depth for tile in shot.tiles])
 
-    def _known(self, guess: CalibrationParameters) -> Array:
+    def _prior_residuals(self, guess: CalibrationParameters) -> Array:
         first = self._first
         off = guess.target @ first.target.inverse()
         x, y, z, w = off.orientation
@@ -255,9 +257,9 @@ def estimate(
     """Estimate cameras, tool and target from the data. `tiles` and `size` (m) are those of the target;
     `believed` is its pose in the world to within centimetres.
 
-    Starts from the closed form of each camera on the hand; then all residuals at once, outliers losing weight
-    (Huber). Standard deviations are those of the normal equations, times what is left over where that is more
-    than was expected. Raises PicktreeError where cameras or target cannot be told.
+    Starts from the closed form of each camera on the hand, then minimises all residuals at once; outliers
+    lose weight (Huber). Standard deviations follow from the normal equations; residuals above the expected
+    ones scale them. Raises PicktreeError when the data do not determine cameras or target.
     """
     names = list(dict.fromkeys(shot.camera for shot in evidence.shots))
     by_camera = {name: [shot for shot in evidence.shots if shot.camera == name] for name in names}
@@ -268,12 +270,12 @@ def estimate(
     best, sigma = _solved(residuals, first)
     tool = None
     if evidence.touches:
-        left = float(np.sqrt((residuals.felt(best) ** 2).mean()))
+        left = float(np.sqrt((residuals.touch_residuals(best) ** 2).mean()))
         tool = ToolEstimate(vector3(best.tool), vector3(sigma[-4:-1]), len(evidence.touches), left)
     corrected = Pose(tool.offset) if tool is not None and tool.sure else Pose()
     found: list[CameraEstimate] = []
     for n, (name, shots) in enumerate(by_camera.items()):
-        pixels, depths = residuals.seen(best, n)
+        pixels, depths = residuals.camera_residuals(best, n)
         pose = best.cameras[n]
         if shots[0].on_hand:
             pose = corrected.inverse() @ pose
@@ -305,7 +307,7 @@ def _first_target(
     if not touched:
         names = ", ".join(by_camera)
         raise PicktreeError(
-            f"where the target stands is not known: nothing touched it, and {names} hangs still; "
+            f"the pose of the target is unknown: nothing touched it, and {names} is fixed; "
             "calibrate a camera on the hand or the tool with it"
         )
     return believed

@@ -44,8 +44,8 @@ class _Patch:
 def detect_tiles(image: RgbdImage, tiles: Sequence[TargetTile]) -> tuple[DetectedTile, ...]:
     """Return the squares that are seen whole; empty when too few are seen to identify the target.
 
-    Items may have the squares' colours: what counts is that their distances are those of the target. Next to
-    what is nearer, such as the fingers of the hand, a square is taken to be hidden in part.
+    Items may have the squares' colours: the distances between squares identify the target. A square next to a
+    nearer surface, such as the fingers of the hand, counts as partly hidden.
     """
     label = segmentation.labels(image.colour)
     patches: list[_Patch] = []

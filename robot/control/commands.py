@@ -77,7 +77,7 @@ class JointImpedanceResult:
     progress: float
     """Followed part of the trajectory, s."""
     touched: bool
-    """Whether the arm touched something, gave way to it and stands."""
+    """Whether the arm touched something, gave way to it and came to rest."""
     torque: float
     """Greatest external torque, Nm."""
     force: float
@@ -85,7 +85,7 @@ class JointImpedanceResult:
     push: Vector3 = (0.0, 0.0, 0.0)
     """Contact force on the hand, N in the world; zero for a contact at another part."""
     noticed: Failure | None = None
-    """Failure from `watch` that stopped the motion. None: there was none."""
+    """Failure from `watch` that stopped the motion; None without one."""
 
 
 Frame: TypeAlias = Literal["world", "tool"]

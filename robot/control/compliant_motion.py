@@ -100,9 +100,9 @@ class CartesianStiffness:
 
 
 FIRM_STIFFNESS = CartesianStiffness()
-STANDING_TIME = 0.05
-STANDING_TRAVEL = 1.2e-4
-"""Time, s, and travel of the tool in it, m, below which the tool stands; the travel exceeds the encoders'
+REST_TIME = 0.05
+REST_TRAVEL = 1.2e-4
+"""Time, s, and travel of the tool in it, m, below which the tool is at rest; the travel exceeds the encoders'
 noise."""
 
 
@@ -162,7 +162,7 @@ class CompliantMotion:
         if self.finished:
             x, y, z = felt.position.tolist()
             self._recent.append((felt.elapsed, x, y, z))
-            while felt.elapsed - self._recent[0][0] > STANDING_TIME:
+            while felt.elapsed - self._recent[0][0] > REST_TIME:
                 self._recent.popleft()
         else:
             self.step(felt)
@@ -171,9 +171,9 @@ class CompliantMotion:
     def standing(self) -> bool:
         """Whether the motion is finished and the tool has stopped."""
         recent = self._recent
-        if not recent or recent[-1][0] - recent[0][0] < 0.8 * STANDING_TIME:
+        if not recent or recent[-1][0] - recent[0][0] < 0.8 * REST_TIME:
             return False
-        return all(max(way) - min(way) < STANDING_TRAVEL for way in list(zip(*recent, strict=True))[1:])
+        return all(max(way) - min(way) < REST_TRAVEL for way in list(zip(*recent, strict=True))[1:])
 
     @property
     def direction(self) -> Array:
@@ -217,10 +217,10 @@ class GuardedMove(CompliantMotion):
         self._direction = direction
         self._distance = distance
         self._force = force
-        self._speed = self._most = speed
+        self._speed = self._max_speed = speed
         self._lead = press / stiffness
         self._rate = 0.0
-        self._way = 0.0
+        self._travelled = 0.0
         self.contact = False
         self.pushed = 0.0
         """Contact force against the direction, N: at the contact, else the greatest so far."""
@@ -230,7 +230,7 @@ class GuardedMove(CompliantMotion):
         return self._direction
 
     def limit(self, speed: float) -> None:
-        self._most = min(speed, self._speed)
+        self._max_speed = min(speed, self._speed)
 
     def step(self, felt: ContactState) -> None:
         pushed = -float(self._direction @ felt.force)
@@ -242,14 +242,14 @@ class GuardedMove(CompliantMotion):
             self.pushed = pushed
             return
         self.pushed = max(self.pushed, pushed)
-        left = self._distance - self._way
+        left = self._distance - self._travelled
         step = GUARDED_MOVE_ACCELERATION * felt.period
         before = self._rate
-        wanted = min(self._most, max(step, (2 * GUARDED_MOVE_ACCELERATION * left) ** 0.5))
+        wanted = min(self._max_speed, max(step, (2 * GUARDED_MOVE_ACCELERATION * left) ** 0.5))
         self._rate = min(max(wanted, self._rate - 2 * step), self._rate + step)
-        self._way = min(self._way + self._rate * felt.period, self._distance)
-        self.position = self.origin + self._direction * self._way
-        if self._way >= self._distance:
+        self._travelled = min(self._travelled + self._rate * felt.period, self._distance)
+        self.position = self.origin + self._direction * self._travelled
+        if self._travelled >= self._distance:
             self.finished = True
             self.velocity = self.acceleration = np.zeros(3)
         else:

@@ -26,7 +26,7 @@ from .trajectory_motion import ZERO_TIME, TrajectoryMotion
 from .wrist_wrench import TcpWrench
 
 MAX_STANDSTILL_WAIT = 1.5
-"""Longest wait for the arm to stand after a compliant motion, s."""
+"""Longest wait for the arm to come to rest after a compliant motion, s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,7 +34,7 @@ class CompliantMotionResult:
     """Result of a compliant motion."""
 
     finished: bool
-    """Whether the motion finished by itself and the tool stood; else its time was over."""
+    """Whether the motion finished by itself with the tool at rest; else its time was over."""
     pose: Pose
     """TCP pose in the world where the arm came to rest."""
     force: float
@@ -62,10 +62,10 @@ class ContactMotion(TrajectoryMotion):
         """Move the arm straight along `direction` (3,) in the world, orientation kept, until more than
         `force` N act against it.
 
-        It travels at most `distance` m at `speed` m/s. Guarded moves are the one way to make contact.
+        It travels at most `distance` m at `speed` m/s. Only guarded moves make contact on purpose.
 
         The force is relative to the wrist reading at rest just before, so it works with an object in the
-        hand. At the contact the standing tool presses with `press` N. It ends at rest. Raises
+        hand. At the contact the tool at rest presses with `press` N. The motion ends at rest. Raises
         safety.workspace or safety.joint_limit where the line leaves the workspace or a joint reaches its
         limit before a contact.
         """
@@ -159,10 +159,10 @@ class ContactMotion(TrajectoryMotion):
         stiffness: CartesianStiffness,
         zero: Array | None,
     ) -> Doing[tuple[CartesianImpedance, Array]]:
-        """Move the arm until the motion is finished and the tool stands, its time is over, or a joint is at
+        """Move the arm until the motion is finished with the tool at rest, its time is over, or a joint is at
         its limit.
 
-        The arm is then held where it is.
+        The arm then holds its configuration.
         """
         loop, q = self._loop, self._loop.state.position
         if zero is None:

@@ -1,7 +1,7 @@
 """Control loop: sensors → supervision → controller → command, in each control period.
 
-Its parts stand by themselves: `ArmSampler` reads, `Supervision` judges, `BiasEstimator` learns the wrist
-sensor's bias, `ContactGuard` guards the motion, and `ArmDrive` commands and brakes.
+Its parts are independent: `ArmSampler` reads, `Supervision` judges, `BiasEstimator` learns the wrist sensor's
+bias, `ContactGuard` guards the motion, and `ArmDrive` commands and brakes.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from .safety_monitor import MonitorState, SafetyMonitor
 from .wrist_wrench import MAX_QUIET_DEVIATION, WRIST_WINDOW, BiasEstimator, WristWrench
 
 REST_SPEED = 0.02
-"""Speed over all joints below which the arm counts as standing, rad/s."""
+"""Speed over all joints below which the arm counts as at rest, rad/s."""
 
 
 class ArmSampler:
@@ -54,7 +54,7 @@ class ArmSampler:
         self.state: JointState = self._arm.read()
         """Last encoder reading."""
         self.standing = 0
-        """Number of control periods for which the held arm has stood still."""
+        """Number of control periods for which the held arm has been at rest."""
         self._velocity: Array = self.state.velocity
         self._placed: tuple[JointState, Pose] | None = None
 
@@ -69,7 +69,7 @@ class ArmSampler:
         return state
 
     def rested(self, time: float) -> bool:
-        """Whether the arm has stood still for `time` s."""
+        """Whether the arm has been at rest for `time` s."""
         return self.standing * self._hardware.period >= time - 1e-9
 
     @property
@@ -85,7 +85,7 @@ class ArmSampler:
         return self._placed[1]
 
     def restore(self, standing: int) -> None:
-        """Read the encoders of restored hardware; the arm has stood still for `standing` periods."""
+        """Read the encoders of restored hardware; the arm has been at rest for `standing` periods."""
         self.state, self.standing = self._arm.read(), standing
         self._velocity = self.state.velocity
 
@@ -99,7 +99,7 @@ class ArmDrive:
     """Executor of one controller at a time. At the end of each motion it holds the arm by itself."""
 
     def __init__(self, hardware: Hardware, model: RobotModel, state: JointState) -> None:
-        """Hold the arm where it stands; `state` is the encoder reading."""
+        """Hold the arm at its present configuration; `state` is the encoder reading."""
         self._hardware, self._model = hardware, model
         self._arm, self._clock = hardware.arm, hardware.clock
         self.servo = True
@@ -140,9 +140,10 @@ class ArmDrive:
             self.begin(HoldController() if self.servo else self._brake_controller(), state)
 
     def brake(self, state: JointState) -> None:
-        """Bring the motion to rest on its path, or where the arm stands when it stands off the set-point."""
+        """Bring the motion to rest on its path; an arm off the set-point is held at its present
+        configuration."""
         self.braking = True
-        if self._stands_beside(state):
+        if self._is_off_set_point(state):
             self.servo = False
             self.begin(self._brake_controller(), state)
             return
@@ -170,8 +171,8 @@ class ArmDrive:
     def _brake_controller(self) -> BrakeController:
         return BrakeController(self._model, self._hardware.period)
 
-    def _stands_beside(self, state: JointState) -> bool:
-        """Whether the arm stands off the servo's set-point: it would jump there when the obstruction gives
+    def _is_off_set_point(self, state: JointState) -> bool:
+        """Whether the arm is off the servo's set-point: it would jump there when the obstruction gives
         way."""
         if not self.servo or float(np.abs(self.setpoint.velocity).max()) > REST_SPEED:
             return False
@@ -213,7 +214,7 @@ class Watchdog:
 
 
 class Supervision:
-    """Supervisor of what the sensors read: it reports to the safety monitor, whose stop is latched."""
+    """Supervisor of the sensor readings: it reports to the safety monitor, whose stop is latched."""
 
     def __init__(
         self,
@@ -241,7 +242,7 @@ class Supervision:
             stopped = self._check_rarely(state) or stopped
         return stopped
 
-    def off_its_way(self) -> bool:
+    def is_off_path(self) -> bool:
         """Whether the stop just latched is a tracking error, a force or a torque: braking on the path would
         prolong it."""
         stop = self._monitor.stopped
@@ -424,7 +425,7 @@ class ControlLoop:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the arm is held, stands still, and no motion waits to be braked."""
+        """Whether the arm is held and at rest, and no motion waits to be braked."""
         return self._drive.held and self._sampler.standing >= 2
 
     @property
@@ -513,7 +514,7 @@ class ControlLoop:
         touched = guard.exceeded(force) and guard.touched(state, sampler.acceleration, force)
         self._reference = reference = drive.setpoint.position if drive.servo else None
         stopped = self._supervision.check(state, reference, force, period)
-        if touched or (stopped and self._supervision.off_its_way()):
+        if touched or (stopped and self._supervision.is_off_path()):
             guard.guard = None
             drive.stop_at_once(state, pushed=self._supervision.pushed(self.wrist.force))
         elif stopped:

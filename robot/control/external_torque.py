@@ -19,7 +19,7 @@ from picktree.world.robot_model import RobotModel, beyond_flange, joint_frame
 def bare_arm(model: RobotModel) -> pin.Model:
     """Return the arm's dynamics without the bodies beyond the flange joint, whose frame is kept.
 
-    The negated wrist reading is then the only force on it, whatever hand and load weigh or do.
+    The negated wrist reading is then the only force on it, independent of mass and motion of hand and load.
     """
     full, joint = model.full, model.description.flange_joint
     data = full.createData()
@@ -50,7 +50,7 @@ class EffortCheck:
         self._limit = model.torque_limit
 
     def unexplained(self, state: JointState, acceleration: Array, wrench: Wrench) -> Array:
-        """Return the effort beyond what motion and wrist reading explain; `acceleration` (n,) rad/s²."""
+        """Return the effort (n,), Nm, beyond that of motion and wrist reading; `acceleration` (n,) rad/s²."""
         return self._beyond(state, acceleration, np.array((*wrench.force, *wrench.torque)))
 
     def without_wrist(self, state: JointState, acceleration: Array, carried: Array) -> Array:
@@ -132,5 +132,5 @@ class ExternalTorqueObserver:
 
 
 def static_external_torque(model: RobotModel, state: JointState) -> Array:
-    """Return the external torques (n,), Nm, on a standing arm, from its efforts."""
+    """Return the external torques (n,), Nm, on an arm at rest, from its efforts."""
     return model.gravity(state.position) - state.effort

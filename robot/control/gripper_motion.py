@@ -11,8 +11,8 @@ from picktree.world.robot_model import GripperDescription
 
 from .commands import Doing
 
-STANDING_OPENING_CHANGE = 3e-4
-"""Change of the opening in a tick below which the fingers stand, m."""
+REST_OPENING_CHANGE = 3e-4
+"""Change of the opening in a tick below which the fingers are at rest, m."""
 OPENING_TOLERANCE = 1.5e-3
 """Distance to the commanded opening at which it counts as reached, m."""
 MAX_OPENING_SHORTFALL = 5e-3
@@ -22,12 +22,12 @@ OPENING_FORCE = 20.0
 MIN_RELEASE_SHARE = 0.25
 """Least share of a release's opening that lets go of the object."""
 MIN_FORCE_SHARE = 0.75
-"""Least force of standing fingers, as a share of the commanded one. Measured over sorts with hand and
+"""Least force of fingers at rest, as a share of the commanded force. Measured over sorts with hand and
 linkage: 0.97 and more."""
 FORCE_RISE_TICKS = 4
 """Ticks in which the force of fingers that have just stopped may still rise."""
 MAX_MET_OPENING = 2e-3
-"""Opening up to which the fingers touch each other, m. Their force then says nothing about an object."""
+"""Opening up to which the fingers touch each other, m. Their force then does not show an object."""
 MIN_FINGER_TRAVEL = 1e-3
 """Travel up to which fingers have not moved, m, when the commanded opening is farther off."""
 OPENING_SPARE_TIME = 0.5
@@ -71,7 +71,7 @@ class GripperControl:
         """Greatest force of `press`, N: the limit of the held object. It is reset when the fingers open."""
 
     def save(self) -> GripperProgress:
-        """Return what is in force: fingers that still open do so after a restart, too."""
+        """Return the active command: fingers that still open continue after a restart."""
         return GripperProgress(self._command, self._from, self._command_time, self.bound)
 
     def restore(self, progress: GripperProgress) -> None:
@@ -125,7 +125,7 @@ class GripperControl:
         self._from, self._command_time = self.width, self._clock.now
         self._gripper.command(self._command)
 
-    def late(self) -> Failure | None:
+    def overdue_failure(self) -> Failure | None:
         """Return Failure(control.gripper) when fingers that open during a motion are overdue to move or to be
         open.
 
@@ -140,8 +140,8 @@ class GripperControl:
             return None
         return self._not_open(width, self._command.width)
 
-    def sound(self, begun: float) -> Doing[None]:
-        """Check the fingers that have closed from an opening of `begun` m and now stand.
+    def check_grip_force(self, begun: float) -> Doing[None]:
+        """Check the fingers at rest after they have closed from an opening of `begun` m.
 
         Raises Failure(control.gripper) when they have not moved, or press with less than the commanded force.
         """
@@ -181,10 +181,10 @@ class GripperControl:
     def release(
         self, by: float, share: float = 1.0, pressed: Callable[[], bool] = lambda: False
     ) -> Doing[None]:
-        """Open by `by` m to let go of the held object; neighbours may stop the fingers after a quarter of it.
+        """Open by `by` m to release the held object; neighbours may stop the fingers after a quarter of it.
 
-        Returns once that `share` of it is open, and the fingers go on. They back off as soon as `pressed`
-        returns True. Raises Failure(control.gripper) when something holds the fingers.
+        Returns after that `share` of the opening, while the fingers still open. They back off as soon as
+        `pressed` returns True. Raises Failure(control.gripper) when something holds the fingers.
         """
         begun = self.width
         short = max(MAX_OPENING_SHORTFALL, (1.0 - MIN_RELEASE_SHARE) * by)
@@ -214,13 +214,13 @@ class GripperControl:
         )
 
     def close(self, force: float, speed: float | None = None) -> Doing[float]:
-        """Close with `force` N on each finger until the fingers stand, and return the opening, m.
+        """Close with `force` N on each finger until the fingers are at rest, and return the opening, m.
 
         Raises Failure(control.gripper) when they do not move or press as commanded.
         """
         begun = self.width
         yield from self.move(0.0, force, speed)
-        yield from self.sound(begun)
+        yield from self.check_grip_force(begun)
         return self.width
 
     def move(
@@ -232,10 +232,10 @@ class GripperControl:
         enough: float = math.inf,
         pressed: Callable[[], bool] = lambda: False,
     ) -> Doing[float]:
-        """Move towards an opening until it is reached or the fingers stand, and return the opening, m.
+        """Move towards an opening until it is reached or the fingers are at rest, and return the opening, m.
 
-        Each finger moves with at most `speed` m/s. From an opening of `enough` m on they are not waited for.
-        When `pressed` returns True they move back by `BACK_OFF_OPENING`.
+        Each finger moves with at most `speed` m/s. The wait ends at an opening of `enough` m. When `pressed`
+        returns True they move back by `BACK_OFF_OPENING`.
         """
         self.start(width, force, speed)
         way = abs(self.width - width)
@@ -248,7 +248,7 @@ class GripperControl:
             if pressed():
                 self.start(now - BACK_OFF_OPENING, force, speed)
                 return now
-            still = still + 1 if abs(now - before) < STANDING_OPENING_CHANGE else 0
+            still = still + 1 if abs(now - before) < REST_OPENING_CHANGE else 0
             if abs(now - width) < OPENING_TOLERANCE or now >= enough or still >= 2:
                 break
             before = now

@@ -98,7 +98,7 @@ class CartesianImpedance:
         jacobian = self._jacobian()
         tool = pin.updateFramePlacement(arm, data, model.tcp_frame)
         position, rotation = tool.translation, tool.rotation
-        course.advance(self._felt(position, rotation))
+        course.advance(self._contact_state(position, rotation))
         error, aim = self._error, self._aim
         error[:3] = course.position - position
         turn = course.rotation @ rotation.T
@@ -128,7 +128,7 @@ class CartesianImpedance:
             self._model.arm, self._data, self._model.tcp_frame, pin.LOCAL_WORLD_ALIGNED
         )
 
-    def _felt(self, position: Array, rotation: Array) -> ContactState:
+    def _contact_state(self, position: Array, rotation: Array) -> ContactState:
         self._elapsed += self._period
         force = torque = np.zeros(3)
         if self._feeling is not None:
@@ -189,7 +189,7 @@ FOLLOWING_TIME = 0.15
 PRESSING_FORCE = 1.5
 """Force at the wrist beyond the load above which something presses on it, N."""
 CALM_TORQUE, CALM_SPEED = 1.0, 0.02
-"""External torque, Nm, and joint speed, rad/s, below which nothing presses and the arm stands."""
+"""External torque, Nm, and joint speed, rad/s, below which the contact has ended and the arm is at rest."""
 CALM_TIME = 0.1
 """Time below these limits until the arm counts as calm, s."""
 MAX_DRIFT = 0.03
@@ -225,7 +225,7 @@ class JointImpedanceController(TrajectoryController):
         self._model = model
         self._wrist = wrist
         self._carried = np.concatenate([carried, np.zeros(3)])
-        self._most_torque, self._most_force = torque, force
+        self._max_torque, self._max_force = torque, force
         self._elapsed = 0.0
         self._until = math.inf
         self.touched = False
@@ -257,7 +257,7 @@ class JointImpedanceController(TrajectoryController):
         mass = model.mass_matrix(q)
         spring = JointSpring(model, mass)
         if not self.touched and self._feels(external):
-            self._anchor: Array = self._behind() + spring.yield_motion(external - self._usual)
+            self._anchor: Array = self._return_configuration() + spring.yield_motion(external - self._usual)
             self._until = self._elapsed + YIELD_TIME
         if self.touched:
             spring = JointSpring(model, mass, CONTACT_STIFFNESS_SHARE)
@@ -282,7 +282,7 @@ class JointImpedanceController(TrajectoryController):
         before = float(np.linalg.norm(self._force - carried))
         return before > PRESSING_FORCE and float(np.linalg.norm(force - carried)) < before
 
-    def _behind(self) -> Array:
+    def _return_configuration(self) -> Array:
         """Return the configuration (n,) on the path to which the arm goes back, rad."""
         here, s = self._sample_at(self.progress), self.progress
         while s > 0.0:
@@ -314,7 +314,7 @@ class JointImpedanceController(TrajectoryController):
         torque = float(np.linalg.norm(external - self._usual))
         size = float(np.linalg.norm(force - self._force))
         self.torque, self.force = max(self.torque, torque), max(self.force, size)
-        if torque > self._most_torque or size > self._most_force:
+        if torque > self._max_torque or size > self._max_force:
             self.touched = True
             x, y, z = (force - self._force).tolist()
             self.push = (x, y, z)
@@ -350,15 +350,15 @@ class GravityCompensationController:
 
     @property
     def calm(self) -> bool:
-        """Whether nothing presses any more and the arm stands."""
+        """Whether the contact has ended and the arm is at rest."""
         return self._calm >= CALM_TIME
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
         q, model = state.position, self._model
-        self._begun: Array = q.copy()
+        self._initial_configuration: Array = q.copy()
         self._anchor: Array = q.copy()
         self._driven: Array = state.effort.copy()
-        self._take_off(
+        self._release_anchor(
             static_external_torque(model, state) - model.jacobian(q).T @ self._carried,
             JointSpring(model, model.mass_matrix(q)),
         )
@@ -370,14 +370,14 @@ class GravityCompensationController:
         self._since += self._period
         spring = JointSpring(model, model.mass_matrix(q))
         if self._since <= FOLLOWING_TIME and float(np.linalg.norm(external)) > self._hardest:
-            self._take_off(external, spring)
+            self._release_anchor(external, spring)
         anchor = self._led(q)
         if self._since > 2 * FOLLOWING_TIME:
             self.pressed = float(np.linalg.norm(external))
             quiet = self.pressed < CALM_TORQUE and float(np.abs(v).max()) < CALM_SPEED
             self._calm = self._calm + self._period if quiet else 0.0
             if self._since > 4 * FOLLOWING_TIME and self.pressed >= CALM_TORQUE:
-                self._take_off(external, spring)
+                self._release_anchor(external, spring)
                 self._since = 0.0
         torque = model.inverse_dynamics(q, v, np.zeros_like(v)) - hanging
         torque += spring.torque(anchor - q, -v)
@@ -387,18 +387,20 @@ class GravityCompensationController:
     def brake(self) -> Controller:
         return BrakeController(self._model, self._period)
 
-    def _take_off(self, external: Array, spring: JointSpring) -> None:
+    def _release_anchor(self, external: Array, spring: JointSpring) -> None:
         """Let the anchor move along these external torques (n,), Nm, once it has followed the arm."""
         self._hardest = float(np.linalg.norm(external))
-        self._off: Array = spring.yield_motion(external)
+        self._release_offset: Array = spring.yield_motion(external)
 
     def _led(self, q: Array) -> Array:
         """Return the anchor (n,) of the spring, rad: first the arm's configuration, then away from the
         contact."""
         if self._since <= FOLLOWING_TIME:
-            self._anchor = np.clip(q, self._begun - MAX_DRIFT, self._begun + MAX_DRIFT)
+            self._anchor = np.clip(
+                q, self._initial_configuration - MAX_DRIFT, self._initial_configuration + MAX_DRIFT
+            )
             return self._anchor
-        return self._anchor + min(1.0, (self._since - FOLLOWING_TIME) / FOLLOWING_TIME) * self._off
+        return self._anchor + min(1.0, (self._since - FOLLOWING_TIME) / FOLLOWING_TIME) * self._release_offset
 
 
 class JointSpring:
@@ -439,10 +441,10 @@ MAX_REFLEX_TIME = 1.0
 
 
 class ContactReflex(GravityCompensationController):
-    """Reflex of a moving arm to a contact: it gives way until nothing presses any more and it stands.
+    """Reflex of a moving arm to a contact: it gives way until the contact has ended and the arm is at rest.
 
-    The stiff servo would keep pressing while it brakes: 165 N at 0.5 mm. So it takes over only from an arm
-    that is calm, or after `MAX_REFLEX_TIME`. Joints keep their soft limits (`SoftJointLimits`).
+    The stiff servo would keep pressing while it brakes: 165 N at 0.5 mm. So the servo takes over only from a
+    calm arm, or after `MAX_REFLEX_TIME`. Joints keep their soft limits (`SoftJointLimits`).
     """
 
     name: ClassVar[str] = "Comply"
@@ -457,7 +459,7 @@ class ContactReflex(GravityCompensationController):
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
         super().start(now, state, setpoint)
         # The efforts of a moving arm do not show what presses on it.
-        self._hardest, self._off = 0.0, np.zeros_like(state.position)
+        self._hardest, self._release_offset = 0.0, np.zeros_like(state.position)
 
     def update(self, now: float, state: JointState) -> TorqueCommand:
         torque = super().update(now, state).torque

@@ -42,15 +42,15 @@ LOOKAHEAD_STEP = 1 / 60
 """Time between two configurations of the look-ahead, s."""
 
 
-STANDING_SPEED_SHARE = 0.02
-"""Share of the commanded speed below which a jog stands."""
+REST_SPEED_SHARE = 0.02
+"""Share of the commanded speed below which the jogged arm counts as at rest."""
 
 
-MIN_TRAVEL_LEFT = 1e-4
+MIN_REMAINING_TRAVEL = 1e-4
 """Remaining travel of the TCP below which a jog has gone its distance, m."""
 
 
-STANDING_TICKS = 4
+REST_TICKS = 4
 """Ticks at a standstill before a jog counts as stopped: it needs time to get going."""
 
 
@@ -155,7 +155,7 @@ class JogMotion:
                 held_by = str(_restriction(jog, blocked) or "")
                 force = guard.size(loop.wrist.force)
                 twist = twists(JogFeedback(elapsed, loop.tcp, travelled, force, share, held_by))
-            if twist is None or jog.state.left < MIN_TRAVEL_LEFT:
+            if twist is None or jog.state.left < MIN_REMAINING_TRAVEL:
                 break
             twist = _checked_twist(twist)
             share, blocked = self._share(jog, twist, share)
@@ -166,12 +166,12 @@ class JogMotion:
             tcp = loop.tcp
             if guard.contact is not None:
                 break
-            if jog.late:
+            if jog.is_late:
                 yield from until_rest(lease)
                 raise Failure(control.TIMEOUT, "a jog has had no command in time, and has stopped")
-            ticks_at_rest = ticks_at_rest + 1 if _stands(jog, twist) else 0
+            ticks_at_rest = ticks_at_rest + 1 if _is_at_rest(jog, twist) else 0
             restriction = _restriction(jog, blocked)
-            if isinstance(twists, Twist) and ticks_at_rest >= STANDING_TICKS and restriction is not None:
+            if isinstance(twists, Twist) and ticks_at_rest >= REST_TICKS and restriction is not None:
                 stopped_by, detail = restriction.kind, restriction.detail
                 break
         jog.brake()
@@ -207,11 +207,11 @@ def _restriction(jog: JogController, blocked: tuple[str, ...]) -> SpeedRestricti
     return SpeedRestriction("collision", ", ".join(blocked)) if blocked else jog.law.restriction
 
 
-def _stands(jog: JogController, wanted: Twist) -> bool:
+def _is_at_rest(jog: JogController, wanted: Twist) -> bool:
     linear, angular = jog.law.tool_speed(jog.state)
     return (
-        linear <= STANDING_SPEED_SHARE * wanted.speed + 1e-6
-        and angular <= STANDING_SPEED_SHARE * math.hypot(*wanted.angular) + 1e-4
+        linear <= REST_SPEED_SHARE * wanted.speed + 1e-6
+        and angular <= REST_SPEED_SHARE * math.hypot(*wanted.angular) + 1e-4
     )
 
 

@@ -27,7 +27,7 @@ TORQUE_RELAXATIONS = 8
 MIN_BRAKING_SHARE = 0.15
 """Least share of the remaining braking that is applied in any case."""
 MAX_UNATTENDED_TIME = 0.1
-"""Time for which a handed-over motion goes on before it brakes by itself, s."""
+"""Time for which a handed-over motion continues before it brakes by itself, s."""
 
 _FIRST_DERIVATIVE = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
 _SECOND_DERIVATIVE = np.array([2.0, 6.0, 12.0, 20.0])

@@ -46,9 +46,9 @@ class Lease:
             self._lessor.brake()
 
     def hand_over(self) -> None:
-        """Return the lease without braking: the controller goes on until another skill takes it over.
+        """Return the lease without braking: the controller continues until another skill takes it over.
 
-        The controller must brake by itself when none does (`TrajectoryController.hand_over`).
+        The controller must brake by itself when no skill does (`TrajectoryController.hand_over`).
         """
         if not self.valid:
             raise PicktreeError(

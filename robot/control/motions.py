@@ -68,8 +68,8 @@ class ArmMotion(ContactMotion):
         """Move the arm along `trajectory` under joint impedance, and give way to the first contact at any
         part of it.
 
-        `carried` (3,): weight on the tool, N in the world. The result says how it ended, at rest; a contact
-        is no failure.
+        `carried` (3,): weight on the tool, N in the world. It ends at rest, and the result describes the end;
+        a contact is no failure.
 
         `leaving`: the path leads out of a believed collision, and the caller has checked it. Otherwise it
         passes the gate as in `along`. Failures: those of the gate, control.timeout, safety.*.
@@ -123,8 +123,7 @@ class ArmMotion(ContactMotion):
     def give_way(
         self, carried: Vector3 = (0.0, 0.0, 0.0), limit: float = 1.0, *, node: str = ""
     ) -> Doing[float]:
-        """Let the arm drift away from whatever presses on it, for at most `limit` s, and return the remaining
-        torque, Nm.
+        """Let the arm yield to contact forces for at most `limit` s, and return the remaining torque, Nm.
 
         `carried` (3,): weight on the tool, N in the world. Failures: safety.*, control.timeout.
         """
@@ -157,7 +156,7 @@ class ArmMotion(ContactMotion):
         """Move the tool by a constant twist, or by a callable that returns the twist of each tick.
 
         None from the callable ends the jog. A constant twist ends after `duration` s or `distance` m of TCP
-        travel, or where something stops it; the result says what. That is a contact of more than `guard` N, a
+        travel, or at the first of these limits, which the result names: a contact of more than `guard` N, a
         joint limit, a singularity, the workspace's edge, or a predicted collision. The jog slows down for all
         of them, and ends at rest. Failures: safety.*, control.timeout when the skill was not ticked for a
         while.
@@ -169,7 +168,7 @@ class ArmMotion(ContactMotion):
             yield from self._until_rest(lease)
             self._check(lease)
             self._last = None
-            touch = ForceGuard(guard, self._felt())
+            touch = ForceGuard(guard, self._contact_force())
             return (
                 yield from self._jogging.run(
                     lease, twists, touch, duration, distance, self._check, self._until_rest

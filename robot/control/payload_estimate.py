@@ -47,7 +47,7 @@ class Payload:
 
 MIN_SLIP_TICKS = 2
 """Consecutive ticks that make a slip."""
-SLIPPING_MASS_SHARE, GONE_MASS_SHARE = 0.7, 0.3
+SLIPPING_MASS_SHARE, LOST_MASS_SHARE = 0.7, 0.3
 """Shares of the payload's mass below which an object slides, and is gone."""
 MASS_ERROR, MASS_ERROR_GROWTH = 0.015, 0.008
 """Greatest error of the mass in a tick, kg, and its growth with the acceleration, kg/(m/s²). Measured over
@@ -104,12 +104,13 @@ class SlipDetector:
 
     def __init__(self, payload: Payload) -> None:
         self.payload = payload
-        self._felt: list[MassEstimate] = []
+        self._estimates: list[MassEstimate] = []
 
     def feel(self, felt: MassEstimate) -> None:
-        """Add a tick. It is left out when its acceleration is too large to tell this payload from none."""
+        """Add a tick. It is left out when its acceleration is too large to distinguish this payload from
+        none."""
         if felt.unsure <= MAX_ERROR_SHARE * self.payload.mass:
-            self._felt = [*self._felt, felt][-MIN_SLIP_TICKS:]
+            self._estimates = [*self._estimates, felt][-MIN_SLIP_TICKS:]
 
     @property
     def slipping(self) -> bool:
@@ -119,18 +120,18 @@ class SlipDetector:
     @property
     def gone(self) -> bool:
         """Whether hardly any of the payload is left."""
-        return self._below(GONE_MASS_SHARE)
+        return self._below(LOST_MASS_SHARE)
 
     def _below(self, share: float) -> bool:
         mass = self.payload.mass
         surely = mass - 3.0 * self.payload.mass_sigma
-        return len(self._felt) == MIN_SLIP_TICKS and all(
-            f.mass < min(share * mass, surely - f.unsure) for f in self._felt
+        return len(self._estimates) == MIN_SLIP_TICKS and all(
+            f.mass < min(share * mass, surely - f.unsure) for f in self._estimates
         )
 
     def forget(self) -> None:
         """Discard the ticks so far, as after a firmer grip."""
-        self._felt = []
+        self._estimates = []
 
 
 def point_velocity(twist: Array, lever: Array) -> Array:

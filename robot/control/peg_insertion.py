@@ -293,7 +293,7 @@ SLIDING_SPEED = 0.02
 SLIDING_PRESS_SHARE = 0.75
 """Force on the surface while the leaning peg slides, as a share of `press`."""
 MIN_WALL_RESISTANCE = 0.5
-"""Least resistance that shows a wall, N. A slide with less says nothing about walls."""
+"""Least resistance that shows a wall, N. A shorter slide gives no evidence of walls."""
 MAX_SLIDES = 3
 """Maximum number of slides of a leaning peg around one grid point; each begins at the wall found before."""
 SPIRAL_FORCE_SHARE = 0.35
@@ -302,13 +302,14 @@ SPIRAL_STIFFNESS = 1500.0
 """Stiffness that holds the foot on the spiral, in addition to the spring's, N/m."""
 BLOCKED_TIME, BLOCKED_TRAVEL = 0.15, 0.0006
 """Time, s, and travel, m: a tool that moves less than this in that time is blocked."""
-BESIDE_TOLERANCE = 0.003
-"""Distance of the peg from the hole's axis within its clearance, m. What is found further beside the believed
-axis than its uncertainty and this is another hole, or the edge of the fixture."""
+AXIS_TOLERANCE = 0.003
+"""Distance of the peg from the hole's axis within its clearance, m. A recess further from the believed axis
+than its uncertainty and this tolerance is another hole, or the edge of the fixture."""
 STALL_TIME, STALL_DEPTH = 0.5, 0.0003
-"""Time, s, and depth, m: a peg that sinks less than this in that time stands."""
+"""Time, s, and depth, m: a peg that sinks less than this in that time has stalled."""
 BOTTOM_TIME = 0.12
-"""Time after which a peg at the bottom stands, s. A longer one would only press it against the walls."""
+"""Time without motion after which a peg is at the bottom, s. A longer one would only press it against the
+walls."""
 MAX_MISSING_DEPTH = 0.0025
 """Depth that may be missing at the bottom, m."""
 WIGGLE_FREQUENCY, YAW_FREQUENCY = 1.2, 0.8
@@ -323,7 +324,7 @@ class InsertionMotion(PegMotion):
     """Insertion from the air above a hole's mouth: touch, search, press.
 
     It begins with the peg upright over the believed middle. It ends with the peg at rest at the bottom, or
-    out of the hole and above it; `outcome` says which.
+    out of the hole and above it; `outcome` gives the case.
     """
 
     def __init__(
@@ -362,9 +363,9 @@ class InsertionMotion(PegMotion):
             way = self._way(number)
             self.tried.append(way)
             if number and not way.startswith("tilt"):
-                felt = yield from self._again(felt)
-            felt = yield from self._by(way, felt)
-            if self.depth < self._touch.drop or self._beside(self._foot(felt)) > BESIDE_TOLERANCE:
+                felt = yield from self._restart_search(felt)
+            felt = yield from self._run_search(way, felt)
+            if self.depth < self._touch.drop or self._excess_distance(self._foot(felt)) > AXIS_TOLERANCE:
                 self.outcome = "not found"
                 continue
             felt = yield from self._press(felt)
@@ -389,7 +390,7 @@ class InsertionMotion(PegMotion):
             return "spiral"
         return "tilt back" if number % 2 else "tilt"
 
-    def _by(self, way: str, felt: ContactState) -> Part:
+    def _run_search(self, way: str, felt: ContactState) -> Part:
         """Run one search; skip it when the peg is in the hole already."""
         if self.depth >= self._touch.drop:
             return felt
@@ -401,7 +402,7 @@ class InsertionMotion(PegMotion):
             return (yield from self._straight(felt))
         return (yield from self._tilt(felt))
 
-    def _again(self, felt: ContactState) -> Part:
+    def _restart_search(self, felt: ContactState) -> Part:
         """Lift the peg, move it over the believed middle, and descend until the surface is touched again."""
         up = self._mouth.up
         felt = yield from self._leave(felt)
@@ -475,7 +476,7 @@ class InsertionMotion(PegMotion):
                     break
                 # The peg has slid past the middle of a wall: the hole is there.
                 aim = wall - self._towards * (self._mouth.across / 2)
-                if self._beside(aim) > BESIDE_TOLERANCE:
+                if self._excess_distance(aim) > AXIS_TOLERANCE:
                     break
             else:
                 continue
@@ -538,7 +539,7 @@ class InsertionMotion(PegMotion):
             if stand.since(felt.elapsed, way) and lead > 0.8 * most:
                 return felt, True, wall
             low = felt.position + felt.rotation @ self._tip - self._mouth.middle
-            if float(towards @ low) > self._reach + self._mouth.slack + BESIDE_TOLERANCE:
+            if float(towards @ low) > self._reach + self._mouth.slack + AXIS_TOLERANCE:
                 return felt, False, wall if greatest > MIN_WALL_RESISTANCE else None
 
     def _upright(self, felt: ContactState) -> Part:
@@ -561,8 +562,7 @@ class InsertionMotion(PegMotion):
                 return felt
 
     def _press(self, felt: ContactState) -> Part:
-        """Press the peg to the bottom with a wiggle. Where it stands before, pull it back and press
-        harder."""
+        """Press the peg to the bottom with a wiggle. When it stalls before, pull it back and press harder."""
         self.stage = "press"
         touch, mouth = self._touch, self._mouth
         x, y = perpendicular_axes(mouth.up)
@@ -609,7 +609,7 @@ class InsertionMotion(PegMotion):
             felt = yield
         return felt
 
-    def _beside(self, point: Array) -> float:
+    def _excess_distance(self, point: Array) -> float:
         """Return how much further a point (3,) is from the believed axis than the real one can be, m."""
         away = point - self._mouth.middle
         away = away - self._mouth.up * float(self._mouth.up @ away)

@@ -73,7 +73,7 @@ class Latch:
         """Whether a violation persists or is tolerated."""
         return bool(self._levels or self._tolerated)
 
-    def stands(self, name: str) -> bool:
+    def is_violated(self, name: str) -> bool:
         """Return whether `name` is violated now, tolerated or not."""
         return name in self._levels
 
@@ -248,7 +248,7 @@ class MonitorState(LatchState):
 class SafetyMonitor:
     """Monitor of force, joints, speed, torques, workspace, tracking, load, sensors, and attention to motions.
 
-    `stopped` says why motion is refused.
+    `stopped` is the reason why motion is refused.
 
     After `acknowledge` a persisting violation is tolerated as long as it does not grow, for the retreat that
     acknowledged it. Otherwise the way out would trip the same stop. It stops the next owner of a motion
@@ -300,7 +300,7 @@ class SafetyMonitor:
     @property
     def blind(self) -> bool:
         """Whether the wrist sensor is silent. No motion that needs it may begin."""
-        return self._latch.stands(f"{STALE_SENSOR_NAME}/wrench")
+        return self._latch.is_violated(f"{STALE_SENSOR_NAME}/wrench")
 
     @property
     def pressed(self) -> bool:
@@ -309,8 +309,8 @@ class SafetyMonitor:
 
     @property
     def pushed(self) -> bool:
-        """Whether a joint exerts now what nothing explains, acknowledged or not."""
-        return self._latch.stands(UNEXPLAINED_NAME)
+        """Whether the effort of a joint is unexplained now, acknowledged or not."""
+        return self._latch.is_violated(UNEXPLAINED_NAME)
 
     def acknowledge(self, by: str = "") -> bool:
         """Allow motion again, and return False when that is impossible.
@@ -318,7 +318,7 @@ class SafetyMonitor:
         Only a safe retreat may call this, with its node path `by`: persisting violations are tolerated for
         its own motions alone.
         """
-        if self._latch.stands(f"{STALE_SENSOR_NAME}/joints"):
+        if self._latch.is_violated(f"{STALE_SENSOR_NAME}/joints"):
             return False
         self._latch.acknowledge(by)
         self._allowed[1] = self._speed * (BLIND_SPEED_SHARE if self.blind else 1.0)
@@ -551,7 +551,7 @@ class SafetyMonitor:
     def restore(self, saved: MonitorState) -> None:
         self._latch.restore(saved)
         self._felt = list(saved.felt)
-        self._forceful = self._latch.stands(safety.FORCE_LIMIT.name)
+        self._forceful = self._latch.is_violated(safety.FORCE_LIMIT.name)
         n = len(self._names)
         self._overloaded = np.array(saved.overloaded or [0.0] * n)
         self._unexplained = np.array(saved.unexplained or [0.0] * n)

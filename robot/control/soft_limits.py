@@ -111,7 +111,7 @@ class SoftJointLimits:
         return CartesianSpeedLimit(best, self._model.description.joints[held] if blocked else "")
 
     def at_limit(self, q: Array) -> str:
-        """Return the name of the joint that stands at its limit; empty: none does."""
+        """Return the name of a joint at its limit; empty without one."""
         room = np.minimum(self._upper - q, q - self._lower)
         k = int(room.argmin())
         return self._model.description.joints[k] if float(room[k]) < SOFT_LIMIT_MARGIN else ""

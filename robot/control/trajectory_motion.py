@@ -69,12 +69,12 @@ class TrajectoryCheck(Protocol):
     """Check that every trajectory passes before the arm starts it, and during the motion."""
 
     def passes(self, trajectory: Trajectory) -> Generator[None, None, None]:
-        """Return when the trajectory may begin. Raises the Failure that says why it may not."""
+        """Return when the trajectory may begin. Raises a Failure with the reason when it may not."""
         ...
 
     def blocked(self, trajectory: Trajectory, done: float) -> Failure | None:
-        """Return why the motion must not go on, `done` s into the trajectory. None: it may. Called in each
-        tick."""
+        """Return the reason to stop the motion, `done` s into the trajectory; None without one. Called in
+        each tick."""
         ...
 
 
@@ -94,7 +94,7 @@ class TrajectoryMotion:
 
     @property
     def ongoing(self) -> OngoingMotion | None:
-        """Motion that was handed over and can still be finished. None: there is none."""
+        """Motion that was handed over and can still be finished; None without one."""
         over = self._handed_over
         if over is None or over.track.braking or not self._loop.unattended(over.track):
             return None
@@ -129,7 +129,7 @@ class TrajectoryMotion:
                 self._check(lease)
             self._check_start(trajectory)
             track = TrajectoryController(trajectory, self._model, self._loop.period)
-            touch = None if guard is None else ForceGuard(guard, self._felt())
+            touch = None if guard is None else ForceGuard(guard, self._contact_force())
             self._last = track
             lease.run(track, touch)
             yield from self._follow(lease, track, touch, node, watch, hand_over)
@@ -145,8 +145,8 @@ class TrajectoryMotion:
         """Take over the motion that another skill handed over, without braking, and follow it to its end.
 
         `guard` replaces the force limit that the motion began with, N, if it had one; None keeps it. The
-        other arguments are as in `along`. When the motion has ended before (see `ongoing`), the failure says
-        why: world.disturbed, safety.*, or control.timeout when no skill took it over in time.
+        other arguments are as in `along`. When the motion has ended before (see `ongoing`), the failure has
+        the cause: world.disturbed, safety.*, or control.timeout when no skill took it over in time.
         """
         over = self._handed_over
         if over is None:
@@ -227,12 +227,12 @@ class TrajectoryMotion:
             yield from self._until_rest(lease)
 
     def way_back(self) -> Trajectory | None:
-        """Return the last followed trajectory back to its start, as far as it was followed. None: the arm has
-        moved otherwise since."""
+        """Return the executed part of the last trajectory, back to its start; None after any other motion of
+        the arm."""
         if self._last is None:
             return None
         back = reversed_trajectory(self._last.trajectory, self._last.progress)
-        if back is None or self._off(back.start) > START_TOLERANCE:
+        if back is None or self._held_deviation(back.start) > START_TOLERANCE:
             return None
         return back
 
@@ -261,7 +261,7 @@ class TrajectoryMotion:
         self._last = TrajectoryController(trajectory, self._model, self._loop.period)
         self._last.progress = way.progress
 
-    def _felt(self) -> tuple[float, float, float]:
+    def _contact_force(self) -> tuple[float, float, float]:
         fx, fy, fz = (float(c) for c in self._loop.wrist.over(ZERO_TIME, self._loop.state.position)[:3])
         return (fx, fy, fz)
 
@@ -287,7 +287,9 @@ class TrajectoryMotion:
     @staticmethod
     def _check_lease(lease: Lease) -> None:
         if not lease.valid:
-            raise PicktreeError(f"{lease.owner or 'a motion'} goes on, but another has taken the arm over")
+            raise PicktreeError(
+                f"{lease.owner or 'a motion'} continues, but another motion has taken the arm over"
+            )
 
     def _refuse_if_stopped(self) -> None:
         stop: FailureReport | None = self._loop.monitor.stopped
@@ -298,11 +300,11 @@ class TrajectoryMotion:
                 stopped_by=stop.cause.name,
             )
 
-    def _off(self, position: Array) -> float:
+    def _held_deviation(self, position: Array) -> float:
         return float(np.abs(self._loop.held_position - position).max())
 
     def _check_start(self, trajectory: Trajectory) -> None:
-        off = self._off(trajectory.start)
+        off = self._held_deviation(trajectory.start)
         if not off <= START_TOLERANCE:
             raise Failure(
                 control.TRACKING,

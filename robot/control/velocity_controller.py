@@ -96,7 +96,7 @@ class JogSetpointGenerator:
         q = state.q
         # The Jacobian halfway through the step keeps the tool on its line.
         jacobian, rotation, tool = self._kinematics(q + (0.5 * dt) * state.v)
-        least = _least(jacobian)
+        least = _smallest_singular_value(jacobian)
         self.restriction = None
         target = np.array([*wanted.linear, *wanted.angular])
         if wanted.frame == "tool":
@@ -137,7 +137,7 @@ class JogSetpointGenerator:
             return 1.0
         v = _inverse(jacobian, least) @ target
         ahead = q + v * (0.02 / max(float(np.abs(v).max()), 1e-9))  # rad of joint travel
-        if _least(self._kinematics(ahead)[0]) >= least:
+        if _smallest_singular_value(self._kinematics(ahead)[0]) >= least:
             return 1.0
         self.restriction = SpeedRestriction("singularity")
         return max(0.0, (least - STOP_SINGULAR_VALUE) / (SLOW_SINGULAR_VALUE - STOP_SINGULAR_VALUE))
@@ -185,27 +185,27 @@ class JogController:
         self.done = False
         self._period = period
         self._distance = distance
-        self._wanted = Twist()
+        self._command = Twist()
         self._until = -math.inf
         self._braking = False
-        self.late = False
+        self.is_late = False
         """Whether the jog brakes because no command came in time."""
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
-        self._now = now
+        self._time = now
         self._until = now + COMMAND_TIME
         self.state = JogState(setpoint.position.copy(), setpoint.velocity.copy(), np.zeros(6), self._distance)
 
     def command(self, wanted: Twist) -> None:
         """Follow the twist `wanted` for `COMMAND_TIME`."""
-        self._wanted = wanted
-        self._until = self._now + COMMAND_TIME
+        self._command = wanted
+        self._until = self._time + COMMAND_TIME
 
     def update(self, now: float, state: JointState) -> JointCommand:
-        self._now = now
+        self._time = now
         if now > self._until and not self._braking:
-            self._braking = self.late = True
-        self.law.step(self.state, Twist() if self._braking else self._wanted, self._period)
+            self._braking = self.is_late = True
+        self.law.step(self.state, Twist() if self._braking else self._command, self._period)
         at = self.state
         if self._braking and float(np.abs(at.v).max()) < 1e-4:
             at.v = np.zeros_like(at.v)
@@ -242,7 +242,7 @@ def _ramped(now: Array, target: Array, dt: float) -> Array:
     return now + change * share
 
 
-def _least(jacobian: Array) -> float:
+def _smallest_singular_value(jacobian: Array) -> float:
     return float(np.linalg.svd(jacobian, compute_uv=False)[-1])
 
 

@@ -21,7 +21,7 @@ from .external_torque import EffortCheck
 from .payload_estimate import Payload
 from .safety_monitor import SafetyMonitor
 
-READINGS_KEPT_TIME = 0.21
+READING_BUFFER_TIME = 0.21
 """Time over which readings are kept, s."""
 DEFAULT_READING_INTERVAL = 1 / 240
 """Default time between two readings, s."""
@@ -103,7 +103,7 @@ class WristWrench:
         if not readings or reading.force != readings[-1][1].force:
             self._changed = now
         readings.append((now, reading))
-        while now - readings[0][0] > READINGS_KEPT_TIME:
+        while now - readings[0][0] > READING_BUFFER_TIME:
             readings.popleft()
         self.force = self._external(reading)
 
@@ -364,7 +364,7 @@ class BiasEstimator:
         """Whether the joints' efforts contradict the wrist sensor."""
 
     def come_to_rest(self, state: JointState) -> None:
-        """Learn the bias when the arm has just come to rest, if there is none or it is in doubt."""
+        """Learn the bias when the arm has just come to rest, if the bias is missing or in doubt."""
         if not self._wrist.zeroed:
             # A run begins with an empty hand in free space.
             self._wrist.zero(WRIST_WINDOW, state.position)
@@ -377,10 +377,10 @@ class BiasEstimator:
         A wrench that the joints do not carry is bias, however large.
         """
         before = self._wrist.force
-        anew = self._wrist.zeroed
-        learnt = self._wrist.zero(WRIST_WINDOW, state.position, partial(self._borne, state))
+        was_zeroed = self._wrist.zeroed
+        learnt = self._wrist.zero(WRIST_WINDOW, state.position, partial(self._is_carried_by_joints, state))
         by = math.dist(before, self._wrist.force)
-        if learnt and anew and by > MAX_BIAS_STEP:
+        if learnt and was_zeroed and by > MAX_BIAS_STEP:
             self._monitor.forget_efforts()
             words = (
                 f"the wrist felt {by:.1f} N that no joint carries: its bias has jumped, and is learnt anew"
@@ -403,7 +403,7 @@ class BiasEstimator:
         """Return the wrench (6,) of the known payload on the wrist at rest, world axes."""
         return self._wrist.carried(self._model.tcp(state.position).rotation())
 
-    def _borne(self, state: JointState, claimed: Array) -> bool:
+    def _is_carried_by_joints(self, state: JointState, claimed: Array) -> bool:
         """Return whether the joints, at rest, carry the wrench (6,) that the wrist reads beyond the
         payload."""
         return self.efforts.believes(state, claimed, self.known_load(state))

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 def apply_bin_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:
     """Apply bin exchanges that the belief does not contain yet, and return the emptied bins.
 
-    Objects believed in such a bin are removed with their attempts, and so is the observed heap. What a new
-    tote holds, the next look shows.
+    Objects believed in such a bin are removed with their attempts, and so is the observed heap. The next look
+    shows the content of a new tote.
     """
     bins = world.noticed.exchanged(world.feed.read())
     for bin_id in bins:

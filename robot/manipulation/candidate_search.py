@@ -131,7 +131,7 @@ class CandidateSearch:
             self._hole = hole_geometry.fitting_hole(world.scene, belief.id)
         self.trail = CandidateTrail(f"grasp by {node}", belief.id, into or "")
         self.refused: Failure | None = None
-        """Failure of the planner for the last candidate that passed all other tests. None: there was none."""
+        """Failure of the planner for the last candidate that passed all other tests; None without one."""
         self._heap: list[tuple[float, int, _Branch]] = []
         self._number = itertools.count()
         self._places: dict[str, _Places] = {}
@@ -163,12 +163,11 @@ class CandidateSearch:
         return self._hole is None and not self.trail.count(pick_candidates.HAND_STAGE)
 
     def find(self, *, speed: float = 1.0, gently: bool = False) -> Doing[PickPlaceCandidate | None]:
-        """Return the next candidate that passes all tests, with its approach planned. None: there is none
-        left.
+        """Return the next candidate that passes all tests, with its approach planned; None when none is left.
 
         Thinking is charged, and each result is written to the journal with the trail so far. `speed`: share
-        of the joints' speed limits; `gently`: the way down is slow. Fails with planning.start_in_collision:
-        no candidate can be reached from there.
+        of the joints' speed limits; `gently`: the approach is slow. Fails with planning.start_in_collision
+        when the arm starts in collision.
         """
         while self._heap:
             branch = heapq.heappop(self._heap)[2]
@@ -186,7 +185,7 @@ class CandidateSearch:
         return None
 
     def refuse(self, pick: PickPlaceCandidate, failure: Failure) -> None:
-        """Record that the transfer of a returned candidate cannot be planned; `find` goes on with the
+        """Record that the transfer of a returned candidate cannot be planned; `find` continues with the
         next."""
         self.refused = failure
         place = "" if pick.landing is None else pick.landing.name

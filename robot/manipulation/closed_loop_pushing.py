@@ -358,7 +358,7 @@ def push_to_goal(
 def _remaining_error(belief: BeliefObject, goal: PushGoal) -> tuple[float, float]:
     """Return distance, m, and heading error, rad, of an object from its goal."""
     shape = planar_geometry.outline(belief.shape, belief.pose)
-    return goal.off(planar_geometry.planar(belief.shape, belief.pose), shape.turn)
+    return goal.deviation(planar_geometry.planar(belief.shape, belief.pose), shape.turn)
 
 
 def _choose_stroke(
@@ -396,7 +396,7 @@ def _choose_stroke(
 def _helps(stroke: PushStroke, belief: BeliefObject, goal: PushGoal) -> bool:
     """Return whether the stroke reduces the remaining error."""
     shape = planar_geometry.outline(belief.shape, belief.pose)
-    off, turned = goal.off(stroke.ends, shape.turn)
+    off, turned = goal.deviation(stroke.ends, shape.turn)
     before_off, before_turned = _remaining_error(belief, goal)
     before = before_off + HEADING_ERROR_WEIGHT * before_turned
     return off + HEADING_ERROR_WEIGHT * turned < before - 1e-5

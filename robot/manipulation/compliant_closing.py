@@ -29,8 +29,8 @@ EVEN_FORCE = 1.2
 """Force across the fingers below which both of them touch, or none, N."""
 
 
-STANDING_OPENING_SPEED = 0.004
-"""Speed of the opening below which the fingers stand, m/s."""
+REST_OPENING_SPEED = 0.004
+"""Speed of the opening below which the fingers are at rest, m/s."""
 
 
 PRESSING_FORCE_SHARE = 0.6
@@ -66,7 +66,8 @@ class ClosingResult:
 
 
 class ClosingCompliance(CompliantMotion):
-    """Compliant motion of the hand along the tool's y axis, until the fingers stand and press evenly."""
+    """Compliant motion of the hand along the tool's y axis, until the fingers are at rest and press
+    evenly."""
 
     def __init__(self, grip: GripperControl, force: float) -> None:
         """`force`: closing force of each finger, N."""
@@ -88,13 +89,13 @@ class ClosingCompliance(CompliantMotion):
 
 
 def fingers_settled(grip: GripperControl, force: float) -> bool:
-    """Return whether the fingers stand and press against something, or have met."""
+    """Return whether the fingers are at rest and press against something, or have met."""
     state = grip.state
-    return abs(state.speed) < STANDING_OPENING_SPEED and state.force >= PRESSING_FORCE_SHARE * force
+    return abs(state.speed) < REST_OPENING_SPEED and state.force >= PRESSING_FORCE_SHARE * force
 
 
 def close(world: World, pressure: GripForce, node: str) -> Doing[ClosingResult]:
-    """Close the fingers with the arm at rest; they go on closing with `pressure.closing` afterwards.
+    """Close the fingers with the arm at rest; they keep closing with `pressure.closing` afterwards.
 
     Raises the failures of `ArmMotion.comply`, and control.gripper where the fingers do not move or press as
     commanded.
@@ -128,7 +129,7 @@ def close(world: World, pressure: GripForce, node: str) -> Doing[ClosingResult]:
             break
     way = float(axis @ (np.array(control.tcp.position) - begin)) if gave else 0.0
     left = control.wrist.over(0.02, control.state.position)[:3] - zero[:3]
-    yield from grip.sound(begun)
+    yield from grip.check_grip_force(begun)
     closed = ClosingResult(grip.width, way, float(axis @ left))
     if gave:
         world.journal.note(

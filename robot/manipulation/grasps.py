@@ -111,8 +111,8 @@ SLIDE_SHARES = (0.0, 0.25, -0.25)
 SECOND_GRASP_RISE = 0.010
 """Height of the second grasp above the best one, m."""
 MIN_UPRIGHT_COSINE = 0.98
-"""Cosine of the angle between a cylinder's axis and the vertical from which it stands upright."""
-LEANS, LEAN_SCORE = tuple(map(math.radians, (15.0, 30.0, 45.0))), 2.0
+"""Least cosine of the angle between a cylinder's axis and the vertical for an upright cylinder."""
+LEAN_ANGLES, LEAN_SCORE = tuple(map(math.radians, (15.0, 30.0, 45.0))), 2.0
 """Leans of the hand where it does not fit upright, rad, and their score for each radian."""
 GRASP_YAWS, LEANING_YAWS = 8, 16
 """Closing directions for an object without a preferred one, over half a turn: upright, leaning."""
@@ -142,7 +142,7 @@ class GraspCandidate:
     enclosed: float = 0.0
     """Last part of the straight way to the grasp that lies between walls around the object, m."""
     narrow: bool = False
-    """Whether a finger may come down on the object when that stands some mm beside its believed place."""
+    """Whether a finger may come down on the object when its place is wrong by some mm."""
 
     def pre_grasp(self, height: float) -> Pose:
         """Return the TCP pose in the world from which the hand comes straight, at least `height` m before the
@@ -230,7 +230,7 @@ def leaning_grasps(belief: BeliefObject, gripper: GripperDescription) -> list[Gr
     edge = gripper.pads[0][0].size[0] / 2
     found: list[GraspCandidate] = []
     for grasp, most, side in itertools.product(
-        grasp_candidates(belief, gripper, LEANING_YAWS), LEANS, (1, -1)
+        grasp_candidates(belief, gripper, LEANING_YAWS), LEAN_ANGLES, (1, -1)
     ):
         lean, reach = side * most, gripper.tip * math.cos(most) + edge * math.sin(most)
         tcp = grasp.tcp_in_world @ Pose.from_rpy((0.0, 0.0, 0.0), (0.0, lean, 0.0))
@@ -300,7 +300,7 @@ def _round_spans(width: float, pose: Pose, yaws: int) -> list[_Span]:
 
 
 def _box_spans(size: tuple[float, float, float], rotation: Array) -> list[_Span]:
-    """Return the two pairs of upright faces of a box that stands, nearly, on a face."""
+    """Return the two pairs of upright faces of a box that rests, nearly, on a face."""
     up = int(np.argmax(np.abs(rotation[2])))
     a, b = (k for k in range(3) if k != up)
     spans: list[_Span] = []
@@ -313,7 +313,7 @@ def _box_spans(size: tuple[float, float, float], rotation: Array) -> list[_Span]
 
 MIN_EDGE = 0.008
 """Length of an outline's edge from which a pad lies flat on it, m."""
-TURNED = math.radians(20.0)
+NARROWING_TURN = math.radians(20.0)
 """Turn of the hand after which a body must not be much narrower, rad: else closing pads turn it."""
 MAX_NARROWING = 5e-4
 """Greatest decrease of a body's width after that turn, m: that of fine facets."""
@@ -341,7 +341,7 @@ def _hull_spans(shape: ConvexMesh, pose: Pose, yaws: int) -> list[_Span]:
         yaw = math.atan2(float(edge[0]), float(-edge[1])) % math.pi
         width = _width(outline, yaw)
         if length < MIN_EDGE and any(
-            _width(outline, yaw + turn) < width - MAX_NARROWING for turn in (-TURNED, TURNED)
+            _width(outline, yaw + turn) < width - MAX_NARROWING for turn in (-NARROWING_TURN, NARROWING_TURN)
         ):
             continue
         if all(abs(yaw - s.yaw) > 0.05 for s in spans):
@@ -372,25 +372,25 @@ def _width(outline: Array, yaw: float) -> float:
 
 
 WIDE_EXCESSES = (0.036, 0.028)
-"""Excesses of the opening over the object's width, m, the widest first. A finger comes down beside an object
-that stands up to half of that from its believed place. A camera that hangs 8 mm beside its believed place,
-along both axes of the table, moves objects by 11 mm."""
+"""Excesses of the opening over the object's width, m, the widest first. A finger comes down next to an object
+whose place is wrong by up to half of the excess. A camera mounted 8 mm beside its believed place, along both
+axes of the table, moves objects by 11 mm."""
 MIN_TIP_REACH = WORKSPACE_MARGIN + 0.002
-"""Least reach of the finger tips beyond the TCP beside a flat object, m. The tips meet what it lies on
-before the TCP comes to the edge of the workspace, which may be there, too."""
+"""Least reach of the finger tips beyond the TCP beside a flat object, m. The tips meet the support of the
+object before the TCP reaches the edge of the workspace, which may be at the same height."""
 OUTER_ROOM = 0.007
-"""Distance beyond the margin that each finger of a wider hand keeps from what stands outside of it, m."""
+"""Distance beyond the margin that each finger of a wider hand keeps from bodies outside of it, m."""
 
 
 def widened(
     queries: SceneQueries, belief: BeliefObject, grasp: GraspCandidate, gripper: GripperDescription
 ) -> GraspCandidate:
-    """Return the grasp of an object with the fingers opened further, as far as nothing stands beside them.
+    """Return the grasp of an object with the fingers opened further, as far as other bodies allow.
 
     The wider hand keeps the margin of the grasp, and `OUTER_ROOM` more outside of its fingers. Otherwise a
-    finger would only come nearer to a neighbour than to the object. Hinged fingers retract their tips as
-    they open: beside a flat object these stay ahead of the TCP. Without room the grasp is `narrow`. The
-    grasps of a heap, and of a body that is not convex, stay as they are: a map shows where the fingers fit.
+    finger would only come nearer to a neighbour than to the object. Hinged fingers retract their tips as they
+    open: beside a flat object these stay ahead of the TCP. Without room the grasp is `narrow`. The grasps of
+    a heap, and of a body that is not convex, do not change: a map shows where the fingers fit.
     """
     if belief.role == "heap" or isinstance(belief.shape, CompoundMesh):
         return grasp

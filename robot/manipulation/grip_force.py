@@ -1,4 +1,4 @@
-"""Grip force: what mass, friction and the item's limit need and allow."""
+"""Grip force: required by mass and friction, and limited by the item."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from picktree.robot.control import (
 from picktree.robot.planning import CARRYING_ACCELERATION
 from picktree.world import GRAVITY
 from picktree.world.robot_model import GripperDescription
-from picktree.world.scene import MIN_FELT_MASS, CatalogueEntry
+from picktree.world.scene import MIN_DETECTABLE_MASS, CatalogueEntry
 
 if TYPE_CHECKING:
     pass
@@ -113,7 +113,7 @@ def grip_force(entry: CatalogueEntry | None, bound: float, gripper: GripperDescr
         force = min(30.0, bound)  # N: the catalogue does not contain it
         return GripForce(force, force, bound, None, 1.0)
     friction = entry.friction * gripper.pad_contact.friction
-    least = MIN_GRIP_FORCE if entry.mass >= MIN_FELT_MASS else LIGHT_GRIP_FORCE
+    least = MIN_GRIP_FORCE if entry.mass >= MIN_DETECTABLE_MASS else LIGHT_GRIP_FORCE
     wanted = max(required_force(entry.mass, friction), least)
     most, closing, speed = bound, bound, None
     limit = entry.force_limit

@@ -1,8 +1,9 @@
 """Grasps of things in a heap, from its height map alone: no shape, no catalogue, no random numbers.
 
-The hand is swept over the map by dilation, for each approach and twelve yaws. That gives the lowest height
-of the finger tips at each cell. Profiles between the pads rank what is left. Height maps were searched for
-places that a hand fits by Fischinger and Vincze (IROS 2012); here its dimensions come from the robot's model.
+The hand is swept over the map by dilation, for each approach and twelve yaws. That gives the lowest height of
+the finger tips at each cell. Profiles between the pads rank the remaining places. Height maps were searched
+for places that a hand fits by Fischinger and Vincze (IROS 2012); here its dimensions come from the robot's
+model.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ FULL_AREA, FULL_WIDTH, FULL_OVERLAP = 216e-6, 0.024, 0.015
 MIN_ROWS, MIN_ROOM, MAX_SLOPE = 4, 0.002, 0.8
 """Least rows, of nine, that each pad touches. Least distance of the open pads from the thing, m. Greatest
 mean slope of its sides, as distance over height."""
-KEPT_PER_SWEEP, BLOCK, KEPT_PER_YAW = 16, 4, 8
+MAX_PLACES_PER_SWEEP, BLOCK_EDGE, MAX_GRASPS_PER_YAW = 16, 4, 8
 """Places that are profiled for each yaw and opening, at most one in a block of so many cells squared. Grasps
 that are kept for each yaw."""
 MIXED_COST = 3.0
@@ -44,13 +45,13 @@ the finger tips, m."""
 MIN_SAMPLED = 0.008
 """Least width in which colours are sampled, m."""
 CENTRINGS = 2
-"""Number of times that the hand is moved to the middle of what lies between the pads."""
+"""Number of times that the hand is moved to the middle of the thing between the pads."""
 PROFILE_ROWS, PROFILE_REACH, AXIS_REACH = 4, 20, 20
 """Half-sizes in cells: of a profile across and along the closing direction, and of the search for a thing's
 ends."""
 MAX_CANDIDATES = 48
 """Greatest number of candidates of one stage."""
-APART, APART_YAW = 0.008, math.radians(16.0)
+MIN_GRASP_DISTANCE, MIN_GRASP_YAW = 0.008, math.radians(16.0)
 """Distance, m, and turn, rad, below which two grasps are alike: the better one is kept."""
 
 
@@ -68,10 +69,10 @@ class Tier:
     """Greatest score."""
 
 
-STRICT = Tier(90e-6, 0.012, 0.85)
-SURE, SURE_TILTED = replace(STRICT, score=1.35), replace(STRICT, score=1.1)
-"""Scores up to which nearly all grasps hold: these come first, whatever else is near."""
-LOOSE = Tier(65e-6, MIN_OVERLAP, 0.60)
+STRICT_TIER = Tier(90e-6, 0.012, 0.85)
+SURE_TIER, SURE_TILTED_TIER = replace(STRICT_TIER, score=1.35), replace(STRICT_TIER, score=1.1)
+"""Scores up to which nearly all grasps hold: these come first, independent of other things near."""
+LOOSE_TIER = Tier(65e-6, MIN_OVERLAP, 0.60)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,18 +97,18 @@ MORE_TILTED = Approach("tilted 45", math.radians(45.0), 24, (math.pi / 2,), 0.8)
 OVER_RIM = Approach("tilted 35", math.radians(35.0), 16, (0.0, math.pi / 4, 3 * math.pi / 4), 0.8)
 """Hands of which one side is higher than the other: the palm reaches over a wall."""
 STAGES: tuple[tuple[Tier, tuple[Approach, ...]], ...] = (
-    (SURE, (VERTICAL,)),
-    (SURE_TILTED, (TILTED, MORE_TILTED)),
-    (STRICT, (VERTICAL, TILTED, MORE_TILTED)),
-    (LOOSE, (VERTICAL, TILTED, MORE_TILTED)),
-    (LOOSE, (OVER_RIM,)),
+    (SURE_TIER, (VERTICAL,)),
+    (SURE_TILTED_TIER, (TILTED, MORE_TILTED)),
+    (STRICT_TIER, (VERTICAL, TILTED, MORE_TILTED)),
+    (LOOSE_TIER, (VERTICAL, TILTED, MORE_TILTED)),
+    (LOOSE_TIER, (OVER_RIM,)),
 )
 """Approaches from the surest on. The next stage is tried when no grasp of the last one is left."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Graded:
-    """Place of a grasp with what its profile shows."""
+    """Place of a grasp with the measures of its profile."""
 
     sweep: _Sweep
     at: tuple[int, int]
@@ -150,7 +151,7 @@ def grasps(
 
 
 def colour_between(heap: heap_geometry.HeightMap, tcp: Pose, tip: float, width: float) -> str:
-    """Return the most frequent colour between the pads; `grey` where there is none.
+    """Return the most frequent colour between the pads; `grey` without any colour.
 
     `tcp`: TCP in the map's frame; `tip`: reach of the finger tips beyond it, m; `width`: opening, m.
     """
@@ -167,8 +168,12 @@ def _distinct(ranked: Iterable[GraspCandidate], heap: heap_geometry.Heap, tip: A
     """
     kept: list[GraspCandidate] = []
     for one in ranked:
-        near = (o for o in kept if math.dist(o.tcp_in_world.position, one.tcp_in_world.position) < APART)
-        if all(o.tcp_in_world.angle(one.tcp_in_world) > APART_YAW for o in near) and not heap.bars(
+        near = (
+            o
+            for o in kept
+            if math.dist(o.tcp_in_world.position, one.tcp_in_world.position) < MIN_GRASP_DISTANCE
+        )
+        if all(o.tcp_in_world.angle(one.tcp_in_world) > MIN_GRASP_YAW for o in near) and not heap.bars(
             one.tcp_in_world.apply(tip)
         ):
             kept.append(one)
@@ -256,7 +261,7 @@ class _Sweep:
         return np.maximum.reduce(swept)
 
     def grasps(self) -> list[_Graded]:
-        """Return the graded grasps of this closing direction, with the hand centred on what it grips."""
+        """Return the graded grasps of this closing direction, with the hand centred on the gripped thing."""
         picked = np.concatenate([self._places(k) for k in range(len(self._halves))])
         for _ in range(CENTRINGS):
             picked = np.unique(self._inside(picked), axis=0)
@@ -288,7 +293,9 @@ class _Sweep:
         worth = np.minimum(top - lowest.ravel()[at], 0.018) + 0.05 * top
         order = np.argsort(-worth, kind="stable")
         row, column = np.divmod(at[order], m)
-        kept = np.sort(np.unique(row // BLOCK * m + column // BLOCK, return_index=True)[1])[:KEPT_PER_SWEEP]
+        kept = np.sort(np.unique(row // BLOCK_EDGE * m + column // BLOCK_EDGE, return_index=True)[1])[
+            :MAX_PLACES_PER_SWEEP
+        ]
         return np.column_stack([np.full(len(kept), k), row[kept], column[kept]])
 
     def _profile(self, picked: NDArray[np.intp]) -> Profile:
@@ -336,11 +343,11 @@ class _Sweep:
             + self._aside(picked, profile.tips) / 0.03
             + 0.5 * (1.0 - np.minimum(room, 0.012) / 0.012)
         )
-        kept = (area >= LOOSE.area) & (overlap >= LOOSE.overlap) & (solid >= LOOSE.solid)
+        kept = (area >= LOOSE_TIER.area) & (overlap >= LOOSE_TIER.overlap) & (solid >= LOOSE_TIER.solid)
         kept &= (profile.rows >= MIN_ROWS) & (room >= MIN_ROOM) & (slope <= MAX_SLOPE)
         kept &= (off <= 1.5 * cell) & (first < last)
         score += MIXED_COST * self._mixed(picked, first, last, profile.tips)
-        best = [k for k in np.argsort(score, kind="stable") if kept[k]][:KEPT_PER_YAW]
+        best = [k for k in np.argsort(score, kind="stable") if kept[k]][:MAX_GRASPS_PER_YAW]
         return [
             _Graded(
                 self,

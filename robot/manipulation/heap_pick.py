@@ -1,4 +1,4 @@
-"""Pick of any thing from a heap: the best grasp of its height map, and the belief of what it holds."""
+"""Pick of any thing from a heap: the best grasp of its height map, and the belief about the held thing."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ def _pick(
         world.gripper.start(candidate.grasp.opening)
         trajectory = candidate.approach.trajectory
         yield from world.move.along(
-            trajectory, guard=world.handling.guard, watch=world.gripper.late, node=task.node
+            trajectory, guard=world.handling.guard, watch=world.gripper.overdue_failure, node=task.node
         )
     with world.step(task.node, "close"):
         closed = yield from close(world, press, task.node)
@@ -210,7 +210,7 @@ def _believe_thing(world: World, task: HeapPickTask, width: float, press: GripFo
 
 
 def _store(world: World, tote: ObjectId, heap: heap_geometry.Heap, reason: str) -> None:
-    """Replace what is believed of a tote's heap."""
+    """Replace the belief about a tote's heap."""
     world.vision.heaps[str(tote)] = heap
     put_heap(world.scene, world.scene.regions[tote], heap.map, world.clock.now, reason)
 
@@ -242,7 +242,8 @@ def _cells_between(
 def _hull(heap: heap_geometry.HeightMap, cells: NDArray[np.bool_], tip: float) -> tuple[ConvexMesh, Pose]:
     """Return the hull of the seen surface, inflated, and its pose in the world.
 
-    It reaches down to the tote's floor: what is below the finger tips is hidden, and may hang on the thing.
+    It reaches down to the tote's floor: the part below the finger tips is hidden, and may belong to the
+    thing.
     """
     i, j = np.nonzero(cells)
     heights = np.nan_to_num(heap.heights()[i, j], nan=tip)
@@ -280,7 +281,7 @@ def _lift_out(world: World, task: HeapPickTask, thing: BeliefObject) -> Doing[No
 
 
 def _let_go(world: World) -> Doing[None]:
-    """Open the hand after a failed grasp. Nobody knows where the thing in it comes to lie."""
+    """Open the hand after a failed grasp. The resting place of a thing in it is unknown."""
     held = world.scene.held
     if held is not None:
         world.scene.remove(held.id, "the grasp has failed")

@@ -2,10 +2,10 @@
 them.
 
 Strokes are planned from the height map. The hand is swept over the map, as for grasps: the fingers must fit
-where a stroke begins, and the palm all along it. A stroke is worth the volume that it moves, and what its new
-place is better for a grasp. Pushes that make grasps possible were planned from height maps by Danielczuk et
-al. ("Linear push policies to increase grasp access for robot bin picking", CASE 2018); the value here is
-another one.
+where a stroke begins, and the palm all along it. The value of a stroke is the volume that it moves, weighted
+by the gain of the new place for a grasp. Pushes that make grasps possible were planned from height maps by
+Danielczuk et al. ("Linear push policies to increase grasp access for robot bin picking", CASE 2018); the
+value here is another one.
 """
 
 from __future__ import annotations
@@ -55,13 +55,13 @@ if TYPE_CHECKING:
     from picktree.robot import World
     from picktree.robot.control import Doing
 
-DIRECTIONS = 16
+STROKE_DIRECTIONS = 16
 """Directions of strokes over a whole turn."""
-TILT = math.radians(30.0)
+STROKE_TILT = math.radians(30.0)
 """Angle between a leaning hand and the vertical, rad: it reaches the foot of the wall behind it."""
-LENGTHS = (0.05, 0.09, 0.13)
+STROKE_LENGTHS = (0.05, 0.09, 0.13)
 """Lengths of strokes, m."""
-LEVELS = (0.006, 0.010, 0.016, 0.026, 0.038)
+STROKE_HEIGHTS = (0.006, 0.010, 0.016, 0.026, 0.038)
 """Heights of the finger tips above the floor, m: the lowest that is free where the stroke begins is taken."""
 START_CLEARANCE, PALM_CLEARANCE = 0.003, 0.005
 """Clearance around the fingers where a stroke begins, and around the palm all along it, m."""
@@ -72,7 +72,7 @@ REACH_TILT, REACH_SHARE, REACH_VALUE = math.radians(25.0), 0.5, 0.7
 place is no better. Value of that room; the rest is for the distance from the walls."""
 STIR_VALUE = 0.5
 """Value of moved volume by itself; that of coming from where the hand has no room to where it has is 1."""
-AHEAD = 0.015
+PUSHED_DISTANCE = 0.015
 """Distance of the middle of the pushed things from the fingers, m."""
 TOP_DEPTH, MIN_SUPPORT = 0.008, 0.5
 """Depth below the highest point under the fingers that counts as the top of a thing, m, and its least
@@ -83,9 +83,9 @@ THING_REACH = 0.02
 """Distance up to which things move along with the fingers on them, m."""
 HOOK_REACH, HOOK_RISE = 0.018, 0.008
 """Distance ahead of the fingers at which a crest holds a thing to them, and its height for a sure hold, m."""
-MIN_WORTH = 1e-6
+MIN_STROKE_VALUE = 1e-6
 """Least value of a stroke, m³."""
-BLOCK = 10
+BLOCK_EDGE = 10
 """Edge length in cells of the squares of which each has one stroke for a direction."""
 Heights = NDArray[np.float32]
 
@@ -108,9 +108,9 @@ POSTURES = tuple(
     for opened in (False, True)
     for name, tilt, side in (
         ("vertical", 0.0, 0),
-        ("leaning ahead", TILT, 0),
-        ("leaning left", TILT, 1),
-        ("leaning right", TILT, -1),
+        ("leaning ahead", STROKE_TILT, 0),
+        ("leaning left", STROKE_TILT, 1),
+        ("leaning right", STROKE_TILT, -1),
     )
 )
 """Postures of the hand. Fingers push with their broad side, or with the narrow one when it leans sideways;
@@ -132,7 +132,7 @@ class HeapStroke:
     drags: bool
     """Whether the fingers come down on things behind a crest and drag them, instead of pushing them."""
     worth: float
-    """Moved volume, weighted by what it gains, m³."""
+    """Moved volume, weighted by its gain for grasps, m³."""
 
     def tcp_at(self, way: float, tip: float, flipped: bool) -> Pose:
         """Return the TCP pose in the world after `way` m. `tip`: reach of the finger tips beyond the TCP, m.
@@ -153,8 +153,8 @@ def heap_strokes(heap: heap_geometry.HeightMap, gripper: GripperDescription) -> 
     hand = HandShape.of(gripper)
     there = _Surfaces.of(heap, hand)
     found: list[HeapStroke] = []
-    for k in range(DIRECTIONS):
-        turned = _Turned(heap, there, 2 * math.pi * k / DIRECTIONS)
+    for k in range(STROKE_DIRECTIONS):
+        turned = _Turned(heap, there, 2 * math.pi * k / STROKE_DIRECTIONS)
         for posture in POSTURES:
             found += turned.strokes(hand, posture)
     return sorted(found, key=lambda one: (-one.worth, one.name))
@@ -165,9 +165,9 @@ class _Surfaces:
     """Surfaces of a heap (n, m), m in the map's frame."""
 
     solid: Heights
-    """Heights of everything: what was never seen is as high as the rim, and walls are enlarged."""
+    """Heights of everything: cells that were never seen are as high as the rim, and walls are enlarged."""
     things: Heights
-    """Heights of what was seen of things; the floor elsewhere."""
+    """Heights of the seen parts of things; the floor elsewhere."""
     ease: Heights
     """Value of a place for a grasp, 0 … 1: the room of the hand there, and the distance from the walls."""
 
@@ -190,10 +190,10 @@ def _ease(heap: heap_geometry.HeightMap, hand: HandShape) -> Heights:
     palm = hand.palm[0]
     thick = palm.half_x - palm.above * math.sin(REACH_TILT)
     room = np.zeros(walls.shape)
-    for yaw in (math.pi * k / DIRECTIONS for k in range(DIRECTIONS)):
+    for yaw in (math.pi * k / STROKE_DIRECTIONS for k in range(STROKE_DIRECTIONS)):
         c, s = abs(math.cos(yaw)), abs(math.sin(yaw))
         room += (beside[0] > c * palm.outer + s * thick) & (beside[1] > s * palm.outer + c * thick)
-    reach = np.minimum(1.0, room / DIRECTIONS / REACH_SHARE)
+    reach = np.minimum(1.0, room / STROKE_DIRECTIONS / REACH_SHARE)
     value = REACH_VALUE * reach + (1.0 - REACH_VALUE) * np.minimum(1.0, away / WALL_REACH)
     return np.where(walls, 0.0, value).astype(np.float32)
 
@@ -251,7 +251,7 @@ class _Turned:
         palm = self._lowest(self._solid, hand, posture, fingers=False)
         # Things give way to the fingers, walls do not.
         way = np.maximum(palm, self._lowest(self._walls, hand, posture, fingers=True))
-        ways = {length: self._swept(way, length) for length in LENGTHS}
+        ways = {length: self._swept(way, length) for length in STROKE_LENGTHS}
         yield from self._best(self._pushes(hand, posture, fingers, ways), posture, drags=False)
         if posture.side == 0 and not posture.open:
             yield from self._best(self._drags(hand, fingers, ways), posture, drags=True)
@@ -261,7 +261,7 @@ class _Turned:
     ) -> Iterator[_Offer]:
         """Yield strokes from free places."""
         below = -np.inf
-        for level in (self._heap.floor + above for above in LEVELS):
+        for level in (self._heap.floor + above for above in STROKE_HEIGHTS):
             begins = (fingers <= level) & (fingers > below)
             below = level
             for length, lowest in ways.items():
@@ -270,8 +270,10 @@ class _Turned:
                     continue
                 moved, eased = self._volumes(hand, posture, level)
                 reach = length / self._heap.cell
-                worth = (_seen(moved, cells, reach) - moved[cells]) * (STIR_VALUE + self._ends(cells, length))
-                worth -= _seen(eased, cells, reach) - eased[cells]
+                worth = (_shifted_cells(moved, cells, reach) - moved[cells]) * (
+                    STIR_VALUE + self._ends(cells, length)
+                )
+                worth -= _shifted_cells(eased, cells, reach) - eased[cells]
                 yield _Offer(cells, worth, np.float32(level), length)
 
     def _drags(self, hand: HandShape, fingers: Heights, ways: Mapping[float, Heights]) -> Iterator[_Offer]:
@@ -296,7 +298,7 @@ class _Turned:
 
     def _ends(self, cells: _Cells, length: float) -> Heights:
         """Return the ease where the things come to lie that a stroke from each of the cells pushes."""
-        return _seen(self._ease, cells, (length + AHEAD) / self._heap.cell)
+        return _shifted_cells(self._ease, cells, (length + PUSHED_DISTANCE) / self._heap.cell)
 
     def _best(self, offered: Iterator[_Offer], posture: Posture, *, drags: bool) -> Iterator[HeapStroke]:
         """Yield the best of the offered strokes of each block of cells."""
@@ -378,7 +380,7 @@ class _Turned:
         point = heap.frame.apply(np.array([x, y, level]))
         ahead = heap.frame.rotation()[:2, :2] @ self._along
         start = planar_geometry.PlanarPose(float(point[0]), float(point[1]), math.atan2(ahead[1], ahead[0]))
-        near = BLOCK * heap.cell * 1000
+        near = BLOCK_EDGE * heap.cell * 1000
         name = (
             f"{'drag' if drags else 'push'} {posture.name} to {math.degrees(self._yaw):.0f} deg "
             f"{length * 1000:.0f} mm from about {round(x * 1000 / near) * near:.0f} "
@@ -411,7 +413,7 @@ def _cells(mask: NDArray[np.bool_]) -> _Cells:
     return rows, columns
 
 
-def _seen(image: Heights, cells: _Cells, distance: float) -> Heights:
+def _shifted_cells(image: Heights, cells: _Cells, distance: float) -> Heights:
     """Return the same (k,) for k cells alone."""
     rows, columns = cells
     return image[rows, np.clip(columns + round(distance), 0, image.shape[1] - 1)]
@@ -419,14 +421,20 @@ def _seen(image: Heights, cells: _Cells, distance: float) -> Heights:
 
 def _best_of_blocks(worth: Heights) -> NDArray[np.intp]:
     """Return the best cell (k, 2) of each block of cells in which a stroke is worth it."""
-    n = -(-len(worth) // BLOCK) * BLOCK
+    n = -(-len(worth) // BLOCK_EDGE) * BLOCK_EDGE
     padded = np.zeros((n, n))
     padded[: len(worth), : len(worth)] = worth
-    count = n // BLOCK
-    blocks = padded.reshape(count, BLOCK, count, BLOCK).transpose(0, 2, 1, 3).reshape(count**2, BLOCK**2)
-    which = np.flatnonzero(blocks.max(axis=1) > MIN_WORTH)
+    count = n // BLOCK_EDGE
+    blocks = (
+        padded.reshape(count, BLOCK_EDGE, count, BLOCK_EDGE)
+        .transpose(0, 2, 1, 3)
+        .reshape(count**2, BLOCK_EDGE**2)
+    )
+    which = np.flatnonzero(blocks.max(axis=1) > MIN_STROKE_VALUE)
     inner = blocks[which].argmax(axis=1)
-    return np.column_stack([which // count * BLOCK + inner // BLOCK, which % count * BLOCK + inner % BLOCK])
+    return np.column_stack(
+        [which // count * BLOCK_EDGE + inner // BLOCK_EDGE, which % count * BLOCK_EDGE + inner % BLOCK_EDGE]
+    )
 
 
 MAX_TESTED_STROKES = 16
@@ -440,10 +448,10 @@ CHANGED_HEIGHT, CHANGED_AREA = 0.005, 2e-4
 
 
 def stir(world: World, task: HeapPickTask, strokes: int) -> Doing[None]:
-    """Push through the heap of a tote until things lie elsewhere. The arm ends out of the view.
+    """Push through the heap of a tote until the heap has changed. The arm ends out of the view.
 
-    Raises push.no_stroke when no stroke is free and reachable, push.stalled when the heap is as it was after
-    `strokes` of them, and the failures of cameras and motions.
+    Raises push.no_stroke when no stroke is free and reachable, push.stalled when `strokes` strokes have not
+    changed the heap, and the failures of cameras and motions.
     """
     outcomes: list[str] = []
     for _ in range(strokes):
@@ -541,7 +549,7 @@ def _opening(world: World, one: HeapStroke) -> float:
 
 
 def _execute(world: World, task: HeapPickTask, one: HeapStroke, start: Pose) -> Doing[str]:
-    """Make the stroke from its start, and move out of the view. Return what was felt, in words."""
+    """Make the stroke from its start, and move out of the view. Return the contact in words."""
     x, y, _ = start.position
     path = straight(planar_geometry.PlanarPose(x, y, one.start.yaw), one.length)
     mass, names = world.robot.hand_mass, (heap_geometry.heap_id(task.tote),)

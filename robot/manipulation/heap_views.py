@@ -47,10 +47,10 @@ class HeapView:
 
 
 def surfaces(heap: heap_geometry.HeightMap) -> tuple[Heights, Heights]:
-    """Return the heights (n, m) of everything, and those of seen things alone, m in the map's frame.
+    """Return the heights (n, m) of all surfaces, and those of seen things alone, m in the map's frame.
 
-    Walls are where the tote has them, because it is known. Depth next to a wall may be the wall's: nothing
-    there is higher than what lies beside that strip. What was never seen is as high as the rim.
+    Walls have their known places. Depth next to a wall may be the wall's: no cell there is higher than the
+    things beside that strip. Cells that were never seen are as high as the rim.
     """
     heights, walls = heap.heights(), heap.walls()
     unknown, beside = ~np.isfinite(heights), heap.beside_walls()
@@ -124,7 +124,7 @@ def _sheared(heights: Heights, d: Heights, cell: float, tilt: float, lags: int) 
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Heights between the pads at places (k,), and what the pads touch when they close."""
+    """Heights between the pads at places (k,), and the contacts of the closing pads."""
 
     patch: Heights
     """Heights (k, rows, columns), m; rows lie along the pads, columns along the closing direction."""

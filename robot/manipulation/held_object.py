@@ -2,7 +2,7 @@
 release.
 
 The release is the counterpart of the grip check: the fingers open, and the load shows that the object is
-gone. The load of a light object says nothing; the opening then decides both.
+gone. The load of a light object gives no evidence; the opening then decides both.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from picktree.world import (
     top,
 )
 from picktree.world.robot_model import GripperDescription
-from picktree.world.scene import MIN_FELT_MASS
+from picktree.world.scene import MIN_DETECTABLE_MASS
 
 from .grasps import contacts_at
 from .pick_place_motions import lift_off
@@ -52,7 +52,7 @@ DROPPED_CONFIDENCE = 0.3
 def open_gripper(world: World, reason: str, width: float | None = None) -> Doing[None]:
     """Open the fingers, by default fully, and remove the held object from the hand in the belief.
 
-    A halt does the same: the fingers go on opening.
+    A halt does the same: the fingers keep opening.
     """
     try:
         yield from world.gripper.open(width)
@@ -132,7 +132,7 @@ class LightObject:
     mass: float
     """Catalogue mass, kg."""
     widths: tuple[float, ...]
-    """Openings at which the fingers may stand around it, m."""
+    """Openings at which the fingers may hold it, m."""
 
     def fits(self, width: float, load: float | None) -> bool:
         """Return whether opening, m, and load, N, are those of this object."""
@@ -151,7 +151,7 @@ class GripCheck:
     light: LightObject | None = None
     """Believed object, where its weight cannot be felt. None: the load has to show it."""
     thin: bool = False
-    """Whether the object may be so thin that its width does not tell it from nothing."""
+    """Whether the object may be too thin to be distinguished from an empty hand by its width."""
 
     @property
     def empty(self) -> bool:
@@ -200,13 +200,13 @@ def _light_object(world: World) -> LightObject | None:
     """Return the believed held object if its kind is too light to be felt."""
     held = world.scene.held
     entry = None if held is None else world.description.find_entry(held.kind)
-    if held is None or entry is None or entry.mass >= MIN_FELT_MASS:
+    if held is None or entry is None or entry.mass >= MIN_DETECTABLE_MASS:
         return None
     return LightObject(entry.mass, _widths(held, world.robot.description.gripper, world.gripper.width))
 
 
 def _widths(held: BeliefObject, gripper: GripperDescription, width: float) -> tuple[float, ...]:
-    """Return the openings at which fingers may stand around an object, m; flat pads turn it until it fits.
+    """Return the openings at which fingers may hold an object, m; flat pads turn it until it fits.
 
     `width`: their opening, m. A body that is not convex may be held by a wall.
     """
@@ -305,7 +305,7 @@ def release_held_object(
 ) -> Doing[None]:
     """Open the fingers around the held object, and believe it at `resting` in the world, in `place`.
 
-    It ends when that `share` of the opening is reached. A halt does the same: the fingers go on opening.
+    It ends when that `share` of the opening is reached. A halt does the same: the fingers keep opening.
     """
     control, loaded = world.control, np.array(world.control.wrist.force)
 
@@ -328,7 +328,7 @@ def drop_held_object(
 ) -> Doing[bool]:
     """Let the held object fall, and return whether its load, `before` N, has left the hand.
 
-    The arm is at rest. The fingers go on opening.
+    The arm is at rest. The fingers keep opening.
     """
     yield from release_held_object(world, held, resting, place, "placed", share=RELEASED_OPENING_SHARE)
     for _ in range(MAX_FALL_TICKS):
@@ -343,7 +343,7 @@ def is_released(before: float, after: float) -> bool:
 
     A load that is too small to be felt does not contradict them.
     """
-    return before < MIN_FELT_MASS * GRAVITY or before - after >= MIN_RELEASED_SHARE * before
+    return before < MIN_DETECTABLE_MASS * GRAVITY or before - after >= MIN_RELEASED_SHARE * before
 
 
 def confirm_release(

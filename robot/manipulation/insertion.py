@@ -1,7 +1,6 @@
-"""Insertion of the held object: the hole is chosen, the object moved over it, searched for, pressed in and
-let go.
+"""Insertion of the held object: choice of the hole, motion over it, search, press and release.
 
-Geometry: poses over the hole, the peg as it is held, its lean, and its place afterwards.
+Geometry: poses over the hole, the peg in its present hold, its lean, and its place afterwards.
 """
 
 from __future__ import annotations
@@ -166,7 +165,7 @@ def peg(fit: InsertionTask, tcp_in_world: Pose) -> HeldPeg:
     match fit.shape:
         case Box((x, y, _)):
             corners = [np.array([a * x / 2, b * y / 2, 0.0]) for a in (1, -1) for b in (1, -1)]
-            # Over a corner the sides have equal slopes, whatever their length.
+            # Over a corner the sides have equal slopes, independent of their length.
             slopes = [turn @ (np.sign(c) / math.sqrt(2.0)) for c in corners]
             best = max(range(4), key=lambda k: (round(float(slopes[k][1]) / LEAN_TOLERANCE), k))
             return HeldPeg(foot, slopes[best], turn @ corners[best], False)
@@ -215,7 +214,7 @@ SEARCH_TIME_LIMIT = 120.0
 """Time limit of one insertion by contact, s."""
 MIN_OPENING_CHANGE = 0.0015
 """Change of the opening that shows that the object has turned in the hand, m."""
-SEEN_MOUTH_UNCERTAINTY = 0.002
+DETECTED_MOUTH_UNCERTAINTY = 0.002
 """Uncertainty of a mouth's position seen by the hand camera, m."""
 
 
@@ -271,7 +270,7 @@ def choose_hole(world: World, held: BeliefObject, into: ObjectId, node: str) -> 
     return (
         task
         if seen is None
-        else replace(task, hole_in_world=seen, uncertainty=SEEN_MOUTH_UNCERTAINTY + MAX_HELD_OFFSET)
+        else replace(task, hole_in_world=seen, uncertainty=DETECTED_MOUTH_UNCERTAINTY + MAX_HELD_OFFSET)
     )
 
 

@@ -1,7 +1,7 @@
-"""Grasps of an object of a known kind: across a convex body; of another one by its walls and rims, too.
+"""Grasps of an object of a known kind: across a convex body; by walls and rims of any other body, too.
 
-What stands out of a body that is not convex is found on a height map of it, as in a heap: here the map is
-computed from the believed shape and pose. Rays along the pads' motion tell what they meet.
+Protruding parts of a body that is not convex are found on a height map of it, as in a heap. Here the map is
+computed from the believed shape and pose. Rays along the pads' motion show what the pads meet.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ CELL = 0.002
 MAP_MARGIN = 0.06
 """Free place around the object on its map, m: a hand fits there."""
 MAX_OFF_CENTRE = 0.004
-"""Greatest distance of what the pads meet from the middle between them, m."""
+"""Greatest distance of the surfaces that the pads meet from the middle between them, m."""
 MIN_SPARE = 0.004
-"""Least distance between open pads and what they meet, both sides together, m."""
+"""Least distance between open pads and the surfaces that they meet, both sides together, m."""
 NAMED_STEP = 5.0
-"""Step of the places in the names of grasps, mm: an object that is seen anew has the same names."""
+"""Step of the places in the names of grasps, mm: an object that is seen again has the same names."""
 
 
 def object_grasps(
@@ -54,11 +54,11 @@ def leaning_object_grasps(belief: BeliefObject, gripper: GripperDescription) -> 
 def _by_height(
     belief: BeliefObject, mesh: CompoundMesh, gripper: GripperDescription, *, leaning: bool
 ) -> list[GraspCandidate]:
-    """Return the grasps on the body's height map, each once, with what the pads meet."""
+    """Return the grasps on the body's height map, each once, with the surfaces that the pads meet."""
     from . import heap_grasps as heaps  # loads OpenCV
 
-    upright = ((heaps.STRICT, (heaps.VERTICAL,)), (heaps.LOOSE, (heaps.VERTICAL,)))
-    stages = ((heaps.LOOSE, (heaps.TILTED, heaps.MORE_TILTED)),) if leaning else upright
+    upright = ((heaps.STRICT_TIER, (heaps.VERTICAL,)), (heaps.LOOSE_TIER, (heaps.VERTICAL,)))
+    stages = ((heaps.LOOSE_TIER, (heaps.TILTED, heaps.MORE_TILTED)),) if leaning else upright
     found: dict[str, GraspCandidate] = {}
     heap = heap_geometry.Heap(_height_map(belief, mesh))
     to_object = belief.pose.inverse()

@@ -61,7 +61,7 @@ class ApproachedPick:
 
     candidate: PickPlaceCandidate
     transfer: LookaheadResult | None
-    """Transfer that was planned during the approach. None: there is none."""
+    """Transfer that was planned during the approach; None without one."""
     first: bool
     """Whether no candidate of this object has failed before."""
 
@@ -165,7 +165,7 @@ def _move_to_grasp(
             refused = transfer.answer
             if isinstance(refused, Failure):
                 return TransferRefused(refused.cause, refused.message, **refused.evidence)
-        return world.gripper.late() or (None if target is None else target())
+        return world.gripper.overdue_failure() or (None if target is None else target())
 
     yield from world.control.settle()
     world.control.zero()
@@ -200,7 +200,7 @@ CLEAR_LIFT_SHARE = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClosedGrip:
-    """Closed fingers at a grasp, with what they are to carry."""
+    """Closed fingers at a grasp, with their payload."""
 
     candidate: PickPlaceCandidate
     belief: BeliefObject

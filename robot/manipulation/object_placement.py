@@ -258,7 +258,7 @@ def _release(world: World, task: PlaceTask, spot: ReleaseSpot, hanging: float) -
         yield from _rise_above(world, task, top(held.shape, resting))
         if fallen:
             return held
-        # What hangs on a finger falls when the fingers are as wide apart as they go.
+        # An object that hangs on a finger falls when the fingers are fully open.
         yield from world.gripper.open()
     else:
         yield from release_held_object(world, held, resting, task.into or "table", "placed")

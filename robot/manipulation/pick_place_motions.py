@@ -75,7 +75,7 @@ def descend_until_contact(
         if contact:
             rise = world.handling.back_off + max(0.0, at_grip - opened)
         elif room < way:
-            # What it lies on was not felt: its height is believed.
+            # The fingers did not touch its support: the height of that is believed.
             seen = world.scene.get(object_id)
             support = bottom(seen.shape, seen.pose)
             rise = support + at_grip + world.handling.back_off - world.control.tcp.position[2]
@@ -129,9 +129,10 @@ def lower(world: World, held: BeliefObject, bin_: Bin | None, node: str) -> Doin
 def _room_beside_obstacles(
     world: World, held: BeliefObject, way: float, least: float, node: str
 ) -> Doing[float]:
-    """Return how much of the way down is free of obstacles, m. What hand and object feel may be touched.
+    """Return the length of the way down that is free of unknown obstacles, m. Contact with fixtures, bins and
+    items is allowed.
 
-    Less than the share `least` of it is none; where all of it is needed, that is the planner's failure.
+    0 when less than the share `least` of `way` is free. With `least` 1 it raises the planner's failure.
     """
     others = [str(o.id) for o in world.scene.objects if o.role != "obstacle" and o.id != held.id]
     felt = (*map(str, world.scene.fixtures), *map(str, world.scene.bins), *others)
@@ -221,8 +222,8 @@ def approach(
     the grasp.
 
     The fingers move to the grasp's opening on the way there. For a flat object the descent ends early; the
-    rest is a guarded move. Where a finger may come down on an object, the last part is so slow that the guard
-    of the motion stops the arm in time; `gently`: all of the way down.
+    rest is a guarded move. If a finger may come down on an object, the last part is slow enough for the guard
+    to stop the arm in time. With `gently` all of the descent is.
     """
     widest, narrowest = world.gripper.span(grasp.opening)
     scaling = world.handling.scaling(speed)
@@ -276,7 +277,7 @@ def line_speed_share(model: RobotModel, start: Array, end: Pose, speed: float) -
 
 
 def touchable(world: World, object_id: ObjectId) -> tuple[ObjectId, ...]:
-    """Return what the hand may touch at a grasp: the object, and the tote of a heap.
+    """Return the bodies that the hand may touch at a grasp: the object, and the tote of a heap.
 
     The map of a heap has the walls of its tote, and its grasps keep the hand from them.
     """

@@ -1,5 +1,5 @@
-"""Presentation of a held thing: poses before a camera, looks from both sides of the hand, and what they tell
-of the thing."""
+"""Presentation of a held thing: poses before a camera, looks from both sides of the hand, and their evidence
+about the thing."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ not seen in the heap."""
 DISTANCE_STEPS = (1.2, 1.6)
 """Distances from the camera, as multiples of the one at which the thing just fits into the picture."""
 HIDDEN_MARGIN = 0.03
-"""Distance by which a thing may reach beyond what was seen of it, m."""
+"""Distance by which a thing may extend beyond its seen part, m."""
 LEAST_DISTANCE = 0.25
 """Least distance of a thing from the camera, m: the hand and the arm have to fit, too."""
 HULL_MARGIN, HULL_GRID = 0.004, 0.002
@@ -64,7 +64,7 @@ class PresentTask:
     looks: int
     """Greatest number of looks: one at each side of the hand."""
     until_classified: bool
-    """Whether it ends as soon as the rules of the scene's destinations know what they ask for."""
+    """Whether it ends as soon as all traits in the rules of the scene's destinations are known."""
     speed: float
     """Share of the joints' speed limits, 0 … 1."""
 
@@ -113,8 +113,8 @@ class SeenThing:
 def present(world: World, task: PresentTask) -> Doing[None]:
     """Hold the thing before the camera, look at it, and refine its belief. The arm ends before the camera.
 
-    Raises grasp.double when more than one thing is in the hand, grasp.slipped when the thing is lost,
-    perception.not_found when no look shows it, and the failures of cameras, planner and motions.
+    Raises grasp.double for more than one thing in the hand, grasp.slipped for a lost thing,
+    perception.not_found when no look shows it. It also raises the failures of cameras, planner and motions.
     """
     held, _ = yield from check_held_object(world, task.object)
     if _is_done(world, task):
@@ -147,7 +147,8 @@ def present(world: World, task: PresentTask) -> Doing[None]:
 
 
 def _is_done(world: World, task: PresentTask) -> bool:
-    """Return whether the rules of the destinations know what they ask for, and nothing else is wanted."""
+    """Return whether all traits in the rules of the destinations are known, and no other look is
+    requested."""
     thing, rules = world.scene.get(task.object), world.description.destinations
     return task.until_classified and not destinations.unknown_traits(rules, thing)
 
@@ -195,7 +196,8 @@ def _move_before(
 ) -> Doing[None]:
     """Move the arm to a pose before the camera that shows `centre` (3,) in the TCP frame.
 
-    The arm stops when the fingers move, and goes on when the thing is still held; else it is grasp.slipped.
+    The arm stops when the fingers move, and continues when the thing is still held; else the skill fails with
+    grasp.slipped.
     """
     for last in (False, False, True):
         plan = yield from _plan_before(world, task, camera, side, centre)
@@ -240,7 +242,8 @@ def _plan_before(
 
 
 def _refine(world: World, task: PresentTask, seen: SeenThing, *, whole: bool) -> None:
-    """Put what was seen into the belief. `whole`: whether both sides were seen, so that the hull is known.
+    """Update the belief with the result of the looks. `whole`: whether both sides were seen, so that the hull
+    is known.
 
     Raises grasp.double.
     """

@@ -36,23 +36,23 @@ class TargetMoved(Failure):
 
 
 class BeliefWatch(ABC):
-    """Monitor of a motion, for each tick: it judges anew whenever a counter of the belief has changed."""
+    """Monitor of a motion, for each tick: it checks again whenever a counter of the belief has changed."""
 
     def __init__(self, counter: Callable[[], int]) -> None:
         self._counter, self._counted = counter, counter()
 
     def __call__(self) -> Failure | None:
-        """Return the failure that stops the arm. None: the arm goes on."""
+        """Return the failure that stops the arm; None to continue."""
         before, self._counted = self._counted, self._counter()
         return None if before == self._counted else self.judged()
 
     @abstractmethod
     def judged(self) -> Failure | None:
-        """Return why the motion cannot go on, by the present belief. None: it can."""
+        """Return the reason to stop the motion, by the present belief; None without one."""
 
 
 class TargetWatch(BeliefWatch):
-    """Monitor of an approach: whether the object is where it was."""
+    """Monitor of an approach: whether the object keeps its place."""
 
     def __init__(self, world: World, target: BeliefObject) -> None:
         super().__init__(lambda: world.scene.version)
@@ -191,11 +191,11 @@ def follow_with_replanning(
     watch: Watch | None = None,
     replans: ReplanBudget | None = None,
 ) -> Doing[MotionPlan]:
-    """Request a plan and follow it; replan from where the arm stands when the path is no longer believed to
-    be free.
+    """Move the arm along a requested plan; replan from its present configuration when the path is no longer
+    believed to be free.
 
     The arm brakes on its path. An arm too close to the new obstacle moves away from it first. The number of
-    replans is limited; then it fails with planning.blocked.
+    replans is limited; beyond it the motion fails with planning.blocked.
 
     `guard` and `watch` as for `ArmMotion.along`, whose failures it raises, too.
     """
@@ -212,7 +212,7 @@ def follow_with_replanning(
 
 
 def plan_after_stop(world: World, ask: Callable[[], Doing[T]], node: str, *, after: int = 1) -> Doing[T]:
-    """Return the plan from where the arm stands. `after`: number of stops before.
+    """Return the plan from the present configuration. `after`: number of stops before.
 
     After a stop, an arm that is believed to touch something moves out of contact first.
     """

@@ -84,7 +84,7 @@ class RetreatMotion:
         self.tried: list[str] = []
         """Descriptions of the attempts that failed."""
         self.felt: Vector3 | None = None
-        """Last contact force on the hand, N in the world. None: there was none."""
+        """Last contact force on the hand, N in the world; None without one."""
         self.pressed = False
         """Whether something pressed on the arm at rest."""
         self.touched = False
@@ -96,7 +96,7 @@ class RetreatMotion:
         return (0.0, 0.0, -GRAVITY * held_mass(self._world))
 
     @property
-    def late(self) -> bool:
+    def is_overdue(self) -> bool:
         return self._world.clock.now >= self._deadline
 
     def relax(self) -> Doing[float]:
@@ -128,7 +128,7 @@ class RetreatMotion:
         )
         return left
 
-    def anew(self) -> None:
+    def reset_directions(self) -> None:
         """Allow all directions again after a change of the belief; after a contact with higher thresholds."""
         self._spent.clear()
         if self.touched:
@@ -141,9 +141,9 @@ class RetreatMotion:
         """
         world = self._world
         if self.pressed or self.touched:
-            # The path that the arm came along was free a moment ago, whatever the belief.
+            # The path that the arm came along was free a moment ago, independent of the belief.
             yield from self._back()
-        while (contacts := world.plan.contacts()) and not self.late:
+        while (contacts := world.plan.contacts()) and not self.is_overdue:
             way = self._best(contacts)
             if way is None:
                 return False
@@ -166,7 +166,7 @@ class RetreatMotion:
             return
         directions: tuple[Direction, ...] = ("up", "back", "inwards")
         for direction in directions:
-            if direction in self._spent or self.late:
+            if direction in self._spent or self.is_overdue:
                 continue
             with world.plan.checking():
                 found = outward.way(direction, way, until_free=False)
@@ -179,9 +179,9 @@ class RetreatMotion:
             with world.plan.checking():
                 outward = world.plan.outward()  # a contact has ended the motion on its way
 
-    def touched_on_the_way(self, result: JointImpedanceResult, where: str) -> Doing[None]:
+    def handle_contact(self, result: JointImpedanceResult, where: str) -> Doing[None]:
         """Record a contact on a free path, and move back a little along the last trajectory."""
-        self._felt(result)
+        self._record_contact(result)
         self.tried.append(f"{where}: touched something ({_sizes(result)})")
         yield from self._back()
 
@@ -247,7 +247,7 @@ class RetreatMotion:
         result = yield from self.follow(world.move.slowed(timed, ESCAPE_SPEED), self._feeling, leaving=True)
         if result.completed:
             return True
-        self._felt(result)
+        self._record_contact(result)
         self._spent.add(way.direction)
         self.tried.append(f"{way.direction}: touched something ({_sizes(result)})")
         return False
@@ -282,7 +282,7 @@ class RetreatMotion:
         world.journal.note(event_types.SafetyAcknowledgedEvent(message, self._node))
         return otherwise
 
-    def _felt(self, result: JointImpedanceResult) -> None:
+    def _record_contact(self, result: JointImpedanceResult) -> None:
         self.touched = True
         if float(np.linalg.norm(result.push)) > ESCAPE_THRESHOLDS.force / 2:
             self.felt = result.push
@@ -330,7 +330,7 @@ def go_home(world: World, leaving: RetreatMotion, pose: str, scaling: Scaling, n
     """Move the arm to a named pose. False: there is no safe path; `leaving.tried` has the attempts."""
     looked = yield from observe_with_fixed_cameras(world)
     for attempt in range(MAX_HOMING_ATTEMPTS):
-        if leaving.late:
+        if leaving.is_overdue:
             return False
         if attempt:
             looked = yield from observe_with_fixed_cameras(world)
@@ -355,7 +355,7 @@ def go_home(world: World, leaving: RetreatMotion, pose: str, scaling: Scaling, n
         if result.noticed is not None:
             leaving.tried.append(f"to {pose}: {result.noticed.message}")
             continue
-        yield from leaving.touched_on_the_way(result, f"to {pose}")
+        yield from leaving.handle_contact(result, f"to {pose}")
         yield from leaving.out()
         yield from leaving.up(DETOUR_LENGTH, always=True)
     return False
@@ -416,7 +416,7 @@ def put_down(world: World, leaving: RetreatMotion, scaling: Scaling, node: str) 
     why = "no spot near it is free"
     tries = 0
     for spot in _free_spots(world, held):
-        if tries == MAX_SPOT_ATTEMPTS or leaving.late:
+        if tries == MAX_SPOT_ATTEMPTS or leaving.is_overdue:
             break
         tries += 1
         assert held.object_in_tcp is not None
@@ -438,7 +438,7 @@ def put_down(world: World, leaving: RetreatMotion, scaling: Scaling, node: str) 
             why = failure.message
             continue
         if not result.completed:
-            yield from leaving.touched_on_the_way(result, f"to a spot for {held.id}")
+            yield from leaving.handle_contact(result, f"to a spot for {held.id}")
             why = "something is in the way to it"
             continue
         yield from _lower(world, held, node)

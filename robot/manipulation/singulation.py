@@ -55,14 +55,14 @@ EXTRA_GRASP_MARGIN = 0.003
 """Margin added to a grasp's margin for errors of the simulation, m."""
 FIXTURE_CLEARANCE = 0.006
 """Clearance of pushed objects from bins and other fixtures, m."""
-ALONE_DISTANCE = 0.03
-"""Free distance from which an unknown object stands alone, m."""
+ISOLATION_DISTANCE = 0.03
+"""Free distance from which an unknown object counts as isolated, m."""
 START_HAND_CLEARANCE = 0.003
 """Clearance of the hand where the push begins, m."""
 SURE_GRASP_VALUE, BARE_GRASP_VALUE, OTHER_GRASP_VALUE = 3.0, 1.5, 0.4
 """Values of a sure grasp of the target, of a barely possible one, and of a grasp of another object."""
 FREE_DISTANCE_VALUE = 8.0
-"""Value of free distance around the target, 1/m, up to `ALONE_DISTANCE`."""
+"""Value of free distance around the target, 1/m, up to `ISOLATION_DISTANCE`."""
 PUSH_TRAVEL_COST, MOVED_OBJECT_COST = 2.0, 0.1
 """Costs of travel, 1/m, and of each moved object."""
 MAX_EXTRA_HEIGHT, MAX_UNKNOWN_REACH = 0.015, 0.12
@@ -91,10 +91,10 @@ class SingulationPush:
 def has_room(world: World, belief: BeliefObject) -> bool:
     """Return whether the hand fits around an object and the arm reaches that grasp.
 
-    An unknown object has to stand alone. Costs are added to the thinking account.
+    An unknown object must be isolated. Costs are added to the thinking account.
     """
     if belief.role != "item":
-        return free_distance(world, belief) >= ALONE_DISTANCE
+        return free_distance(world, belief) >= ISOLATION_DISTANCE
     for grasp in object_grasps(belief, world.robot.description.gripper):
         clear = world.queries.hand_clearance(
             grasp.tcp_in_world, grasp.opening, (belief.id,), grasp.margin, least=math.inf
@@ -102,14 +102,14 @@ def has_room(world: World, belief: BeliefObject) -> bool:
         if clear < math.inf:
             continue
         pair = (("gripper", str(belief.id)),)
-        asked = Request(PoseGoal((grasp.tcp_in_world,)), width=grasp.opening, allowed=pair)
-        if world.plan.reached(asked).q is not None:
+        request = Request(PoseGoal((grasp.tcp_in_world,)), width=grasp.opening, allowed=pair)
+        if world.plan.reached(request).q is not None:
             return True
     return False
 
 
 def free_distance(world: World, belief: BeliefObject) -> float:
-    """Return the free distance of an object from all others, m; inf: there is none."""
+    """Return the free distance of an object from all others, m; inf without others."""
     return min((_between(belief, o) for o in world.scene.objects if o.id != belief.id), default=math.inf)
 
 
@@ -177,7 +177,7 @@ def singulation_pushes(world: World, target: BeliefObject) -> list[SingulationPu
     ]
     found.sort(key=_rank)
     # Only the best pushes are tested for grasps of other objects.
-    found[:MAX_FINALISTS] = [case.with_others(one) for one in found[:MAX_FINALISTS]]
+    found[:MAX_FINALISTS] = [case.with_neighbours(one) for one in found[:MAX_FINALISTS]]
     world.thinking.spend(case.checks * world.description.thinking.collision_check)
     return sorted(found, key=_rank)
 
@@ -239,17 +239,17 @@ class _Case:
             name = f"{pushed.id} {stroke.side.name} {math.degrees(math.atan2(y, x)):.0f} deg"
             yield SingulationPush(f"{name} {length * 1000:.0f} mm", pushed, one, along, there, worth)
 
-    def with_others(self, one: SingulationPush) -> SingulationPush:
+    def with_neighbours(self, one: SingulationPush) -> SingulationPush:
         """Return the push with its value for other objects added."""
         with self._supposing(one.there):
-            after = self._graspable_others()
+            after = self._graspable_neighbours()
         return replace(one, worth=one.worth + OTHER_GRASP_VALUE * (after - self._graspable_now))
 
     @cached_property
     def _graspable_now(self) -> int:
-        return self._graspable_others()
+        return self._graspable_neighbours()
 
-    def _graspable_others(self) -> int:
+    def _graspable_neighbours(self) -> int:
         """Return the number of other items in the supposed scene around which the hand fits."""
         others = [o for name, o in self._near.items() if o.role == "item" and name != self._target.id]
         return sum(self._fits(self._supposed.get(o.id), enough=BARE_GRASP_VALUE) > 0.0 for o in others)
@@ -323,8 +323,8 @@ class _Case:
         return self._fits(here) + FREE_DISTANCE_VALUE * away
 
     def _free_distance(self) -> float:
-        """Return the supposed free distance of the target from all others, m, at most `ALONE_DISTANCE`."""
-        name, least = self._target.id, ALONE_DISTANCE
+        """Return the supposed free distance of the target from all others, m, up to `ISOLATION_DISTANCE`."""
+        name, least = self._target.id, ISOLATION_DISTANCE
         shape, at = self._shapes[name]
         at = self._there.get(name, at)
         for other, (their, there) in self._shapes.items():

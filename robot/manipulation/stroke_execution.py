@@ -35,7 +35,7 @@ CONTACT_BEGIN_FORCE, CONTACT_END_FORCE = 0.12, 0.04
 the sensor's noise over `PUSH_FORCE_TIME_CONSTANT` is 0.03 N."""
 PUSH_FORCE_TIME_CONSTANT = 0.08
 """Time constant of the force's mean, s."""
-MAX_LOST_TRAVEL = 0.008
+MAX_CONTACTLESS_TRAVEL = 0.008
 """Travel without contact after which the contact is lost, m."""
 MAX_SLOW_LENGTH, SLOW_PUSH_SPEED = 0.010, 0.025
 """Length below which a path is slow, m, and its speed, m/s: sensing needs time."""
@@ -76,15 +76,15 @@ class PushMotion(CompliantMotion):
         through: bool = False,
     ) -> None:
         """`tool`: TCP in the carrier. `hand_mass`: mass whose inertia the wrist measures, kg. `rolls`: see
-        `PushSide`. `through`: the stroke goes on without contact, through a heap."""
+        `PushSide`. `through`: the stroke continues without contact, through a heap."""
         super().__init__()
         self._path, self._tool, self._gap = way, tool, gap
         if rolls or way.length < MAX_SLOW_LENGTH:
             speed = min(speed, SLOW_PUSH_SPEED)
         self._rolls, self._braking = rolls, ROLLING_DECELERATION if rolls else PUSH_ACCELERATION
-        self._speed, self._most, self._through = speed, speed, through
+        self._speed, self._max_speed, self._through = speed, speed, through
         self._force, self._mass = force, hand_mass
-        self._way, self._rate = -gap, 0.0
+        self._travelled, self._rate = -gap, 0.0
         self._pushed = 0.0
         self._without = 0.0
         self._since = 0.0
@@ -105,7 +105,7 @@ class PushMotion(CompliantMotion):
 
     def start(self, position: Array, rotation: Array) -> None:
         super().start(position, rotation)
-        begin = self._path.at(self._way)
+        begin = self._path.at(self._travelled)
         self._yaw = begin.yaw
         tcp = begin @ self._tool
         self._offset: Array = position[:2] - (tcp.x, tcp.y)
@@ -117,12 +117,12 @@ class PushMotion(CompliantMotion):
 
     @property
     def direction(self) -> Array:
-        x, y = self._path.at(self._way).direction
+        x, y = self._path.at(self._travelled).direction
         away = -1.0 if self.phase == "leaving" else 1.0
         return np.array([away * x, away * y, 0.0]) if self.phase in ("pushing", "leaving") else np.zeros(3)
 
     def limit(self, speed: float) -> None:
-        self._most = max(1e-3, min(speed, self._speed))
+        self._max_speed = max(1e-3, min(speed, self._speed))
 
     def step(self, felt: ContactState) -> None:
         period = felt.period
@@ -135,12 +135,12 @@ class PushMotion(CompliantMotion):
 
     def _push(self, felt: ContactState, period: float) -> None:
         before = self._rate
-        left = self._path.length - self._way
-        wanted = min(self._most, math.sqrt(max(0.0, 2 * self._braking * left)))
+        left = self._path.length - self._travelled
+        wanted = min(self._max_speed, math.sqrt(max(0.0, 2 * self._braking * left)))
         change = PUSH_ACCELERATION * period
         self._rate = min(max(wanted, before - 2 * change), before + change)
-        self._way = min(self._way + self._rate * period, self._path.length)
-        self.reached = self._way
+        self._travelled = min(self._travelled + self._rate * period, self._path.length)
+        self.reached = self._travelled
         self._feel(felt, (self._rate - before) / period, period)
         done = left <= self._rate * period + 1e-6
         if self.blocked or self.lost or done:
@@ -153,18 +153,18 @@ class PushMotion(CompliantMotion):
 
     def _feel(self, felt: ContactState, acceleration: float, period: float) -> None:
         """Update the force against the push, without the inertia of the hand, and the contact flags."""
-        x, y = self._path.at(self._way).direction
+        x, y = self._path.at(self._travelled).direction
         against = -float(felt.force[0] * x + felt.force[1] * y) - self._mass * acceleration
         self._pushed += (against - self._pushed) * min(1.0, period / PUSH_FORCE_TIME_CONSTANT)
         if self._pushed > CONTACT_BEGIN_FORCE and self.touched_at is None:
-            self.touched_at = self._way
+            self.touched_at = self._travelled
         self._without = 0.0 if self._pushed > CONTACT_END_FORCE else self._without + self._rate * period
-        without = self.touched_at is not None and self._without > MAX_LOST_TRAVEL
+        without = self.touched_at is not None and self._without > MAX_CONTACTLESS_TRAVEL
         self.lost = without and not (self._rolls or self._through)
         self.blocked = against > self._force
 
     def _settle(self, felt: ContactState, period: float) -> None:
-        """Stand where the path ends, or where something stopped the push, before leaving."""
+        """Hold the arm at the end of the path, or where the push stopped, before it withdraws."""
         if self.blocked:
             # A body that resists is not pressed any longer.
             self._offset = felt.position[:2] - self._planned()[:2]
@@ -183,7 +183,7 @@ class PushMotion(CompliantMotion):
         """Move straight back, off the object."""
         step = min(self._speed, 0.05) * period
         self._back += step
-        x, y = self._path.at(self._way).direction
+        x, y = self._path.at(self._travelled).direction
         self.position = self.position - np.array([x, y, 0.0]) * step
         self.velocity = np.array([-x, -y, 0.0]) * (step / period)
         self.acceleration = self.spin = np.zeros(3)
@@ -193,12 +193,12 @@ class PushMotion(CompliantMotion):
             self.finished = True
 
     def _planned(self) -> Array:
-        tcp = self._path.at(self._way) @ self._tool
+        tcp = self._path.at(self._travelled) @ self._tool
         return np.array([tcp.x, tcp.y, self.origin[2]])
 
     def _anchor(self, felt: ContactState, period: float, acceleration: float) -> float:
         """Set the anchor of the spring, and return the error of the tool, m."""
-        carrier = self._path.at(self._way)
+        carrier = self._path.at(self._travelled)
         planned = self._planned()
         error = planned[:2] - felt.position[:2]
         if not self.blocked:
@@ -208,7 +208,7 @@ class PushMotion(CompliantMotion):
         turn = carrier.yaw - self._yaw
         c, s = math.cos(turn), math.sin(turn)
         self.rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ self.turn
-        spin = self._rate * self._path.curvature(self._way)
+        spin = self._rate * self._path.curvature(self._travelled)
         x, y = carrier.direction
         arm = planned[:2] - (carrier.x, carrier.y)
         self.velocity = np.array([x * self._rate - spin * arm[1], y * self._rate + spin * arm[0], 0.0])
@@ -448,13 +448,13 @@ def configuration_above_start(
     rise: float | None = None,
     beside: Collection[str] = (),
 ) -> Array | str:
-    """Return the configuration (n,) above the first of a stroke's TCP poses from which the arm can follow
-    them, or why there is none.
+    """Return the configuration (n,) above the first TCP pose of a stroke from which the arm can follow all
+    poses, or the reason without one.
 
-    `rise`: height above that pose, m; without it that of a pre-grasp.
-    `touching`: names that the gripper may touch after the start; `beside`: before it, too, because something
-    finer than the belief's shapes shows that it fits there. The search begins at the middle of the path.
-    There the arm has a comfortable configuration, and the change along the path is shared between both ends.
+    `rise`: height above that pose, m; without it that of a pre-grasp. `touching`: names that the gripper may
+    touch after the start; `beside`: before it, too, because something finer than the belief's shapes shows
+    that it fits there. The search begins at the middle of the path. There the arm has a comfortable
+    configuration, and the change along the path is shared between both ends.
     """
     start, middle = poses[0], len(poses) // 2
     pairs = tuple(("gripper", name) for name in touching)

@@ -287,7 +287,7 @@ class PushGoal:
     y: float
     yaw: float | None = None
 
-    def off(self, at: planar_geometry.PlanarPose, turn: float) -> tuple[float, float]:
+    def deviation(self, at: planar_geometry.PlanarPose, turn: float) -> tuple[float, float]:
         """Return distance, m, and heading error, rad, of an object with rotational symmetry `turn`, rad."""
         away = math.hypot(self.x - at.x, self.y - at.y)
         return away, 0.0 if self.yaw is None else abs(planar_geometry.wrap_angle(self.yaw - at.yaw, turn))
@@ -429,7 +429,7 @@ def _stroke(
     longest: float,
 ) -> PushStroke:
     """Return the path as one stroke, or its first part if it takes several."""
-    away, turned = aim.off(_expected_pose(side, way, at, shape), shape.turn)
+    away, turned = aim.deviation(_expected_pose(side, way, at, shape), shape.turn)
     cost = away + HEADING_ERROR_COST * turned + _effort(way)
     parts = max(1, math.ceil(way.length / longest - 1e-6))
     first = truncated(way, way.length / parts) if parts > 1 else way

@@ -48,7 +48,7 @@ class PatchMatch:
     others: tuple[TrackedSighting, ...]
     """Sightings of other objects: at most one for each, from its own patch."""
     ambiguous: bool
-    """Whether two patches may be the target, and nothing tells them apart."""
+    """Whether two patches may be the target, and nothing distinguishes them."""
     seen: int
     """Number of patches that may be the target, whether it fits them or not."""
 
@@ -153,7 +153,7 @@ def servo_to_grasp(
     first: bool = True,
     watch: Watch | None = None,
 ) -> Doing[PickPlaceCandidate]:
-    """Move the hand over a grasp, look, and correct the grasp; the arm then stands over it.
+    """Move the hand over a grasp, look, and correct the grasp; the arm ends over it.
 
     Returns the pick with the rest of the approach. Without a camera on the hand it is unchanged. An object
     that is not recognised is grasped as believed. Fails with perception.ambiguous where two patches may be

@@ -24,7 +24,7 @@ from picktree.robot.control import (
 )
 from picktree.robot.planning import CARRYING_ACCELERATION
 from picktree.world import GRAVITY, Array, Failure, Pose, event_types, grasp
-from picktree.world.scene import MIN_FELT_MASS, CatalogueEntry
+from picktree.world.scene import MIN_DETECTABLE_MASS, CatalogueEntry
 
 from .grip_force import SLIP_GRIP_FACTOR, GripForce, required_force
 from .held_object import MAX_EMPTY_WIDTH, MIN_HELD_LOAD, GripCheck, check_grip
@@ -162,7 +162,7 @@ class GripMonitor:
         """Mass on the hand in the last tick. None: not measured."""
 
     def watch(self) -> Failure | None:
-        """Return the failure that stops the arm. None: there is none. For `ArmMotion.along` and `finish`."""
+        """Return the failure that stops the arm; None to continue. For `ArmMotion.along` and `finish`."""
         width = self._world.gripper.width
         met = width <= MAX_EMPTY_WIDTH < self._width
         if met or abs(width - self._width) > MAX_OPENING_CHANGE:
@@ -201,7 +201,7 @@ class GripMonitor:
         The fingers alone show it for a payload that is too light to be felt.
         """
         payload, felt = self._world.control.wrist.payload, self.felt
-        if payload is not None and payload.mass < MIN_FELT_MASS:
+        if payload is not None and payload.mass < MIN_DETECTABLE_MASS:
             return payload.mass * GRAVITY
         if payload is None or felt is None or (felt.mass - felt.unsure) * GRAVITY < MIN_HELD_LOAD:
             return None
@@ -220,15 +220,15 @@ class LiftWeighing:
         lift, s."""
         self._world = world
         self._height = world.control.tcp.position[2]
-        self._kept = GripMonitor(world, self._height + LIFTED_HEIGHT)
+        self._grip_monitor = GripMonitor(world, self._height + LIFTED_HEIGHT)
         self._ends = world.clock.now + lifted
         self._ticks: list[_Tick] = []
         self.hold: GripCheck | None = None
         """Grip check of the lift. None: not finished, or in doubt."""
 
     def watch(self) -> Failure | None:
-        """Add this tick, and return the failure that stops the arm. None: the arm goes on."""
-        moved = self._kept.watch()
+        """Add this tick, and return the failure that stops the arm; None to continue."""
+        moved = self._grip_monitor.watch()
         if moved is not None or self.hold is not None:
             return moved
         self._ticks.append(self._tick())
@@ -247,11 +247,11 @@ class LiftWeighing:
     def _hold_on(self) -> None:
         """Increase the grip force when the object does not come up with the hand or weighs less than its
         kind."""
-        payload, felt = self._world.control.wrist.payload, self._kept.felt
+        payload, felt = self._world.control.wrist.payload, self._grip_monitor.felt
         if (
             payload is None
             or felt is None
-            or payload.mass < MIN_FELT_MASS
+            or payload.mass < MIN_DETECTABLE_MASS
             or self._world.control.tcp.position[2] < self._height + COMES_ALONG_HEIGHT
         ):
             return

@@ -16,7 +16,7 @@ from .camera_geometry import PosedCamera
 from .hole_mouths import spread
 
 WALL_MARGIN = 0.012
-"""Distance from a bin's wall within which depth cannot be told from the wall, m."""
+"""Distance from a bin's wall within which depth may be that of the wall, m."""
 FIXTURE_MARGIN = 0.006
 """The same distance for the sides of fixtures, m."""
 SUPPORT_TOLERANCE = 0.005
@@ -150,7 +150,7 @@ class SupportSurface:
     """Height in the world, m."""
     in_bin: bool
     heaped: bool = False
-    """Whether what lies there is taken out as a heap, without being recognised."""
+    """Whether things there are picked from a heap, without being recognised."""
 
 
 class SupportSurfaces:

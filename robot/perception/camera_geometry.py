@@ -26,7 +26,7 @@ def depth_noise(depth: NDArray[np.float32]) -> tuple[float, float]:
     return 1.4826 * float(np.median(np.abs(bent))) / math.sqrt(1.25), float(np.median(inner[known]))
 
 
-NOISY, NOISY_DEPTH = 2.5, 1e-3
+MAX_NOISE_RATIO, MAX_EXTRA_NOISE = 2.5, 1e-3
 """Depth that scatters this many times as much as the camera's own noise, and so many m more, is too noisy."""
 
 
@@ -37,7 +37,7 @@ def noise_factor(depth: NDArray[np.float32], own: float) -> float:
     """
     scatter, distance = depth_noise(depth)
     usual = max(own * (distance / 0.7) ** 2, 5e-4)
-    return scatter / usual if scatter > NOISY * usual + NOISY_DEPTH else 0.0
+    return scatter / usual if scatter > MAX_NOISE_RATIO * usual + MAX_EXTRA_NOISE else 0.0
 
 
 @lru_cache(maxsize=16)
@@ -114,7 +114,7 @@ class PosedCamera:
         return rays_of(self.intrinsics) @ self.rotation.T
 
     def heights(self, depth: Array) -> Array:
-        """Return the height in the world (h, w) of what is seen at `depth` (h, w), m."""
+        """Return the height in the world (h, w) of the surfaces at `depth` (h, w), m."""
         rays, (right, down, ahead) = rays_of(self.intrinsics), self.rotation[2].tolist()
         found: Array = rays[0, :, 0] * right + (rays[:, :1, 1] * down + ahead)
         found *= depth

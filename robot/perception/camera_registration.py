@@ -1,4 +1,4 @@
-"""Camera registration: the pose of a camera, corrected by what its picture shows of fingers and table.
+"""Camera registration: the pose of a camera, corrected by fingers and table in its picture.
 
 Height and tilt show on the table (`level_camera`). For a camera on the hand, a shift along the table and a
 turn about the vertical show on the sides of the fingers, whose poses follow from the encoders. Nothing is
@@ -133,7 +133,7 @@ def level_camera(
     table_z: float,
     clutter: NDArray[np.bool_] | None = None,
 ) -> PosedCamera:
-    """Move and tilt the camera so that the measured table lies where the scene file says.
+    """Move and tilt the camera so that the measured table agrees with the scene file.
 
     `clutter` (h, w) marks pixels that are known to show something else. Only height and tilt show on a plane;
     they shift every height above the table. Without enough table, or beyond the limits, the camera is

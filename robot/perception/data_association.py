@@ -48,15 +48,15 @@ HELD_DISTANCE = 0.06
 CERTAIN_CONFIDENCE = 0.6
 """Confidence from which a detection is an object of its own, even next to hidden objects."""
 MIN_SHARE_IN_VOLUME = 0.6
-"""Share of its cells in those of an obstacle from which a detection may be a part of it. What leans on an
-obstacle or stands close to it has fewer."""
+"""Least share of a detection's cells in those of an obstacle for which it may be a part of that obstacle. An
+item that leans on an obstacle or is close to it has a smaller share."""
 VOLUME_MARGIN = 0.02
 """Distance beside a detection within which an obstacle's cells may be due to the same item, m: cells reach
 beyond the true surface."""
 MAX_UNEXPLAINED_SHARE = 0.25
 """Share of an obstacle's cells, beside those of all detections in it, above which it is still there."""
 MAX_SUPPOSED_TIME = 60.0
-"""Simulated s for which an item that was given up is believed where it fell unseen."""
+"""Simulated time for which a given-up item is believed at its unseen place, s."""
 MIN_SHARE_IN_ITEMS = 0.9
 """Share of a patch's points at unrecognised items from which the patch belongs to them. The others are noise
 at its outline."""
@@ -81,14 +81,14 @@ class ObservationSummary:
 def update_belief(
     scene: PlanningScene, view: PerceivedView, now: float, held_at: Pose | None = None
 ) -> ObservationSummary:
-    """Update the items and obstacles of `scene` with what `view` showed at time `now`, s.
+    """Update the items and obstacles of `scene` with the `view` at time `now`, s.
 
     `held_at` is the held object's pose in the world at that time; None: it has not moved since.
 
-    Ids stay with their objects: matched first by place, then by kind for objects that left their place. An
-    attached object is not touched. An item is removed only when its place is clearly seen to be empty, or
-    when it was given up where it is merely supposed to lie. What is seen where an item was given up is that
-    item in any colour: a camera may mistake it.
+    Objects keep their ids: they are matched first by place, then by kind for objects that left their place.
+    An attached object is not touched. An item is removed only when its place is clearly seen to be empty, or
+    when it was given up at a merely supposed place. A detection at the place of a given-up item is that item
+    in any colour: a camera may mistake the colour.
     """
     held = scene.held
     if held is not None and held_at is not None:
@@ -103,7 +103,7 @@ def update_belief(
     detections = _outside_volumes(detections, items, volumes, view)
     matched = _assignment(items, detections, _nearness)
     unmatched = [o for o in items if o.id not in matched]
-    missing = [o for o in unmatched if view.look(o.shape, o.pose, o.colour).seen_empty]
+    missing = [o for o in unmatched if view.look(o.shape, o.pose, o.colour).is_empty]
     matched |= _assignment(missing, _unmatched(detections, matched), _displacement)
 
     removed: list[ObjectId] = []
@@ -151,7 +151,7 @@ def _unmatched(detections: Sequence[Detection], matched: dict[ObjectId, Detectio
 
 
 def _nearness(item: BeliefObject, detection: Detection) -> float:
-    """Distance on the table or in the same bin, m; inf beyond the gate or for another colour."""
+    """Return the distance on the table or in the same bin, m; inf beyond the gate or for another colour."""
     if item.colour != detection.colour:
         return math.inf
     same_bin = detection.place != "table" and item.place == detection.place
@@ -170,9 +170,10 @@ def _gate(item: BeliefObject, distance: float = MATCH_DISTANCE) -> float:
 
 
 def _displacement(item: BeliefObject, detection: Detection) -> float:
-    """Distance to a detection of the same kind and colour, m, or to any where the item was given up.
+    """Return the distance to a detection of the same kind and colour, m; for a given-up item to any
+    detection.
 
-    It is inf to others, and beyond `MAX_DISPLACEMENT`.
+    It is inf for other detections, and beyond `MAX_DISPLACEMENT`.
     """
     distance = item.pose.distance(detection.pose)
     alike = (item.colour, item.kind) == (detection.colour, detection.kind) and distance < MAX_DISPLACEMENT
@@ -260,7 +261,7 @@ def _updated_belief(
     """
     place = item.place if _is_given_up(item, detection) else detection.place
     worse = detection.confidence < MIN_CONFIDENCE_SHARE * item.confidence
-    if worse and view.look(item.shape, item.pose, item.colour).borne_out:
+    if worse and view.look(item.shape, item.pose, item.colour).is_confirmed:
         return replace(item, last_seen=now, place=place)
     belief = replace(_belief_from(item.id, detection, now), place=place)
     return replace(belief, pose=_nearest_orientation(detection, item.pose))

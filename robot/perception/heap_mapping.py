@@ -84,7 +84,7 @@ def map_heaps(
 ) -> dict[ObjectId, heap_geometry.HeightMap]:
     """Return the height maps of the heaps' regions that a picture shows.
 
-    Tags are read in its colours (h, w, 3) if a rule of the scene asks for them.
+    Tags are read in its colours (h, w, 3) if a rule of the scene uses them.
     """
     found: dict[ObjectId, heap_geometry.HeightMap] = {}
     tags = (
@@ -143,7 +143,7 @@ def put_heap(
     now: float,
     reason: str,
 ) -> None:
-    """Replace what is believed of the heap in a region; an empty one is no object."""
+    """Replace the belief about the heap in a region; an empty one is no object."""
     found = heap_object(region, heap, now)
     if found is None:
         scene.remove(heap_geometry.heap_id(region.id), f"{region.id}: nothing is left of the heap")

@@ -50,7 +50,8 @@ def view_held_thing(
     *,
     tagged: bool,
 ) -> HeldView:
-    """Return what a picture shows in the hand. Points of the hand and those far from it are left out.
+    """Return the thing in the hand as a picture shows it. Points of the hand and those far from it are left
+    out.
 
     `depth` (h, w) is in m, 0 for the background and where it is not known. `hand`: the arm's joints (n,) rad,
     and the opening of the fingers, m. `tagged`: whether tags are looked for.

@@ -1,9 +1,10 @@
-"""Hole mouths: those of a scene with what protrudes from them, and their detection in a depth picture.
+"""Hole mouths: those of a scene with the objects that protrude from them, and their detection in a depth
+picture.
 
-In a hole, rays go on below the face around it. The face is a plane through what is measured around the hole.
-A ray whose depth goes beyond that plane passed through the mouth, and was still between the walls a little
-below it. These rays have an outline of known form and size. Its place and turn on the face are fitted to all
-pixels at once, those beyond the outline and those within it.
+In a hole, rays pass below the face around it. The face is a plane through the depth around the hole. A ray
+whose depth goes beyond that plane passed through the mouth, and was still between the walls a little below
+it. These rays have an outline of known form and size. Its place and turn on the face are fitted to all pixels
+at once, those beyond the outline and those within it.
 """
 
 from __future__ import annotations

@@ -86,7 +86,7 @@ class Hypothesis:
     shown: float
     """Share of the silhouette that the blob fills."""
     supported: bool
-    """Whether the item stands on the support; else it floats at the measured height."""
+    """Whether the item rests on the support; else it floats at the measured height."""
 
     @property
     def cost(self) -> float:
@@ -132,7 +132,7 @@ class ItemFitter:
         """Fit one body to the blob from a start near its pose. The height changes only where the depth
         clearly demands it."""
         known = self._judge(blob, start, True, rounds)
-        _, off = self._off(blob, known.stand)
+        _, off = self._depth_misfit(blob, known.stand)
         if not len(off) or abs(float(np.median(off))) < MIN_HEIGHT_CORRECTION:
             return known
         moved = self._judge(blob, known.stand, False, rounds)
@@ -143,7 +143,7 @@ class ItemFitter:
         `supported`."""
         return self._judge(blob, start, supported, FIT_ROUNDS)
 
-    def at_most(self, blob: Blob) -> int:
+    def max_count(self, blob: Blob) -> int:
         """Return the greatest number of items that may make up the blob, by its area and that of the smallest
         stable pose."""
         depth = float(blob.depths.mean()) if len(blob.depths) else 1.0
@@ -188,7 +188,8 @@ class ItemFitter:
             starts = [s for s in starts if s[0] < gate**2]
         starts.sort(key=lambda s: s[0])
         ranked = [
-            (left + self._off(blob, stand, RANKING_STRIDE)[0], stand) for left, stand in starts[:MAX_STARTS]
+            (left + self._depth_misfit(blob, stand, RANKING_STRIDE)[0], stand)
+            for left, stand in starts[:MAX_STARTS]
         ]
         ranked.sort(key=lambda r: r[0])
         found: list[Hypothesis] = []
@@ -219,19 +220,19 @@ class ItemFitter:
 
     def _judge(self, blob: Blob, start: StandingPose, supported: bool, rounds: int) -> Hypothesis:
         fitted = fit_outline(self.sight, blob.outline, start, rounds)
-        depth, off = self._off(blob, fitted.stand)
+        depth, off = self._depth_misfit(blob, fitted.stand)
         if not supported and len(off):
             rise = float(np.sort(off)[len(off) // 2])
             lifted = fitted.stand.centre + np.array([0.0, 0.0, rise])
             fitted = fit_outline(self.sight, blob.outline, replace(fitted.stand, centre=lifted), 2)
-            depth, _ = self._off(blob, fitted.stand)
+            depth, _ = self._depth_misfit(blob, fitted.stand)
         contour, measured = float(len(blob.outline.points)), float(blob.measured)
         weight = contour + measured
         misfit = (fitted.misfit * contour + depth * measured) / weight
         shown = min(1.0, blob.area / max(1.0, fitted.area))
         return Hypothesis(fitted.stand, misfit, weight, fitted.covariance, shown, supported)
 
-    def _off(self, blob: Blob, stand: StandingPose, every: int = 1) -> tuple[float, Array]:
+    def _depth_misfit(self, blob: Blob, stand: StandingPose, every: int = 1) -> tuple[float, Array]:
         """Return the mean square of the depth residuals in sigmas, capped, and the residuals (k,), m.
 
         A residual is positive where the measured surface is nearer than the model. Only rays that meet the
@@ -325,7 +326,7 @@ MAX_FLUSH_MISFIT, MAX_FLUSH_SHARED_VOLUME = 0.9, 0.08
 """Greatest misfit of flush items, and greatest share of one's volume inside another. Rows of items measure
 0.5 to 0.85, and 0.04; items that do not add up to a long body exceed one of the limits."""
 MIN_STACKED_MISFIT = 2.2
-"""Misfit below which a part that stands on the table is not lifted onto others."""
+"""Misfit below which a part on the table is not lifted onto others."""
 MAX_PART_MISFIT = 5.5
 """Misfit of a part above which its cut is given up."""
 MAX_REFINEMENT = 2.0
@@ -366,7 +367,7 @@ def split_blob(
         limit = min(limit, MAX_FLUSH_MISFIT)
     fitting = _CutFitting(picture, fitter, blob, support)
     best: list[BlobPart] | None = None
-    for count in range(2, min(most, fitter.at_most(blob)) + 1):
+    for count in range(2, min(most, fitter.max_count(blob)) + 1):
         for cut in _cuts(picture, blob, count):
             parts = fitting.refined(cut, limit)
             if parts is None or _misfit(parts) > limit or (convex and not _are_flush(parts)):

@@ -46,7 +46,7 @@ DEPTH_STEP = 0.008
 MIN_BODY_PIXELS = 24
 """Least number of pixels of a body."""
 PART_GROWTH_PIXELS = 6
-"""Number of pixels by which the parts regain what was cut away between them."""
+"""Number of pixels by which the parts grow back into the cut between them."""
 _SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))
 
 
@@ -155,13 +155,13 @@ def track_objects(
     return tuple(found)
 
 
-KNOWN_DISTANCE = 0.01
+MAX_KNOWN_DISTANCE = 0.01
 """Greatest distance from its believed pose at which a known object is confirmed, m. A fit that starts so near
 converges."""
 SUPPORTED_TOLERANCE = 5e-4
-"""Distance from its support below which an object is believed to stand on it, m."""
+"""Distance from its support below which an object is believed to rest on it, m."""
 MIN_KNOWN_CONFIDENCE = 0.6
-"""Least believed confidence of a known object of which a good fit is asked."""
+"""Least believed confidence of a known object that needs a good fit."""
 UNEXPLAINED_DISTANCE = 0.5
 """Distance from all silhouettes beyond which the middle of a pixel belongs to none of them, pixels."""
 MIN_REAL_OUTLINE = 0.5
@@ -180,7 +180,7 @@ class KnownSighting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownContents:
-    """Known objects in a blob, and what else it shows."""
+    """Known objects in a blob, and its other contents."""
 
     found: Sequence[KnownSighting] = ()
     left: Sequence[PixelPatch] = ()
@@ -188,9 +188,9 @@ class KnownContents:
     most: int = MAX_PARTS
     """Greatest number of items that the blob may be split into when none was found.
 
-    A split is the dearest search of a picture, and would be tried in each as long as the blob lies there.
-    Where it shows only items that were set aside, nobody asks where exactly they are: 1. Where something
-    shows beside them, it may be one more than these."""
+    A split is the most expensive search of a picture, and would be tried in each picture of the blob. It is 1
+    for a blob of only set-aside items, whose exact poses are not needed. With other pixels beside them, it
+    may be one more than these."""
 
 
 def known_objects(
@@ -200,11 +200,11 @@ def known_objects(
     floor: SupportSurface,
     known: Sequence[BeliefObject],
 ) -> KnownContents:
-    """Return the `known` objects that the blob shows near their believed poses, and what they leave of it.
+    """Return the `known` objects that the blob shows near their believed poses, and the rest of the blob.
 
     An object is left out where no other explanation could be excluded: most of it is hidden, the fit is not
-    good, it moved or turned. An uncertain object stays so, and of one that was set aside nobody asks what it
-    is: for these, a fit that explains the blob at all is enough. `floor` is the support under the blob.
+    good, it moved or turned. An uncertain object stays uncertain, and the identity of a set-aside object is
+    not needed: for these, any fit that explains the blob is enough. `floor` is the support under the blob.
     """
     touching: list[tuple[BeliefObject, StandingPose]] = []
     rests = (*fitter.rests, *fitter.leaning)
@@ -215,11 +215,14 @@ def known_objects(
         if stand is None:
             continue
         x, y = picture.sight.at_height(blob.middle, one.pose.position[2])
-        if math.hypot(float(x) - one.pose.position[0], float(y) - one.pose.position[1]) < 2 * KNOWN_DISTANCE:
+        if (
+            math.hypot(float(x) - one.pose.position[0], float(y) - one.pose.position[1])
+            < 2 * MAX_KNOWN_DISTANCE
+        ):
             found = _confirmed(picture, fitter, blob, floor, one, stand)
             if found is not None:
                 return KnownContents([found])
-        if _is_shown_in(picture, blob, stand):
+        if _is_visible_in(picture, blob, stand):
             touching.append((one, stand))
     most = MAX_PARTS
     while touching:
@@ -229,7 +232,7 @@ def known_objects(
             for piece, (one, stand) in zip(cut.pieces, touching, strict=True)
         ]
         found = [each for each in tried if each is not None]
-        left = cut.left([each is None for each in tried])
+        left = cut.unclaimed_patches([each is None for each in tried])
         outlines = (outline_patch(picture, patch).outline for patch in left)
         # Each of those left shows enough of its own outline, beside that of the cut, to be recognised.
         if len(found) == len(tried) or (found and all(o.real.mean() > MIN_REAL_OUTLINE for o in outlines)):
@@ -248,14 +251,14 @@ class _Cut:
     picture: SegmentationInput
     blob: Blob
     costs: Array
-    """How badly each item explains each pixel (k, n)."""
+    """Misfit of each item in each pixel (k, n)."""
     owners: NDArray[np.intp]
     """Number of the item (n,) that each pixel belongs to; k for a pixel of none."""
     pieces: list[Blob | None]
     """Piece of each item; None for one that shows too little of its outline."""
 
-    def left(self, missing: Sequence[bool]) -> list[PixelPatch]:
-        """Claim the patches of what belongs to no item, or to one that is `missing` (k,)."""
+    def unclaimed_patches(self, missing: Sequence[bool]) -> list[PixelPatch]:
+        """Claim the patches that belong to no item, or to one that is `missing` (k,)."""
         rows, columns = self.blob.patch.rows, self.blob.patch.columns
         free = np.zeros(self.picture.owner.shape, dtype=np.bool_)
         free[rows, columns] = np.array([*missing, True])[self.owners]
@@ -315,7 +318,7 @@ def _confirmed(
     if not clear and (one.place == world_facts.ASIDE or one.confidence < MIN_KNOWN_CONFIDENCE):
         poor = POOR_MISFIT_IN_BIN if floor.in_bin else POOR_MISFIT
         clear = is_clear(found, poor) and not _shows_two_objects(picture, blob, found)
-    if clear and moved < KNOWN_DISTANCE and turned < MAX_HEADING_CHANGE:
+    if clear and moved < MAX_KNOWN_DISTANCE and turned < MAX_HEADING_CHANGE:
         return KnownSighting(one, blob, found)
     return None
 
@@ -324,7 +327,7 @@ def _is_believed_on(floor: SupportSurface, one: BeliefObject) -> bool:
     return one.place == floor.place or (one.place == world_facts.ASIDE and not floor.in_bin)
 
 
-def _is_shown_in(picture: SegmentationInput, blob: Blob, stand: StandingPose) -> bool:
+def _is_visible_in(picture: SegmentationInput, blob: Blob, stand: StandingPose) -> bool:
     """Whether the middle of an object at that pose appears in the blob."""
     column, row = (round(float(c)) for c in picture.sight.pixels(stand.centre[None])[0])
     rows, columns = picture.owner.shape

@@ -2,9 +2,9 @@
 hidden cells stay.
 
 A cell is occupied when something unexplained was seen in it or above it, and no ray has passed it since.
-Cells stay where the picture shows nothing of them: behind the robot, behind nearer bodies, out of the view.
-What is seen for the first time may go on there: cells beside it behind the robot, or out of the view, are
-occupied until rays pass them, or until nothing that was seen is left beside them.
+Cells stay where the picture shows nothing of them: behind the robot, behind nearer bodies, out of the view. A
+newly seen obstacle may extend there: adjacent cells behind the robot, or out of the view, are occupied. They
+stay until rays pass them, or until no seen cell is left next to them.
 
 Voxel grid: sets of cells as sorted keys, and the obstacles of the belief that store them. The belief holds
 blocks only. Cells are read back from them exactly, so that no second memory can differ from it.
@@ -136,7 +136,7 @@ def obstacle_from_cells(
 
 
 def _enclosing_shape(blocks: Sequence[ObstacleBlock]) -> Shape:
-    """Return the hull where one stands for all blocks, else their bounding box."""
+    """Return the hull if a single one encloses all blocks, else their bounding box."""
     hulls = convex_decomposition.hulls_of(tuple(blocks))
     if len(hulls) == 1:
         return hulls[0][0]
@@ -243,8 +243,8 @@ def points_of(picture: SegmentationInput | PerceivedView, rows: Pixels, columns:
 
 
 PIXEL_HALF_WIDTH = 1.0
-"""Half width of the square that each pixel stands for, pixels: at edges every second pixel is lost. With 2
-pixels volumes were 5 mm wider all round, with half a pixel 1 % of a post was left out."""
+"""Half width of the square that each pixel covers, pixels: at edges every second pixel is lost. With 2 pixels
+volumes were 5 mm wider all round; with half a pixel 1 % of a post was left out."""
 CLEARING_SIGMAS = 2.5
 """Sigmas of depth noise by which the surface must lie beyond a cell, so that the ray passes the cell."""
 DEPTH_NOISE = 0.002
@@ -273,7 +273,7 @@ def retained_cells(view: PerceivedView, known: Keys) -> Keys:
 
 
 UNSEEN_REACH = 0.05
-"""Distance over which an obstacle may go on where the picture shows nothing, m."""
+"""Distance over which an obstacle may extend where the picture shows nothing, m."""
 ROBOT_MARGIN = 0.03
 """Distance from the robot within which nothing else is supposed, m."""
 MIN_CELL_DEPTH = 0.05
@@ -282,9 +282,9 @@ _SIDES = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
 
 
 def unseen_cells(view: PerceivedView, cells: Keys) -> Keys:
-    """Return the cells in which an obstacle of the given cells may go on: where the picture shows nothing.
+    """Return the cells into which an obstacle of the given cells may extend, where the picture shows nothing.
 
-    They are at the same heights, hang together with the cells, and are at most UNSEEN_REACH away, behind the
+    They are at the same heights, are connected to the cells, and are at most UNSEEN_REACH away, behind the
     robot or beyond the picture's edge. No ray passes them.
     """
     reached, front = cells, cells
@@ -292,7 +292,7 @@ def unseen_cells(view: PerceivedView, cells: Keys) -> Keys:
         around = (cell_indices(front)[:, None, :] + _SIDES[None]).reshape(-1, 3)
         beside = np.setdiff1d(cell_keys(around), reached, assume_unique=True)
         # A cell and those above and below it: `>>` leaves their place on the table.
-        front = beside[np.isin(beside >> _BITS, beside[_shown_nowhere(view, beside)] >> _BITS)]
+        front = beside[np.isin(beside >> _BITS, beside[_outside_view(view, beside)] >> _BITS)]
         front = front[~_cells_passed_by_rays(view, front, 0.0, window=False)]
         front = front[~view.robot(cell_centres(front), ROBOT_MARGIN)]
         reached = np.union1d(reached, front)
@@ -301,7 +301,7 @@ def unseen_cells(view: PerceivedView, cells: Keys) -> Keys:
     return np.setdiff1d(reached, cells, assume_unique=True)
 
 
-def _shown_nowhere(view: PerceivedView, cells: Keys) -> NDArray[np.bool_]:
+def _outside_view(view: PerceivedView, cells: Keys) -> NDArray[np.bool_]:
     """Select the cells (n,) behind the robot or beyond the picture's edge, above their supports."""
     points = cell_centres(cells)
     depth, pixels, inside = _projected(view, cells)
@@ -517,7 +517,8 @@ def _supposed(scene: PlanningScene, names: Iterable[ObjectId]) -> Keys:
 def _hidden_parts(scene: PlanningScene, view: PerceivedView, new: Keys, former: Iterable[Keys]) -> Keys:
     """Return the cells that new parts of obstacles may take up where the picture shows nothing.
 
-    What was believed before has been seen from there already, as its rim has, which comes and goes.
+    New cells next to former ones do not count: the space behind them was evaluated before, and the rim of an
+    obstacle comes and goes.
     """
     known = np.unique(np.concatenate([NO_CELLS, *former]))
     fresh = new[~adjacent_cells(new, known)] if len(known) else new
@@ -545,7 +546,7 @@ def _components(
 ) -> list[_Seen]:
     """Group cells that are connected as seen from above, the largest group first.
 
-    What was only supposed goes with the last of what was seen beside it.
+    A group needs seen cells: supposed cells go with the last seen cells next to them.
     """
     if not len(cells):
         return []

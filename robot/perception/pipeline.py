@@ -1,5 +1,5 @@
-"""Perception pipeline: one RGB-D image is masked, segmented and fitted to the catalogue. What no fit
-explains is reported as unexplained.
+"""Perception pipeline: one RGB-D image is masked, segmented and fitted to the catalogue. Blobs without a fit
+are reported as unexplained.
 """
 
 from __future__ import annotations
@@ -86,8 +86,8 @@ colour. Items may lean over the rim."""
 HEIGHT_ABOVE_TALLEST = 0.015
 """Height above the tallest item from which a blob cannot be an item, m."""
 RAY_EXTENSION = 0.02
-"""Length by which a ray is taken to go on beyond what never moves, m. It thereby clears volumes that touch
-such a surface."""
+"""Length by which a ray is extended into a fixture or bin, m. It thereby clears volumes that touch such a
+surface."""
 MAX_CAMERA_DISPLACEMENT, DISPLACEMENT_DISTANCE = 0.006, 0.8
 """Displacement at the distance of the second value above which a corrected camera counts as misplaced, m. Its
 background is then computed again."""
@@ -135,7 +135,7 @@ class Perception:
         held: BeliefObject | None,
         known: Sequence[BeliefObject] = (),
     ) -> PerceivedView:
-        """Return what the picture shows, taken with the arm at `joints` (n,) rad and the fingers `width` m
+        """Return the view in a picture, taken with the arm at `joints` (n,) rad and the fingers `width` m
         open.
 
         A patch that one of the `known` objects fits near its believed pose is that object. All others are
@@ -177,7 +177,7 @@ class Perception:
         return track_objects(shot.picture, fitter, objects)
 
     def held(self, image: RgbdImage, joints: Array, width: float) -> HeldView:
-        """Return what the picture of a fixed camera shows in the hand, with the arm at `joints` (n,) rad."""
+        """Return the view of the hand in the picture of a fixed camera, with the arm at `joints` (n,) rad."""
         believed = PosedCamera.at(image.intrinsics, image.camera_in_world)
         backdrop = self._backdrop(believed, image)
         depth = np.where(np.isfinite(image.depth), image.depth, 0.0).astype(np.float64)
@@ -206,7 +206,7 @@ class Perception:
         else:
             sight = level_camera(believed, depth, backdrop, self._table_z)
         if believed.apart(sight, DISPLACEMENT_DISTANCE) > MAX_CAMERA_DISPLACEMENT:
-            # What is seen of walls and table is compared with where they are, seen from the corrected camera.
+            # Seen walls and table are compared with their known places, from the corrected camera.
             believed = sight
             backdrop = BackgroundModel.of(self._description, sight, self._table, self._table_z)
         height = sight.heights(depth)
@@ -419,7 +419,7 @@ class _Finding:
 
 @dataclass(frozen=True, eq=False)
 class _Seated:
-    """Item that stands in a hole."""
+    """Item that is seated in a hole."""
 
     best: Hypothesis
     detection: Detection

@@ -64,7 +64,7 @@ def covered_area(polygons: Sequence[Array]) -> float:
 LOOK_TOLERANCE = 0.01
 """Difference of two outlines that look the same, as a share of the largest extent of a body."""
 CIRCLE_CORNERS = 16
-"""Number of corners of the polygon that stands for a circle."""
+"""Number of corners of the polygon that approximates a circle."""
 TOP_CELLS, LEAST_TOP_QUANTILE = 24, 0.5
 """Cells along each side of a body's height map, and the quantile of its heights that its top may seem to be.
 Sides that are seen from aslant add to the lower ones."""
@@ -94,7 +94,7 @@ class StablePose:
 
     @cached_property
     def least_top(self) -> float:
-        """Least height above the support that most of what is seen may have, m: a cup shows its floor."""
+        """Least height above the support of most visible points, m: a cup shows its floor."""
         mesh = self.entry.shape
         if not isinstance(mesh, CompoundMesh):
             return self.height
@@ -165,7 +165,7 @@ def stable_poses(entry: CatalogueEntry) -> tuple[StablePose, ...]:
             return tuple(_mesh_poses(entry, shape))
 
 
-LEANS = tuple(math.radians(angle) for angle in (15, 25, 35, 45, 55, 65, 75))
+LEAN_ANGLES = tuple(math.radians(angle) for angle in (15, 25, 35, 45, 55, 65, 75))
 """Angles between the axis of a leaning cylinder and the vertical, rad."""
 LEANING_HANDICAP = 0.3
 """Addition to the misfit of a leaning item: most items lie on a face."""
@@ -176,7 +176,7 @@ def leaning_poses(entry: CatalogueEntry) -> tuple[StablePose, ...]:
     """Return the entry leaning on something else, for cylinders: nothing else rolls up another item."""
     if not isinstance(entry.shape, Cylinder):
         return ()
-    turns = (Pose.from_rpy((0.0, 0.0, 0.0), (0.0, lean, 0.0)).rotation() for lean in LEANS)
+    turns = (Pose.from_rpy((0.0, 0.0, 0.0), (0.0, lean, 0.0)).rotation() for lean in LEAN_ANGLES)
     return tuple(
         replace(_stable_pose(entry, turn, 0.0, LEANING_HANDICAP), turn=2 * math.pi) for turn in turns
     )
@@ -218,7 +218,7 @@ def body_points(shape: Shape) -> Array:
 
 
 def part_points(shape: Shape) -> list[Array]:
-    """Return points (n, 3) of each convex part of a shape, whose hulls cover what is seen of it."""
+    """Return points (n, 3) of each convex part of a shape, whose hulls cover its visible surface."""
     match shape:
         case Sphere(radius):
             return [body_points(Box((2 * radius, 2 * radius, 2 * radius)))]
@@ -229,8 +229,7 @@ def part_points(shape: Shape) -> list[Array]:
 
 
 def _box_poses(entry: CatalogueEntry, size: tuple[float, float, float]) -> list[StablePose]:
-    """Return one stable pose for each different edge length that can stand upright, the longer side along
-    x."""
+    """Return one stable pose for each different edge length that can be vertical, the longer side along x."""
     found: list[StablePose] = []
     heights: list[float] = []
     for up in (2, 0, 1):

@@ -185,8 +185,8 @@ class RobotMask:
     def _placed(
         self, sight: PosedCamera, joints: Array, width: float, held: tuple[Shape, Pose] | None
     ) -> Iterator[Array]:
-        """Yield the points (n, 3) in the world of each link and of the held object, as far as they are before
-        the camera."""
+        """Yield the points (n, 3) in the world of each link and of the held object, without those behind the
+        camera."""
         poses = self._robot.link_poses(joints, width)
         bodies = [poses[link].apply(hull.points) for link, hull in self._hulls]
         if held is not None:
@@ -201,7 +201,7 @@ class RobotMask:
 def hidden_shares(robot: RobotModel, scene: SceneDescription, configuration: Array) -> dict[str, float]:
     """Return the share of the items' areas that the arm hides at a configuration (n,), rad, by camera.
 
-    Cameras on the hand are left out: they move with what hides. Empty for a scene without such areas.
+    Cameras on the hand are left out: they move with the arm. Empty for a scene without such areas.
     """
     points = [_grid(*load.rectangle) for load in scene.loads]
     if not points:
@@ -223,7 +223,7 @@ def _grid(low: tuple[float, float], high: tuple[float, float]) -> Array:
 
 
 def held_part(held: BeliefObject | None) -> tuple[Shape, Pose] | None:
-    """Return the shape of what is held with its pose in the TCP frame."""
+    """Return the shape of the held object with its pose in the TCP frame."""
     return None if held is None or held.object_in_tcp is None else (held.shape, held.object_in_tcp)
 
 
@@ -240,10 +240,10 @@ def fill(mask: NDArray[np.uint8], pixels: Array) -> None:
 def add_attached_parts(
     robot: NDArray[np.bool_], height: Array, known: NDArray[np.bool_], above: float
 ) -> NDArray[np.bool_]:
-    """Add to the mask what is connected to it, higher than `above` m and at most ATTACHED_PIXELS away.
+    """Add to the mask connected pixels that are higher than `above` m and at most ATTACHED_PIXELS away.
 
-    These are cables, and parts that the model lacks. What goes on beyond, at an even height, is a body beside
-    or behind the robot, and left out as a whole.
+    These are cables, and parts that the model lacks. A surface that continues further, at an even height, is
+    a body beside or behind the robot, and is left out as a whole.
     """
     high = known & (height > above) & ~robot
     if not robot.any() or int(high.sum()) < 4:
@@ -258,7 +258,7 @@ def add_attached_parts(
 
 
 def _bodies(high: NDArray[np.bool_], height: Array, near: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Select the pixels (h, w) of surfaces that go on beyond the `near` ones without a step in height."""
+    """Select the pixels (h, w) of surfaces that continue beyond the `near` ones without a step in height."""
     kernel = np.ones((3, 3), dtype=np.uint8)
     highest = cv2.dilate(np.where(high, height, -_FAR), kernel)
     lowest = cv2.erode(np.where(high, height, _FAR), kernel)

@@ -52,9 +52,9 @@ MAX_HIDDEN_BORDER_SHARE = 0.12
 MAX_DEPTH_SAMPLES = 80
 """Number of pixels of a blob whose depth is kept for fits."""
 MIN_HIDING_HEIGHT = 0.006
-"""Height above a blob from which a neighbour hides what lies behind it, m."""
+"""Height above a blob from which a neighbour hides the surface behind it, m."""
 TOP_QUANTILE = 0.8
-"""Quantile of the heights that stands for the top: most of what is seen from above is top."""
+"""Quantile of the heights that is taken as the top: from above, most pixels show the top."""
 
 Pixels = NDArray[np.intp]
 
@@ -87,7 +87,7 @@ class SegmentationInput:
         return patch
 
     def give_back(self, patch: PixelPatch) -> None:
-        """Let the patch own its pixels, whatever claimed them meanwhile."""
+        """Return its pixels to the patch, also those that other patches have claimed."""
         self.owner[patch.rows, patch.columns] = patch.number
 
 
@@ -118,7 +118,8 @@ class Blob:
     reach: tuple[Array, Array]
     """Support function of the hull and its reference point, see `silhouette_fitting.support`."""
     hidden_side: Array
-    """Unit vector (2,) in the image towards the hidden border, where the item may go on; zero without one."""
+    """Unit vector (2,) in the image towards the hidden border, beyond which the item may extend; zero without
+    one."""
     rays: Array
     """World directions (s, 3) of sampled inner pixels, scaled so that depth × ray is the point."""
     depths: Array = field(repr=False)
@@ -260,7 +261,7 @@ def downsample(image: RgbdImage) -> RgbdImage:
 
 
 def cut_off(rows: Pixels, columns: Pixels, height: int, width: int) -> bool:
-    """Whether these pixels touch the border of a picture of that size, and may go on beyond."""
+    """Whether these pixels touch the border of a picture of that size, and may extend beyond it."""
     return bool(
         (rows == 0).any()
         or (columns == 0).any()

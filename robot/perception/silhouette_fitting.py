@@ -28,7 +28,7 @@ _FAN = np.array([(np.cos(a), np.sin(a)) for a in np.arange(36) * (2 * np.pi / 36
 class BlobOutline:
     """Points (m, 2) between the pixels of a blob and its surroundings.
 
-    `real` (m,) is False where the blob may go on behind a body that hides it.
+    `real` (m,) is False where the blob may extend behind a body that hides it.
     """
 
     points: Array

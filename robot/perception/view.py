@@ -81,12 +81,12 @@ class BodyVisibility:
     """Number of visible pixels that show something behind the body, or another colour."""
 
     @property
-    def seen_empty(self) -> bool:
+    def is_empty(self) -> bool:
         """Whether the body clearly is not there."""
         return self.visible >= max(6, 0.3 * self.total) and self.empty >= 0.7 * self.visible
 
     @property
-    def borne_out(self) -> bool:
+    def is_confirmed(self) -> bool:
         """Whether the visible part of the place looks as if the body were there."""
         return self.visible >= 6 and self.empty <= 0.1 * self.visible
 
@@ -113,22 +113,23 @@ class PerceivedView:
     blocked: NDArray[np.bool_]
     """Pixels without information (h, w): robot, held object, walls."""
     reach: NDArray[np.float32]
-    """Length of each pixel's ray through free space (h, w), m: to the seen surface, or a little beyond what
-    never moves.
+    """Length of each pixel's ray through free space (h, w), m: to the seen surface, or a little beyond
+    fixtures and bins.
 
     0 where the robot is in the way, inf where the depth is unknown.
     """
     supports: Callable[[Array], Array]
     """Support heights below points, see `backdrop.SupportSurfaces.supports`."""
     robot: Callable[[Array, float], NDArray[np.bool_]]
-    """Selection of the points (n, 3) of the world within a distance, m, of the robot and of what it holds."""
+    """Selection of the points (n, 3) of the world within a distance, m, of the robot and of the held
+    object."""
     heaps: Mapping[ObjectId, heap_geometry.HeightMap] = field(
         default_factory=dict[ObjectId, heap_geometry.HeightMap]
     )
     """Height maps of the totes that the picture shows."""
 
     def look(self, shape: Shape, pose: Pose, colour: str) -> BodyVisibility:
-        """Count what the picture shows where the body should be."""
+        """Count the pixels of each kind at the believed place of the body."""
         rows, columns, total = self._silhouette(shape, pose)
         if not len(rows):
             return BodyVisibility(total, 0, 0)

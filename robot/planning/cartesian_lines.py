@@ -23,12 +23,12 @@ MAX_JOINT_JUMP = 0.2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineResult:
-    """Result of a line: `path` (m, n) rad up to its end, and what ended it early."""
+    """Result of a line: `path` (m, n) rad up to its end, and the reason of an early end."""
 
     path: Array
     fraction: float
     ended_by: str
-    """"" for a whole line, or `reach`, `jump`, `collision`."""
+    """Reason of the end: "" for a whole line, or `reach`, `jump`, `collision`."""
     blocked: Array | None = None
     """Configuration (n,), rad, that was not free; None unless a collision ended the line."""
     ended_at: Pose | None = None

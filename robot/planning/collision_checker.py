@@ -49,8 +49,8 @@ from .motion_plans import ContactPair
 DISTANCE_DECIMALS = 9
 """Number of decimals to which distances in m are rounded."""
 MAX_CACHED_MODELS = 2
-"""Greatest number of geometry models in memory. Each pair of bodies takes 6 kB, a model of 94 bodies
-6 MB; to build one anew takes 2 ms."""
+"""Greatest number of geometry models in memory. Each pair of bodies takes 6 kB, a model of 94 bodies 6 MB; to
+build a new one takes 2 ms."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,8 +122,8 @@ class CollisionChecker:
         self._arm_q = _run([joint.idx_q for joint in joints])
         self._seen: _Seen | None = None
         self._still: tuple[CollisionBody, ...] = ()
-        self._kept: list[tuple[_Seen, CollisionModel]] = []
-        """Geometry models with what each was placed for last, the one used last first."""
+        self._cached_models: list[tuple[_Seen, CollisionModel]] = []
+        """Geometry models with their last belief, the most recently used first."""
         nothing = _Seen({}, {}, (), frozenset(), 0.0)
         self._now = self._built(CollisionModelKey((), None, frozenset(), 0.0), nothing)
 
@@ -133,7 +133,7 @@ class CollisionChecker:
         """Take over the present belief of the scene, and the opening of the fingers, m.
 
         With several openings, the ends between which the fingers move, each answer is for all of them.
-        `clearance` m are added to all margins that are positive; tolerated depths stay as they are.
+        `clearance` m are added to all margins that are positive; tolerated depths do not change.
         """
         self._full_q = tuple(self.model.full_q(np.zeros(self.model.n), width) for width in widths)
         snapshot = scene.snapshot()
@@ -143,9 +143,9 @@ class CollisionChecker:
         elif seen.same_belief(self._seen):
             return
         self._seen = seen
-        for index, (known, built) in enumerate(self._kept):
+        for index, (known, built) in enumerate(self._cached_models):
             if seen.same(known):
-                self._kept.insert(0, self._kept.pop(index))
+                self._cached_models.insert(0, self._cached_models.pop(index))
                 self._now = built
                 return
         bodies = (*self._still, *movable_bodies(snapshot.objects))
@@ -164,13 +164,15 @@ class CollisionChecker:
     def _built(self, content: CollisionModelKey, seen: _Seen) -> CollisionModel:
         """Return the geometry model of that content: a remembered one, or a new one. Both give the same
         answers."""
-        index = next((k for k, (_, built) in enumerate(self._kept) if built.content == content), None)
+        index = next(
+            (k for k, (_, built) in enumerate(self._cached_models) if built.content == content), None
+        )
         if index is None:
             built = CollisionModel(self._robot, content, self._shapes)
         else:
-            built = self._kept.pop(index)[1]
-        self._kept.insert(0, (seen, built))
-        del self._kept[MAX_CACHED_MODELS:]
+            built = self._cached_models.pop(index)[1]
+        self._cached_models.insert(0, (seen, built))
+        del self._cached_models[MAX_CACHED_MODELS:]
         return built
 
     # ---- questions
@@ -178,7 +180,7 @@ class CollisionChecker:
     def free(self, q: Array, room: ToolRoom | None = None) -> bool:
         """Whether the arm at q keeps all margins, and its tool the workspace, or another `room`."""
         if room is not None:
-            return self.asked(self._now.full, q, room)
+            return self.check_with(self._now.full, q, room)
         return self._count_until((q,), hit=True) == 1
 
     def count_free(self, configurations: Array) -> int:
@@ -199,11 +201,11 @@ class CollisionChecker:
     def nearly_free(self, q: Array, room: ToolRoom | None = None) -> bool:
         """Whether the arm at q keeps halved positive margins: for samples between configurations found
         free. `room`: as in `free`."""
-        return self.asked(self._now.halved, q, room or self.room)
+        return self.check_with(self._now.halved, q, room or self.room)
 
     def excusing(self, contacts: tuple[ContactPair, ...], slack: float) -> MarginChecker:
-        """Return a checker in which the pairs of `contacts` may come as close as they are, and `slack` m
-        closer."""
+        """Return a checker in which the pairs of `contacts` may keep their present distance, or come `slack`
+        m closer."""
         margins = self._now.least.copy()
         for contact in contacts:
             for i, j in self._indices(contact.a, contact.b):
@@ -211,7 +213,7 @@ class CollisionChecker:
                 margins[i, j] = margin if abs(margin) > MIN_MARGIN else -MIN_MARGIN
         return self._now.checker(margins)
 
-    def asked(self, checker: MarginChecker, q: Array, room: ToolRoom | None = None) -> bool:
+    def check_with(self, checker: MarginChecker, q: Array, room: ToolRoom | None = None) -> bool:
         """Whether q is free by another checker of this robot, counted. `room`: the tool is to be in it."""
         self.checks += 1
         return all(map(checker.free, self._at(q))) and (room is None or self._inside(checker, room))
@@ -283,7 +285,7 @@ class CollisionChecker:
 
     def _inside(self, checker: MarginChecker, room: ToolRoom) -> bool:
         """Whether the tool is in the room at the configuration that `checker` tested last."""
-        # In most configurations the joint alone tells, which takes a third of the time.
+        # In most configurations the joint alone decides, which takes a third of the time.
         at, reach = checker.tool_joint.translation, self._tcp_reach
         return room.holds(at, reach) or room.holds(checker.tool_joint.act(self._tcp_offset))
 
@@ -391,7 +393,7 @@ MAX_GAP, MAX_DEPTH = 0.005, 0.02
 
 
 def standing_pairs(model: RobotModel, scene: PlanningScene) -> tuple[tuple[str, str], ...]:
-    """Return each pair of a link and the fixture on which it stands.
+    """Return each pair of a link and the fixture on which it is mounted.
 
     Such a link turns about the vertical alone, so that its gap to the ground under it never changes. Links
     that no joint moves are never checked against the surroundings.

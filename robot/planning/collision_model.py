@@ -2,7 +2,7 @@
 pinocchio.
 
 Measured: with 5 mm at an edge resolution of 0.03 rad no planned path grazed anything; without, 7 % did.
-Fingers must reach flat items on the table, and a held object stands on it when its motion begins.
+Fingers must reach flat items on the table, and a held object touches the table when its motion begins.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ from .motion_plans import ContactPair
 
 
 def _settle_coal() -> None:
-    """Measure one distance. What coal computes first decides the last bits of all later results in a process,
-    so that it has to be the same in each."""
+    """Measure one distance. The first query of coal decides the last bits of all later results in a process.
+    So each process starts with the same query."""
     box, here = coal.Box(1.0, 1.0, 1.0), coal.Transform3s(np.eye(3), np.zeros(3))
     there = coal.Transform3s(np.eye(3), np.array((1.6, 1.3, 2.4)))
     coal.distance(box, here, box, there, coal.DistanceRequest(), coal.DistanceResult())
@@ -181,9 +181,9 @@ def movable_bodies(objects: Iterable[BeliefObject]) -> tuple[CollisionBody, ...]
 
 
 def bodies_of(o: BeliefObject) -> tuple[CollisionBody, ...]:
-    """Return the convex parts of one object, all under its name: hulls stand for an obstacle's blocks.
+    """Return the convex parts of one object, all under its name: an obstacle's blocks are replaced by hulls.
 
-    The columns of a heap stay as they are: fingers reach down beside higher ones.
+    The columns of a heap have no hull: fingers reach down beside higher ones.
     """
     if not o.blocks:
         return (CollisionBody(o.id, o.shape, o.pose),)
@@ -327,7 +327,7 @@ class RobotCollisionGeometry:
 
 
 class SplitGeometry:
-    """Geometry model in the parts that the broad phase takes: what moves with the robot, and what is around
+    """Geometry model in the two parts of the broad phase: bodies that move with the robot, and bodies around
     it."""
 
     def __init__(self, robot: RobotCollisionGeometry, geometry: pin.GeometryModel, count: int) -> None:
@@ -367,7 +367,7 @@ class MarginChecker:
         self.model = robot.model
         self.data = robot.model.createData()
         self.tool_joint = self.data.oMi[robot.tcp_joint]
-        """Pose in the world at the last tested configuration: a view of what pinocchio writes."""
+        """Pose in the world at the last tested configuration: a view of the memory that pinocchio writes."""
         self._geometry = geometry
         self._geometry_data = pin.GeometryData(geometry.whole)
         self._geometry_data.setSecurityMargins(geometry.whole, margins, True, False)
@@ -398,8 +398,8 @@ class MarginChecker:
         """Return the number of configurations of `arm` before the first that is not free, or without `hit`
         before the first that is.
 
-        `postures`: configurations of the whole robot that the arm's is put into. It must be free in all.
-        `inside` says whether the tool is where it may be; None: it may be everywhere.
+        `postures`: configurations of the whole robot, in which that of the arm is inserted. It must be free
+        in all. `inside` returns whether the tool is in its permitted room; None: it may be everywhere.
         """
         model, data, geometry, geometry_data = (
             self.model,

@@ -141,7 +141,7 @@ class ConstrainedPlanner:
         return edge_free(self.free, a, b, resolution)
 
     def timed(self, path: Array) -> Trajectory | None:
-        """Return the fastest of the timings that stay free and keep the constraints; None: there is none."""
+        """Return the fastest of the timings that stay free and keep the constraints; None without one."""
         found: list[Trajectory] = []
         for radius in CORNER_RADII if len(path) > 2 else CORNER_RADII[:1]:
             trajectory = time_corners(self._model, path, self._scaling, radius)

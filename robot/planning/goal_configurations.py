@@ -137,9 +137,9 @@ class GoalSet:
                 return
 
     def sample(self, seed: int) -> list[GoalConfiguration]:
-        """Return free configurations for all poses of the goal, for a region until there are enough.
+        """Return free configurations for all poses of the goal; for a region, until their number is enough.
 
-        Fails with planning.no_ik, .goal_in_collision or .constraint when there is none.
+        Fails with planning.no_ik, .goal_in_collision or .constraint when it finds none.
         """
         match self._goal:
             case PoseGoal(poses):

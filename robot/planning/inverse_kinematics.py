@@ -436,13 +436,13 @@ class InverseKinematics:
         return q
 
     def nearest(self, tcp_in_world: Pose, near: Array) -> NearestReach:
-        """Explain how near the arm comes to an unreachable pose, and what keeps it from the pose.
+        """Explain how near the arm comes to an unreachable pose, and the obstruction.
 
         `near` (n,) is one of the seeds. For explanations: some ten milliseconds, not counted.
         """
-        return ReachExplainer(self.model, self._descent, self._known()).nearest(tcp_in_world, near)
+        return ReachExplainer(self.model, self._descent, self._ik_seeds()).nearest(tcp_in_world, near)
 
-    def _known(self) -> IkSeeds:
+    def _ik_seeds(self) -> IkSeeds:
         # Created on first use from the robot alone, so that no answer depends on the time of creation.
         if self._atlas is None:
             self._atlas = IkSeeds(self.model, self._descent)
@@ -467,7 +467,7 @@ class InverseKinematics:
         random configurations.
         """
         yield near if self._facing is None else self._facing.turned(near, target)
-        around = self._known().around(pose_key(target), SEEDS_NEAR_POSE)
+        around = self._ik_seeds().around(pose_key(target), SEEDS_NEAR_POSE)
         far = np.abs(around - near).max(axis=1)
         order = np.argsort(far, kind="stable")
         left = [around[int(k)] for k in order]

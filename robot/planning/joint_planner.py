@@ -303,7 +303,8 @@ class _Walk:
         self._upper = upper
 
     def along(self, q: Array, direction: Array, *, upright: bool) -> list[Array]:
-        """Walk as far as it is free in that direction (3,) of the world; `upright`: without turning the tool.
+        """Return free configurations for steps in that direction (3,) of the world; `upright`: without
+        turning the tool.
 
         Damped least squares of first order: the line is roughly straight, which is enough for a retreat.
         """

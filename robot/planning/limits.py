@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 WORKSPACE_MARGIN = 0.002
 """Distance of the tool to the edges of the workspace that planning keeps, m."""
 START_LIMIT_TOLERANCE = 1e-3
-"""Excess of a joint over its soft limit at a start that counts as none, rad; for a slider m.
+"""Greatest excess of a joint over its soft limit that is ignored at a start, rad; for a slider m.
 
-An arm that stands at its limit is off by less.
+An arm at its limit is off by less.
 """
-WIDENING = 1e-9
+ROUNDING_MARGIN = 1e-9
 """Widening of a room beyond the tool that it is widened to, m, for rounding."""
 
 
@@ -61,8 +61,8 @@ class ToolRoom:
         """Return the smallest room around this one that holds a point (3,)."""
         if self.holds(point):
             return self
-        x, y, z = (np.minimum(self.low, point - WIDENING)).tolist()
-        u, v, w = (np.maximum(self.high, point + WIDENING)).tolist()
+        x, y, z = (np.minimum(self.low, point - ROUNDING_MARGIN)).tolist()
+        u, v, w = (np.maximum(self.high, point + ROUNDING_MARGIN)).tolist()
         return ToolRoom((x, y, z), (u, v, w))
 
 

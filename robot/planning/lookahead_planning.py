@@ -2,8 +2,8 @@
 simulated time.
 
 A second process plans it where there is one. Its answer depends on its order alone, so that a run with a
-worker is the same run, bit for bit. Plan provenance records what each trajectory was planned for, so that it
-can be checked again.
+worker is the same run, bit for bit. Plan provenance records the requests and the belief of each trajectory,
+so that it can be checked again.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from .trajectory_check import StartTolerance, is_trajectory_free
 
 IMPROVING_CHECKS = 2000
 """Number of collision checks by which a leg's path is improved ahead. They take 50 ms of the simulated second
-in which nobody waits for the plan."""
+before the plan is needed."""
 _STANDARD_STREAMS = 3
 """Number of open files that a worker keeps beside its connection."""
 
@@ -55,7 +55,7 @@ class ChainOrder:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChainAnswer:
-    """Plan of a chain, or the failure that it came to, with what it took."""
+    """Plan of a chain, or its failure, with the cost of the search."""
 
     plan: MotionPlan | Failure
     checks: int
@@ -65,7 +65,8 @@ class ChainAnswer:
 
 
 def solve_chain(solver: RequestSolver, order: ChainOrder) -> ChainAnswer:
-    """Plan a chain with a solver whose belief is that of the order, and shorten what was not direct."""
+    """Plan a chain with a solver whose belief is that of the order, and shorten the paths that are not
+    direct."""
     solver.finds_nothing, solver.improving = order.finds_nothing, IMPROVING_CHECKS
     checks, descents = solver.collision.checks, solver.ik.solves
     plan: MotionPlan | Failure
@@ -164,7 +165,7 @@ class PlanningWorker:
         # An open log would look as if its run still went on when only the worker is left.
         os.closerange(_STANDARD_STREAMS, connection.fileno())
         os.closerange(connection.fileno() + 1, os.sysconf("SC_OPEN_MAX"))
-        # What fails here fails again in the other process, which tells it.
+        # A failure here occurs again in the other process, which reports it.
         with suppress(Exception):
             solver = self._make_solver()
             while True:
@@ -208,7 +209,7 @@ class PlanProvenanceStore:
     def __init__(self, scene: PlanningScene, width: Callable[[], float]) -> None:
         self._scene = scene
         self._width = width
-        self._made: WeakKeyDictionary[Trajectory, PlanProvenance] = WeakKeyDictionary()
+        self._provenances: WeakKeyDictionary[Trajectory, PlanProvenance] = WeakKeyDictionary()
 
     def note(self, plan: MotionPlan, seen: CheckedBelief | None = None) -> None:
         """Record a plan whose trajectory was found free in the belief `seen`; None: just now."""
@@ -216,19 +217,19 @@ class PlanProvenanceStore:
         passes = plan.passes or (plan.trajectory.duration,)
         known = tuple(request for request in requests if request is not None)
         if len(known) == len(passes):
-            self._made[plan.trajectory] = PlanProvenance(known, passes, seen or self.now())
+            self._provenances[plan.trajectory] = PlanProvenance(known, passes, seen or self.now())
 
     def renew(self, trajectory: Trajectory) -> None:
         """Record that a trajectory was found free in the present belief. It need not be a recorded plan."""
-        made = self._made.get(trajectory)
+        made = self._provenances.get(trajectory)
         if made is None:
             request = Request(JointGoal(trajectory.end), trajectory.start)
             made = PlanProvenance((request,), (trajectory.duration,), self.now())
-        self._made[trajectory] = replace(made, seen=self.now())
+        self._provenances[trajectory] = replace(made, seen=self.now())
 
     def of(self, trajectory: Trajectory) -> PlanProvenance | None:
         """Return the provenance of a trajectory; None: it is no recorded plan, and was never found free."""
-        return self._made.get(trajectory)
+        return self._provenances.get(trajectory)
 
     def now(self) -> CheckedBelief:
         snapshot = self._scene.snapshot()
@@ -251,11 +252,15 @@ class LookaheadResult:
     """
 
     def __init__(
-        self, order: ChainOrder, asked: float, generation: int, resolve: Callable[[LookaheadResult], None]
+        self,
+        order: ChainOrder,
+        order_time: float,
+        generation: int,
+        resolve: Callable[[LookaheadResult], None],
     ) -> None:
-        """Arguments: `asked`, the simulated time of the order, s. `resolve` sets the outcome."""
+        """Arguments: `order_time`, the simulated time of the order, s. `resolve` sets the outcome."""
         self.order = order
-        self.asked = asked
+        self.order_time = order_time
         self.generation = generation
         """Number of checkpoints before it; any later checkpoint drops it."""
         self.outcome: LookaheadOutcome | None = None
@@ -289,12 +294,12 @@ class LookaheadResult:
 
 
 class LookaheadPlanner:
-    """Look-ahead planner: a second line of computation next to the one that skills wait for. It does one
-    thing at a time.
+    """Look-ahead planner: a second line of computation next to the one that skills wait for. It computes one
+    plan at a time.
 
-    With a worker it computes in another process while ticks go on here. Answers, and the simulated times at
-    which they are ready, are those without one. Checkpoints keep nothing of it: earlier results are
-    forgotten there.
+    With a worker it computes in another process during the ticks. The results, and the simulated times at
+    which they are ready, are the same without a worker. Checkpoints do not contain its state: a checkpoint
+    discards earlier results.
     """
 
     def __init__(
@@ -306,11 +311,12 @@ class LookaheadPlanner:
         worker: PlanningWorker | None = None,
     ) -> None:
         """Arguments: `now` returns the simulated time, s; `cost` is that of a check, simulated s. `solve`
-        plans in this process. `resolved` is told each outcome, when it or a later one is first read."""
+        plans in this process. `resolved` is called with each outcome, when it or a later one is first
+        read."""
         self._now = now
         self._cost = cost
         self._solve = solve
-        self._told = resolved
+        self._report_outcome = resolved
         self._worker = worker
         self._free = 0.0
         self._generation = 0
@@ -333,7 +339,7 @@ class LookaheadPlanner:
         return prepared.generation == self._generation
 
     def forget(self) -> None:
-        """Drop what was prepared, as a checkpoint does."""
+        """Drop prepared results, as a checkpoint does."""
         while self._pending:
             self._next()
         self._free = 0.0
@@ -341,7 +347,7 @@ class LookaheadPlanner:
 
     def _resolve(self, wanted: LookaheadResult) -> None:
         while wanted.outcome is None:
-            self._told(*self._next())
+            self._report_outcome(*self._next())
 
     def _next(self) -> tuple[ChainOrder, LookaheadOutcome]:
         """Take the oldest answer that is not taken yet."""
@@ -350,7 +356,7 @@ class LookaheadPlanner:
             assert self._worker is not None
             answer = self._worker.receive(result.order)
         cost = answer.thoughts * self._cost
-        self._free = max(self._free, result.asked) + cost
+        self._free = max(self._free, result.order_time) + cost
         result.outcome = LookaheadOutcome(answer, cost, self._free)
         return result.order, result.outcome
 
@@ -358,7 +364,7 @@ class LookaheadPlanner:
 def is_plan_free(solver: RequestSolver, plan: MotionPlan) -> bool:
     """Whether a plan's trajectory is free in the present belief, by the fast checker.
 
-    An object that the plan supposed in the hand is taken as it is believed to be, once it is held.
+    An object that the plan assumed in the hand is checked with its present belief, once it is held.
     """
     for leg, trajectory in zip(plan.legs or (plan,), split_into_legs(plan), strict=True):
         request = leg.request

@@ -102,14 +102,14 @@ class MotionChain:
         """Plan the chain. Fails as the leg that fails does, and names that leg."""
         begun = self._solver.collision.checks
         planned = self._planned(legs, seeds, self._solver.path)
-        timed = None if isinstance(planned, _Refusal) else self._as_one(planned)
+        timed = None if isinstance(planned, _Refusal) else self._joined_trajectory(planned)
         if timed is None:
             self._checked = True
             refused = planned if isinstance(planned, _Refusal) else None
             planned = self._planned(legs, seeds, self._solver.solve, refused)
             if isinstance(planned, _Refusal):
                 raise planned.failure
-            timed = self._as_one(planned)
+            timed = self._joined_trajectory(planned)
         assert not isinstance(planned, _Refusal)
         if timed is None:
             raise Failure(
@@ -151,7 +151,7 @@ class MotionChain:
                 return _Refusal(start, LegFailure(failure.cause, message, k, failure.evidence))
         return planned
 
-    def _as_one(self, planned: Sequence[PlannedPath]) -> tuple[Trajectory, list[float]] | None:
+    def _joined_trajectory(self, planned: Sequence[PlannedPath]) -> tuple[Trajectory, list[float]] | None:
         """Return one trajectory through these paths, and the end time of each leg; None: none is free."""
         moving: list[_Leg] = []
         for k, leg in enumerate(planned):

@@ -2,12 +2,11 @@
 
 They search joint space; under path constraints, the projected state space.
 
-The request's functions alone check configurations and edges. Each search seeds OMPL's generator, makes its
-objects anew and ends on a count. So the same problem gives the same path.
+The request's functions alone check configurations and edges. Each search seeds OMPL's generator, creates new
+objects and ends on a count. So the same problem gives the same path.
 
-Sucan, Moll and Kavraki, "The Open Motion Planning Library", IEEE RAM 19 (2012).
-Kingston, Moll and Kavraki, "Exploring implicit spaces for constrained sampling-based planning", IJRR 38
-(2019).
+Sucan, Moll and Kavraki, "The Open Motion Planning Library", IEEE RAM 19 (2012). Kingston, Moll and Kavraki,
+"Exploring implicit spaces for constrained sampling-based planning", IJRR 38 (2019).
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ MAX_EXTENSION = 1.0
 MAX_GEODESIC_STEP = 0.1
 """Greatest step of a motion under constraints between two projections, rad."""
 EVALUATIONS_PER_CHECK = 5
-"""Evaluations of the termination condition that stand for one collision check: lazy planners may grow without
+"""Evaluations of the termination condition that count as one collision check: lazy planners may grow without
 checks."""
 CLASSES = {
     "rrt_connect": "RRTConnect",
@@ -152,8 +151,8 @@ class _Projection(ob.Constraint):
 class _OmplSearch:
     """One search by one planner, with all of OMPL's objects made for it.
 
-    What OMPL calls must not refer to this object: a planner keeps its last condition, and neither would ever
-    be freed.
+    Callbacks of OMPL must not refer to this object: a planner keeps its last condition, and neither would
+    ever be freed.
     """
 
     def __init__(self, name: str, problem: SearchProblem) -> None:

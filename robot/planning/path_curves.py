@@ -74,7 +74,7 @@ class JointCurve:
         """Return the part between two parameters, its own parameter from 0."""
         inner = self.breaks[(self.breaks > low + 1e-12) & (self.breaks < high - 1e-12)]
         breaks: Array = np.concatenate([[low], inner, [high]])
-        # `low` may be a break but for rounding: the middle of a piece tells which one it is.
+        # `low` may be a break but for rounding: the middle of a piece identifies it.
         index = np.searchsorted(self.breaks, (breaks[:-1] + breaks[1:]) / 2, side="right") - 1
         coefficients = self.coefficients[index].copy()
         begin = float(low - self.breaks[index[0]])

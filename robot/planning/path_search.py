@@ -63,7 +63,7 @@ class SearchProblem:
     """Return configurations that lead out of a narrow place at a configuration by free edges, in their order;
     () under constraints. A path may begin and end with them."""
     constraint: ConstraintProjection | None = None
-    """Path constraints; None: there are none."""
+    """Path constraints; None without any."""
 
 
 PathSearch: TypeAlias = Callable[[SearchProblem], Sequence[Array] | None]

@@ -25,7 +25,7 @@ CLEARANCE_BEYOND_MARGIN = 0.0005
 STEP_SHARES = (1.0, 0.4, 0.15)
 """Shares of a step, tried in this order while it would bring something closer."""
 MIN_ESCAPE_STEP = 2e-4
-"""Change of the joints below which a step is none, rad."""
+"""Least change of the joints that counts as a step, rad."""
 APPROACH_SLACK = 0.0005
 """Greatest further approach of a pair that is too close already, m: escape happens in steps."""
 MAX_ESCAPE_STEPS = 120
@@ -165,7 +165,7 @@ class EscapeSearch:
                 yield step * (size * share)
 
     def _step(self, q: Array, near: tuple[Separation, ...], direction: Direction) -> Array | None:
-        wanted = self._wanted(q, direction)
+        wanted = self._joint_step(q, direction)
         rows, least = [np.eye(len(q)), -np.eye(len(q))], [self._lower - q, q - self._upper]
         for s in near:
             room = s.distance - s.margin - CLEARANCE_BEYOND_MARGIN
@@ -177,7 +177,7 @@ class EscapeSearch:
         bounds = StepConstraints(np.concatenate(rows), np.concatenate(least))
         return least_distance(bounds, wanted)
 
-    def _wanted(self, q: Array, direction: Direction) -> Array:
+    def _joint_step(self, q: Array, direction: Direction) -> Array:
         """Return the change (n,) of the joints for a step in that direction; zero for `out`, which the depths
         alone lead.
 
@@ -223,7 +223,7 @@ class EscapeSearch:
 
 
 def least_distance(bounds: StepConstraints, wanted: Array) -> Array | None:
-    """Return the x nearest to `wanted` (n,) with G x ≥ h; None when there is none."""
+    """Return the x nearest to `wanted` (n,) with G x ≥ h; None without any such x."""
     from scipy.optimize import nnls  # slow to import
 
     h = bounds.h - bounds.g @ wanted
@@ -264,7 +264,7 @@ def _closest_by_key(near: tuple[Separation, ...]) -> dict[tuple[int, str], float
 
 
 def _pair_too_close(near: tuple[Separation, ...], allowed: dict[tuple[int, str], float]) -> Separation | None:
-    """Return a pair that has come closer than it may; None: there is none."""
+    """Return a pair that has come closer than it may; None without one."""
     for s in near:
         if s.distance < allowed.get(s.key, s.margin) - APPROACH_SLACK:
             return s

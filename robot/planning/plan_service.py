@@ -117,8 +117,8 @@ class PlanService:
         self._disagreements: list[VerifierDisagreement] = []
         self.made = PlanProvenanceStore(scene, width)
         self.finds_nothing: Callable[[], bool] | None = None
-        """Callback for each request: whether no path is found, whatever there is; None: never. For injected
-        faults."""
+        """Callback for each request: whether it finds no path, even where one exists; None: never. For
+        injected faults."""
         self._manner = PlannerOverrides()
 
     @contextmanager
@@ -229,10 +229,10 @@ class PlanService:
     def ahead(
         self, legs: Sequence[Request], *, node: str = "", rounded: float = DEFAULT_LINE_ROUNDING
     ) -> LookaheadResult:
-        """Plan a motion through these legs, as `through` does, while something else goes on.
+        """Plan a motion through these legs, as `through` does, during other motions.
 
-        `take` returns the result once the simulated time that it cost has passed; nobody is charged. Results
-        are computed one after the other: a second one waits for the first.
+        `take` returns the result once the simulated time of its computation has passed; no thinking is
+        charged. Results are computed one after the other: a second one waits for the first.
         """
         legs, seeds = self._prepared(legs, node)
         nothing = self.finds_nothing is not None and self.finds_nothing()
@@ -241,12 +241,12 @@ class PlanService:
         return self._ahead.prepare(order)
 
     def take(self, prepared: LookaheadResult) -> Generator[None, None, MotionPlan | None]:
-        """Return what was planned ahead, as soon as it is ready; raises the failure that it ended with.
+        """Return a plan of `ahead` as soon as it is ready; raise the failure with which it ended.
 
-        When the belief has changed since, the plan is checked again, which is charged. None: it holds no
-        longer, or a checkpoint came in between; plan again:
+        When the belief has changed since, the plan is checked again, which is charged. None: it is no longer
+        valid, or a checkpoint came in between; plan again:
 
-            plan = (yield from world.plan.take(prepared)) or (yield from world.plan.through(legs))
+        plan = (yield from world.plan.take(prepared)) or (yield from world.plan.through(legs))
         """
         if not self._ahead.remembers(prepared):
             return None
@@ -271,7 +271,7 @@ class PlanService:
         return answer
 
     def _resolved(self, order: ChainOrder, outcome: LookaheadOutcome) -> None:
-        """Record what was planned ahead."""
+        """Record the result of look-ahead planning."""
         plan, belief = outcome.answer.plan, order.belief
         self._thinking.add_unowed(outcome.cost)
         if isinstance(plan, MotionPlan):
@@ -303,7 +303,7 @@ class PlanService:
                 self._thinking.spend(spent.seconds)
 
     def forget(self) -> None:
-        """Drop what was planned ahead, as a checkpoint does."""
+        """Drop the results of look-ahead planning, as a checkpoint does."""
         self._ahead.forget()
 
     def reachable(self, tcp_in_world: Pose, *, near: Array | None = None) -> Array | None:
@@ -323,7 +323,7 @@ class PlanService:
             return next((q for q in solutions if solver.collision.free(q)), None)
 
     def reached(self, request: Request) -> ReachResult:
-        """Test whether the arm reaches the first pose of a request's goal, and if not, what is in the way.
+        """Test whether the arm reaches the first pose of a request's goal, and if not, find the obstruction.
         Nothing is planned.
 
         The search starts near the request's start, in the scene as the request supposes it. Answers at once;

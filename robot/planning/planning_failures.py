@@ -1,6 +1,6 @@
 """Planning failures: their sentences and their evidence.
 
-Obstructions tell why no path was found, and why a configuration that reaches the goal is no goal.
+Obstructions explain why no path was found, and why a configuration that reaches the goal is invalid.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ MAX_EXAMINED = 40
 
 @dataclass(frozen=True, slots=True)
 class BlockingBodies:
-    """Bodies by how often they were in the way, the most frequent first; links of the robot among them."""
+    """Obstructing bodies by frequency, the most frequent first; links of the robot among them."""
 
     by: tuple[str, ...] = ()
     pairs: tuple[str, ...] = ()
@@ -104,8 +104,8 @@ class ObstructionSearch:
         return self._blocked(hit)
 
     def enclosure(self, where: str, root: Array) -> Enclosure | None:
-        """Return the enclosure of a configuration; None: a search from it leaves, or its checks are spent too
-        early to tell.
+        """Return the enclosure of a configuration; None when a search from it leads out, or when its checks
+        are spent too early for a result.
 
         The search grows a tree towards random configurations.
         """
@@ -209,7 +209,7 @@ class GoalInspection:
 
 
 def describe_shortfall(model: RobotModel, nearest: NearestReach) -> str:
-    """Describe what keeps the arm from a pose, in words that go on after `out of reach:`."""
+    """Describe the obstruction to a pose, in words that follow `out of reach:`."""
     match nearest.obstacle:
         case "position":
             return f"the tool ends {nearest.distance * 1000:.0f} mm short of it"
@@ -275,10 +275,10 @@ def describe_request(request: Request) -> str:
 
 def contact_lines(contacts: Sequence[ContactPair]) -> list[str]:
     """Format contacts as evidence: one line each, the first ten."""
-    return [f"{c.a} {how_near(c)} {c.b}{_kept(c)}" for c in contacts[:10]]
+    return [f"{c.a} {how_near(c)} {c.b}{_format_margin(c)}" for c in contacts[:10]]
 
 
-def _kept(contact: ContactPair) -> str:
+def _format_margin(contact: ContactPair) -> str:
     """Format the margin, where only the margin is violated."""
     return f" ({contact.margin * 1000:.1f} mm to keep)" if 0 <= contact.distance < contact.margin else ""
 
@@ -352,10 +352,10 @@ def goal_rejected(each: Sequence[GoalRejection], poses: int) -> Failure:
 
 
 def how_rejected(rejection: GoalRejection, verb: str = "is") -> str:
-    """Describe a rejection, beginning with what is wrong."""
+    """Describe a rejection, beginning with the violation."""
     if rejection.contacts:
         worst = rejection.contacts[0]
-        return f"{worst.a} {verb} {how_near(worst)} {worst.b}{_kept(worst)}"
+        return f"{worst.a} {verb} {how_near(worst)} {worst.b}{_format_margin(worst)}"
     if rejection.outside is not None:
         return f"the tool {verb} {how_outside(rejection.outside)}"
     if rejection.broken:

@@ -156,7 +156,7 @@ class Request:
     width: float | None = None
     """Opening of the fingers, m; None: the present one."""
     holding: HeldObject | None = None
-    """Supposed held object; None: the one that the belief has in the hand."""
+    """Supposed held object; None: the held object of the belief."""
     allowed: tuple[tuple[str, str], ...] = ()
     """Pairs of names that may touch on this motion, in addition to those that the scene allows."""
     constraints: tuple[Constraint, ...] = ()
@@ -169,7 +169,8 @@ class Request:
     planner: str = ""
     """Name of the planner, see `world/planner_names.py`; empty: that of `PlanWith`, scene or robot."""
     narrowest: float | None = None
-    """Narrowest opening where the fingers move on the way, m; `width` is the widest. None: they stand."""
+    """Narrowest opening during a motion of the fingers on the way, m; `width` is the widest. None: the
+    fingers do not move."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,7 +208,7 @@ class PlannerOverrides:
 
 
 def check_request(model: RobotModel, request: Request) -> None:
-    """Raise PicktreeError for a senseless request, with what is wrong and what would be right."""
+    """Raise PicktreeError for an invalid request, with problem and remedy."""
     _configuration(model, "the start", request.start)
     if isinstance(request.target, JointGoal):
         _configuration(model, "the goal", request.target.position)

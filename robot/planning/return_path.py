@@ -25,7 +25,7 @@ MAX_ATTEMPTS = 1000
 """Greatest number of extensions of the tree."""
 NEAR_DEVIATION = 0.3
 """Standard deviation of the targets near the start, rad."""
-ROUNDING = 1e-7
+EXCESS_TOLERANCE = 1e-7
 """Growth of an excess that counts as none, rad or m."""
 INSIDE_RESERVE = 0.01
 """Distance of the tool to the edge of its room at which straight motions aim, m."""
@@ -140,7 +140,7 @@ class ReturnSearch:
         for k in range(1, count + 1):
             at = q + along * (k / count)
             now = self._way.excess_at(at)
-            if (now > before + ROUNDING).any() or not self._holds(at) or not self._way.free(at):
+            if (now > before + EXCESS_TOLERANCE).any() or not self._holds(at) or not self._way.free(at):
                 break
             reached, before = at, now
             if not now.any():
@@ -165,7 +165,7 @@ class ReturnSearch:
 
     def _joins(self, a: Array, b: Array) -> bool:
         reached = self._extend(a, b)
-        return reached is not None and float(np.abs(reached - b).max()) < ROUNDING
+        return reached is not None and float(np.abs(reached - b).max()) < EXCESS_TOLERANCE
 
 
 def _back(tree: Sequence[Array], parents: Sequence[int]) -> list[Array]:

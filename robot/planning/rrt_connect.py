@@ -224,7 +224,7 @@ class _Samples:
             self.block, self.row = self._drawn(), 0
 
     def close(self) -> None:
-        """Return the rest of the block to the random stream, so that the next search goes on from here."""
+        """Return the rest of the block to the random stream, so that the next search continues from here."""
         unused, stream = len(self.block) - self.row, self._rng.bit_generator
         if unused > 0:
             assert isinstance(stream, np.random.PCG64), "random numbers are those of numpy's default_rng"
@@ -253,7 +253,7 @@ def _extend(tree: SearchTree, samples: _Samples, checks: SearchChecks, left: int
     """
     samples.fill()
     nearest, ends = tree.towards(samples.block, samples.row)
-    # Most extensions fail at their end. As long as they do, the tree stays as it is.
+    # Most extensions fail at their end. As long as they do, the tree does not change.
     blocked = checks.count_blocked(ends[:left])
     samples.row += min(blocked + 1, len(ends), left)
     if blocked == min(len(ends), left):

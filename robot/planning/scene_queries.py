@@ -1,4 +1,5 @@
-"""Scene queries without the arm, by python-fcl: whether a spot is free, and what the hand would touch.
+"""Scene queries without the arm, by python-fcl: whether a spot is free, and which bodies the hand would
+touch.
 
 The verifier of trajectories uses the same geometries.
 """
@@ -60,7 +61,7 @@ class FclSolid:
     shape: Shape
     """Shape that it was made from, for measuring the depth of an overlap."""
     spare: list[fcl.CollisionObject] = field(default_factory=list[fcl.CollisionObject])
-    """Its objects that nobody has at a pose just now."""
+    """Unused objects of this solid, without a pose."""
 
 
 class FclMovedSolid:
@@ -220,7 +221,7 @@ class SceneQueries:
     def hand_clearance(
         self, tcp_in_world: Pose, width: float, ignore: Collection[str], margin: float, least: float
     ) -> float:
-        """Return the distance of the nearest of `hand_contacts`, m; inf: there is none.
+        """Return the distance of the nearest of `hand_contacts`, m; inf without contacts.
 
         The search ends at the first contact that is closer than `least`.
         """

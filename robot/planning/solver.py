@@ -102,7 +102,7 @@ class RequestSolver:
             gently = replace(scaling, tool=min(scaling.tool, CARRYING_ACCELERATION))
             request = replace(request, scaling=gently)
         self.look(request)
-        begun = self._begun(request)
+        begun = self._start_search(request)
         if isinstance(request.target, LineGoal | OffsetGoal):
             found = self._line(begun, request.target, timed=timed)
         else:
@@ -133,7 +133,7 @@ class RequestSolver:
         else:
             self.collision.update(self.scene(request), *self.widths(request), clearance=request.clearance)
 
-    def _begun(self, request: Request) -> _Begun:
+    def _start_search(self, request: Request) -> _Begun:
         start = self.start(request)
         way = StartTolerance(self.collision, start)
         believed = request.start is None
@@ -190,9 +190,9 @@ class RequestSolver:
         inspection = GoalInspection(self.model, self.collision, constraints, self._workspace)
         goals = GoalSet(self.model, self.ik, inspection, begun.way, begun.start, constraints, goal)
         try:
-            found, reached = self._found(planner, goals, seed, direct=chosen is None)
+            found, reached = self._search_path(planner, goals, seed, direct=chosen is None)
             if found is None or self.finds_nothing:
-                raise self._not_found(begun, [target.q for target in reached])
+                raise self._search_failure(begun, [target.q for target in reached])
         finally:
             self.ik.solves += constraints.projections
         if self.improving and found.planner == PLANNER_NAME and isinstance(planner, JointPlanner):
@@ -223,7 +223,7 @@ class RequestSolver:
         budget = CheckBudget(self.collision, request.budget)
         return JointPlanner(self.model, way, start, request.scaling if timed else None, budget, chosen)
 
-    def _found(
+    def _search_path(
         self, planner: JointPlanner | ConstrainedPlanner, goals: GoalSet, seed: int, *, direct: bool
     ) -> tuple[FoundPath | None, list[GoalConfiguration]]:
         """Return the planner's path, and the goal configurations that it planned for.
@@ -238,7 +238,7 @@ class RequestSolver:
         ends = [target.q for target in targets]
         return (planner.direct(ends) if direct else None) or planner.around(ends, seed), targets
 
-    def _not_found(self, begun: _Begun, ends: Sequence[Array]) -> Failure:
+    def _search_failure(self, begun: _Begun, ends: Sequence[Array]) -> Failure:
         """Build the failure with its obstructions. Their search is charged, but not to the budget."""
         spent = self.collision.checks - begun.checks + begun.constraints.projections
         way = begun.way

@@ -91,7 +91,7 @@ def _at(trajectory: Trajectory, times: Array) -> Array:
 
 
 class RobotSweep:
-    """Solids on a robot at a number of moments, among bodies that stand still.
+    """Solids on a robot at a number of moments, among bodies at rest.
 
     Pairs (p, 2) are numbers: of carried solids and, from their count on, of the bodies around.
     """
@@ -159,7 +159,7 @@ class RobotSweep:
         """Return the signed distance of a pair at a moment, by python-fcl."""
         return distance_between(self._body(moment, i), self._body(moment, j))
 
-    def again(self, moment: int, i: int, j: int) -> tuple[float, ...]:
+    def remeasure(self, moment: int, i: int, j: int) -> tuple[float, ...]:
         """Measure the same distance in other ways, m: in reverse order, and with both bodies turned about the
         origin.
 

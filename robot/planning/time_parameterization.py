@@ -2,7 +2,7 @@
 jerk and torque.
 
 The fastest profile of the path's speed comes from TOPP-RA. Its acceleration jumps. Therefore the time law
-s(t), not the joints, is averaged over a short window. The path stays what was checked, and the acceleration
+s(t), not the joints, is averaged over a short window. The path stays the checked one, and the acceleration
 becomes continuous.
 
 Pham and Pham, "A new approach to time-optimal path parameterization based on reachability analysis", IEEE
@@ -115,7 +115,7 @@ class PathLimits:
         derivatives.
         """
         weight, along = self._weight(q), self._rnea(q, np.zeros_like(q), first)
-        left = self._left(weight)
+        left = self._remaining_torque(weight)
         return (along - weight) / left, (self._rnea(q, first, second) - weight) / left
 
     def excess(self, times: Array, s: Array, q: Array, v: Array, a: Array) -> Array:
@@ -133,7 +133,7 @@ class PathLimits:
         squared[1:] = np.maximum(squared[1:], steps)
         some = slice(None, None, COSTLY_SAMPLE_STRIDE)
         weight = self._weight(q[some])
-        moving = np.abs(self._rnea(q[some], v[some], a[some]) - weight) / self._left(weight)
+        moving = np.abs(self._rnea(q[some], v[some], a[some]) - weight) / self._remaining_torque(weight)
         squared[some] = np.maximum(squared[some], moving.max(axis=1))
         if np.isfinite(self._tool).any():
             most = self._tool[np.searchsorted(self._ends, s[some], side="left")]
@@ -162,7 +162,7 @@ class PathLimits:
     def _rnea(self, q: Array, v: Array, a: Array) -> Array:
         return pin.rneaInParallel(1, self._pool, q.T, v.T, a.T).T
 
-    def _left(self, weight: Array) -> Array:
+    def _remaining_torque(self, weight: Array) -> Array:
         limit = self._model.torque_limit
         return np.maximum(TORQUE_LIMIT_SHARE * limit - np.abs(weight), 0.1 * limit)
 
@@ -230,8 +230,8 @@ def time_optimal_law(
 
     `speed` (m,): greatest speed of the parameter at each. `acceleration` (m, n): the joints' limits.
     `torques` (m, n) each: joint torques of the parameter's acceleration and of its squared speed, as shares.
-    None when rounding makes it unsolvable. Without lower limits of the speed, standing still is possible
-    everywhere. Of the sets of controllable speeds only the upper ends are therefore needed.
+    None when rounding makes it unsolvable. Without lower limits of the speed, speed 0 is possible everywhere.
+    Of the sets of controllable speeds only the upper ends are therefore needed.
     """
     rows = _Rows(grid, first / acceleration, second / acceleration, torques, speed**2)
     solver = seidelWrapper([rows], rows, grid, solve_lp1d=True)

@@ -204,7 +204,7 @@ class StartTolerance:
 
     Excused pairs may not come closer near the start, and must have come apart further away. `stuck` has the
     pairs that penetrate by more than the belief may be wrong: from there no plan may start. A tool that
-    starts outside of the workspace may be as far outside as it is at the start.
+    starts outside of the workspace may stay as far outside as at the start.
     """
 
     def __init__(self, collision: CollisionChecker, start: Array) -> None:
@@ -234,7 +234,7 @@ class StartTolerance:
         """Whether q keeps the full margins."""
         checker = self._near_start(q) if self._zones else None
         if checker is not None:
-            return self._collision.asked(checker, q, self._widened or self._collision.room)
+            return self._collision.check_with(checker, q, self._widened or self._collision.room)
         return self._collision.free(q, self._widened)
 
     def count_free(self, configurations: Array) -> int:
@@ -253,7 +253,7 @@ class StartTolerance:
         """Whether q keeps halved margins: for samples between configurations that were found free."""
         checker = self._near_start(q) if self._zones else None
         if checker is not None:
-            return self._collision.asked(checker, q, self._widened or self._collision.room)
+            return self._collision.check_with(checker, q, self._widened or self._collision.room)
         return self._collision.nearly_free(q, self._widened)
 
     def excess_at(self, q: Array) -> Array:

@@ -30,16 +30,16 @@ class TrajectoryGate:
     """Trajectory gate: it rejects a trajectory that must not be followed. The arm then stays, and the failure
     gives the reason.
 
-    Always: numbers and times are sound. Joints keep their soft limits and their limits of speed and
-    acceleration, also between the samples. The tool stays in the workspace. A violation at the start may be
-    left, but not increased.
+    These checks always apply: numbers and times are valid. Joints keep their soft limits and their limits of
+    speed and acceleration, also between the samples. The tool stays in the workspace. A violation at the
+    start may be left, but not increased.
 
     Collisions are checked at 5 mm of the tool by the fast checker, with the trajectory's suppositions. They
     are the held object, allowed pairs and opening of the fingers of its plan, leg by leg. A plan has passed
     that check when it was made. It is checked again, and charged, when the belief, the hand or the allowed
     pairs have changed since. So is each trajectory without provenance. Time alone changes nothing: the answer
-    depends on the belief and the trajectory. With `verify` python-fcl verifies what is checked again, as it
-    verifies each plan.
+    depends on the belief and the trajectory. With `verify`, python-fcl verifies each trajectory that is
+    checked again, and each plan.
     """
 
     def __init__(self, model: RobotModel, plans: PlanService, workspace: Bounds) -> None:

@@ -99,8 +99,8 @@ class TrajectoryVerifier:
     ) -> tuple[ContactPair, ...]:
         """Return every pair that penetrates on the way, at its deepest. Empty: the trajectory is free.
 
-        Pairs that the scene allows to touch, and what a held object may sink into a board, do not count. With
-        `excuse_start` contacts at the start do not count near it, unless they get deeper.
+        Pairs that the scene allows to touch do not count, nor does the permitted penetration of a held object
+        into a board. With `excuse_start` contacts at the start do not count near it, unless they get deeper.
         """
         view = self._among(moments_of(self._model, trajectory).configurations, scene, width)
         from_start = np.abs(view.configurations - trajectory.start).max(axis=1)
@@ -110,7 +110,7 @@ class TrajectoryVerifier:
         at_start: dict[tuple[str, str], float] = {}
 
         def look(column: int, moment: int) -> float:
-            """Return the distance beyond what the pair may do at that moment, m, and note a contact."""
+            """Return the distance of the pair beyond its limit at that moment, m, and record a contact."""
             i, j = (int(k) for k in pairs[column])
             a, b = view.things[i], view.things[j]
             between = view.sweep.gap(moment, i, j)
@@ -156,9 +156,11 @@ class TrajectoryVerifier:
         None where every pair is further away than its margin plus `reach` m.
         """
         view = self._among(configurations, scene, width)
-        asked = (margins or self._margins).between
+        margin_between = (margins or self._margins).between
         parts = [thing.part for thing in view.things]
-        keep: Array = np.array([asked(parts[int(pair[0])], parts[int(pair[1])]) for pair in view.pairs])
+        keep: Array = np.array(
+            [margin_between(parts[int(pair[0])], parts[int(pair[1])]) for pair in view.pairs]
+        )
         bounds = view.sweep.bounds(view.pairs)
         found: list[TightestPair | None] = []
         for moment in range(len(configurations)):
@@ -167,7 +169,7 @@ class TrajectoryVerifier:
                 i, j = (int(k) for k in view.pairs[column])
                 distance, margin = view.sweep.gap(moment, i, j).distance, float(keep[column])
                 if abs(distance - margin) < reach + FCL_DISTANCE_ERROR:
-                    distance = min(distance, *view.sweep.again(moment, i, j))
+                    distance = min(distance, *view.sweep.remeasure(moment, i, j))
                 so_far = reach if least is None else least.distance - least.margin
                 if distance - margin < so_far:
                     least = TightestPair(view.things[i].name, view.things[j].name, distance, margin)

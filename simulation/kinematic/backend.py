@@ -211,18 +211,18 @@ class KinematicHardware:
 
     def remove(self, item: str) -> None:
         """Carry out a fault: remove the item, also from the hand."""
-        self.bodies.remove(self._known(item).id)
+        self.bodies.remove(self._body(item).id)
 
     def change_dynamics(self, item: str, friction: float | None = None, mass: float | None = None) -> None:
         """Carry out a fault: change the item's friction, or its mass in kg, for good."""
-        body = self._known(item)
+        body = self._body(item)
         entry = body.entry if mass is None else replace(body.entry, mass=mass)
         self.bodies.put(replace(body, entry=entry, friction=body.friction if friction is None else friction))
 
     def bump(self, item: str, velocity: Vector3, spin: Vector3 = (0.0, 0.0, 0.0)) -> None:
         """Carry out a fault: the item slides from `velocity`, m/s, until friction has stopped it. A held item
         stays."""
-        body = self._known(item)
+        body = self._body(item)
         x, y, _ = velocity
         speed = math.hypot(x, y)
         if speed <= 0.0 or self.bodies.held == body.id:
@@ -232,8 +232,8 @@ class KinematicHardware:
         self.bodies.settle()
 
     def obstacles(self) -> tuple[TrueObstacle, ...]:
-        """Return the obstacles that the robot does not know. The arm passes through them: only their tops are
-        solid here."""
+        """Return the obstacles that are unknown to the robot. The arm passes through them: only their tops
+        are solid here."""
         return self._obstacles.truth()
 
     def room_for(self, body: Fixture) -> bool:
@@ -268,7 +268,7 @@ class KinematicHardware:
     def enlarge(self, item: str, factor: float) -> bool:
         """Carry out a fault: scale the item by `factor` with constant mass and friction. Returns False when
         it is held, or when items or robot leave no room."""
-        body = self._known(item)
+        body = self._body(item)
         entry, pose = enlarged_item(body.entry, body.pose, factor)
         if self.bodies.held == body.id or not self._free(entry.shape, pose, item, MIN_ITEM_CLEARANCE):
             return False
@@ -293,7 +293,7 @@ class KinematicHardware:
         """Begin a fault of a device. `held` is given on restore: the device's state when the fault began."""
         self.faults.begin(number, fault, self._doing(fault) if held is None else held)
         if isinstance(fault, fault_entries.Stall) and held is None:
-            self.arm.stand()
+            self.arm.hold()
 
     def relieve(self, number: int) -> None:
         """End a fault of a device."""
@@ -306,8 +306,8 @@ class KinematicHardware:
                 command = GripperCommand(self.gripper.target, self.gripper.force)
                 return jam_command(command, self.gripper.width, self.robot.gripper.max_force)
             case fault_entries.WrenchDead():
-                said = self.wrench.read()
-                return (*said.force, *said.torque, self.stamps.wrench)
+                reading = self.wrench.read()
+                return (*reading.force, *reading.torque, self.stamps.wrench)
             case _:
                 return (0.0,) if fault_entries.counted(fault) else ()
 
@@ -320,7 +320,7 @@ class KinematicHardware:
         self._obstacles.take(name)
 
     def _restand(self) -> None:
-        self.bodies.stand(self._obstacles.here)
+        self.bodies.replace_obstacles(self._obstacles.here)
 
     def checkpoint(self) -> checkpoints.KinematicState:
         """Save the state and continue from it, as a resumed run would."""
@@ -380,7 +380,7 @@ class KinematicHardware:
         own = self._lent.get(body.id, (body.friction, 0.0))[0]
         return checkpoints.ItemState(body.id, body.pose, own, body.entry.mass, body.present, body.scale)
 
-    def _known(self, item: str) -> KinematicBody:
+    def _body(self, item: str) -> KinematicBody:
         if self._inventory.has_left(item):
             raise PicktreeError(f"item {item!r} was taken away before")
         if item not in self.bodies:

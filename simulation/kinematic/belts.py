@@ -27,7 +27,7 @@ from .bodies import KinematicBodies, KinematicBody, Prism
 from .camera import Posture
 
 MAX_SUPPORT_GAP = 1e-3
-"""Largest gap between an item and the surface on which it stands, m."""
+"""Largest gap between an item and its supporting surface, m."""
 LANDING_DISTANCE = 1e-3
 """Distance from the belt's end to the landing place of an item that falls off, m."""
 
@@ -74,7 +74,7 @@ class KinematicBelt(BeltDrive):
             self._drop_beyond(body.id)
 
     def _riding(self) -> list[KinematicBody]:
-        """Return the items on the belt, and those that stand on them."""
+        """Return the items on the belt, and the items on top of them."""
         riding: list[KinematicBody] = []
         tops: list[Prism] = []
         track = self.track

@@ -45,7 +45,7 @@ class HoleBelow:
     floor: float
     """Height of its bottom in the world, m."""
     pose: Pose
-    """Pose in the world of the item as it would stand in the hole: upright, at its present height."""
+    """Pose in the world of the item upright in the hole, at its present height."""
     entered: bool
     """Whether the item is so deep in the hole that the walls hold it."""
 
@@ -57,7 +57,7 @@ class KinematicHoles:
         self._holes = [(f.id, hole, f.pose @ hole.pose) for f in fixtures for hole in f.holes]
 
     def under(self, shape: Shape, pose: Pose) -> HoleBelow | None:
-        """Return the hole into which an item at `pose` goes when it is lowered; None when there is none."""
+        """Return the hole into which an item at `pose` goes when it is lowered; None without such a hole."""
         for fixture, hole, mouth in self._holes:
             found = _under(fixture, hole, mouth, shape, pose)
             if found is not None:
@@ -246,7 +246,7 @@ class KinematicBodies:
         self._prisms: dict[ObjectId, Prism] = {}
         self._outlines: dict[ObjectId, tuple[KinematicBody, Placed]] = {}
         self._tops: tuple[Top, ...] | None = None
-        """Tops of all bodies that are not held; None: to be collected anew."""
+        """Tops of all bodies that are not held; None: to be collected again."""
         self.held: ObjectId | None = None
         self.highest = 0.0
         """Height of the highest top of all bodies that are not held, m."""
@@ -279,7 +279,7 @@ class KinematicBodies:
         self._measure()
 
     def put(self, body: KinematicBody) -> None:
-        """Set an item at its pose, whatever is below."""
+        """Set an item at its pose, without a check of its support."""
         self._items[body.id] = body
         if body.present and body.id != self.held:
             self._prisms[body.id] = Prism.of(body.id, body.entry.shape, body.pose)
@@ -298,14 +298,14 @@ class KinematicBodies:
         return known[1]
 
     def shift(self, items: Iterable[ObjectId], way: Vector3) -> None:
-        """Move items horizontally by `way`, m, whatever is in the way."""
+        """Move items horizontally by `way`, m, without a check for collisions."""
         for name in items:
             body = self._items[name]
             self._items[name] = body.at(body.pose.shifted(way))
             self._prisms[name] = self._prisms[name].shifted(way)
         self._tops = None
 
-    def stand(self, obstacles: Iterable[Fixture]) -> None:
+    def replace_obstacles(self, obstacles: Iterable[Fixture]) -> None:
         """Replace the obstacles among the static bodies. Items on an obstacle that is gone come down."""
         self._fixed = (*self._scenery, *(Prism.of(f.id, f.shape, f.pose) for f in obstacles))
         self.settle()
@@ -379,7 +379,7 @@ class KinematicBodies:
         return hole if hole is not None and hole.entered else None
 
     def below(self, prism: Prism) -> float | None:
-        """Return the height of the highest top under the outline, m; None: there is none."""
+        """Return the height of the highest top under the outline, m; None without one."""
         return max((top for _, top in self.tops_below(prism)), default=None)
 
     def tops_below(self, prism: Prism) -> list[tuple[str, float]]:

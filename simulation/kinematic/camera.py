@@ -68,7 +68,7 @@ class RenderStage:
         joints = (*posture.position.tolist(), *self._body.fingers.positions(posture.width))
         self._body.place(joints, (0.0,) * len(joints))
         self._set(bodies)
-        self._stand(obstacles)
+        self._replace_obstacles(obstacles)
         view = CameraRenderer(camera)
         optical = view.true_frame(posture.tool)
         if moved is not None:
@@ -97,7 +97,7 @@ class RenderStage:
             position, orientation = body.pose.position, body.pose.orientation
             pb.resetBasePositionAndOrientation(self._numbers[name], position, orientation, self._client)
 
-    def _stand(self, obstacles: Iterable[Fixture]) -> None:
+    def _replace_obstacles(self, obstacles: Iterable[Fixture]) -> None:
         there = tuple(obstacles)
         for gone in [body for body in self._obstacles if body not in there]:
             pb.removeBody(self._obstacles.pop(gone), self._client)

@@ -19,7 +19,7 @@ from .bodies import KinematicBodies, KinematicBody, Prism
 from .devices import KinematicArm, KinematicGripper, KinematicWrench
 
 MAX_FIRST_CONTACT_DEPTH = 0.005
-"""Depth below a top up to which a foot of unknown origin counts as standing on it, m."""
+"""Greatest depth below a top at which that top carries a foot of unknown origin, m."""
 MAX_ENTRY_DEPTH = 5e-4
 """Depth below a top up to which a foot came from above, m."""
 
@@ -27,8 +27,8 @@ MAX_ENTRY_DEPTH = 5e-4
 class KinematicContacts:
     """Supports of each foot: a foot is a finger tip, or the bottom of the held item.
 
-    A foot stands on a body that it entered from above, until it leaves the outline. A body that it entered
-    from the side, as fingers do that open next to it, moves aside and pushes nothing up.
+    A body carries a foot that entered it from above, until the foot leaves its outline. A body entered from
+    the side, as by fingers that open next to it, moves aside and pushes nothing up.
     """
 
     def __init__(self) -> None:
@@ -42,8 +42,8 @@ class KinematicContacts:
             self._upon.pop(foot, None)
 
     def top(self, foot: str, height: float, tops: Iterable[tuple[str, float]]) -> float | None:
-        """Return the highest of `tops` (names and heights at the foot, m) that carries the foot or is below
-        it; None: there is none."""
+        """Return the height of the highest of `tops` (names and heights at the foot, m) that carries the foot
+        or is below it; None without one."""
         before, upon = self._height.get(foot), self._upon.get(foot, frozenset[str]())
         entered = height + MAX_FIRST_CONTACT_DEPTH if before is None else before + MAX_ENTRY_DEPTH
         carrying = {name: top for name, top in tops if top <= max(height, entered) or name in upon}
@@ -57,8 +57,8 @@ class KinematicContacts:
         self._upon[foot] = frozenset()
 
 
-MAX_STANDING_TIP_DEPTH = 0.0015
-"""Depth below the top of an item up to which finger tips stand on it, m."""
+MAX_SUPPORTED_TIP_DEPTH = 0.0015
+"""Greatest depth below the top of an item at which that top carries the finger tips, m."""
 MIN_DOWNWARD_COSINE = 0.98
 """Least cosine of the tilt of a hand that points down."""
 MIN_PUSH_TRAVEL = 1e-7
@@ -79,7 +79,7 @@ class KinematicPushing:
         self._before = None
 
     def step(self, rotation: Array, position: Array, width: float, tip: float) -> tuple[float, float]:
-        """Push items that the fingers reach, and return the friction force (x, y) of what slides, in the
+        """Push items that the fingers reach, and return the friction force (x, y) of sliding items, in the
         world, N.
 
         `rotation` (3, 3) and `position` (3,) are the TCP's in the world. The fingers are `width` m open and
@@ -101,7 +101,7 @@ class KinematicPushing:
         here = [
             body
             for body, prism in self._bodies.standing()
-            if prism.high[2] > low + MAX_STANDING_TIP_DEPTH
+            if prism.high[2] > low + MAX_SUPPORTED_TIP_DEPTH
             and prism.low[2] < low + self._high
             and self._bodies.in_hole(body) is None
         ]
@@ -116,7 +116,7 @@ class KinematicPushing:
             [
                 _static_outline(prism)
                 for prism in self._bodies.fixed
-                if low < prism.high[2] - MAX_STANDING_TIP_DEPTH
+                if low < prism.high[2] - MAX_SUPPORTED_TIP_DEPTH
             ],
         )
         pushed = sliding.press(fingers)
@@ -159,7 +159,7 @@ CONTACT_STIFFNESS = 2.0e4
 CONTACT_DAMPING = 60.0
 """Damping of a contact with a support, N·s/m."""
 MAX_TIP_DEPTH = 0.03
-"""Greatest depth below a top at which the finger tips still count as standing on it, m."""
+"""Greatest depth below a top at which it still carries the finger tips, m."""
 SUPPORT_HEIGHT = 2e-4
 """Height above a support over which it takes the weight of a held object, m."""
 HELD_FOOT = "held"

@@ -26,7 +26,7 @@ from picktree.world.robot_model import GripperDescription, RobotModel
 from .bodies import KinematicBodies, KinematicBody
 
 MIN_FINGER_STEP = 1e-9
-"""Change of the opening in a control period below which the fingers stand, m."""
+"""Change of the opening in a control period below which the fingers are at rest, m."""
 MIN_GRASP_OVERLAP = 0.001
 """Least overlap of an item with the pads for a grasp, m."""
 
@@ -102,7 +102,7 @@ class KinematicGripper:
             self.item_in_tcp = pose
         self.width = width
         # An item that is too heavy for the force is caught again in each period, at the same width but for
-        # rounding: the fingers stand.
+        # rounding: the fingers are at rest.
         self.speed = 0.0 if abs(width - before) < MIN_FINGER_STEP else (width - before) / period
 
     def _carries(self, body: KinematicBody, force: float) -> bool:
@@ -151,7 +151,7 @@ class WeakJoints:
         self._model = model
         self._period = period
 
-    def given(self, torque: Array, shares: Mapping[str, float]) -> Array:
+    def limited(self, torque: Array, shares: Mapping[str, float]) -> Array:
         """Return the torque (n,), Nm, limited to the joints' remaining shares."""
         most = self._model.torque_limit * self._shares(shares)
         return torque.clip(-most, most)
@@ -226,7 +226,7 @@ class KinematicArm:
             return
         self._torque = torque.copy()
 
-    def stand(self) -> None:
+    def hold(self) -> None:
         """Hold the present configuration until the next command."""
         self._aim = (self.position.copy(), np.zeros_like(self.velocity))
         self._torque = None
@@ -244,7 +244,7 @@ class KinematicArm:
             self.position, self.velocity = self._aim
             self._state = JointState(self.position, self.velocity, self._model.gravity(self.position))
             return
-        torque = self._weak.given(self._torque, shares) if shares else self._torque
+        torque = self._weak.limited(self._torque, shares) if shares else self._torque
         acceleration = self._model.forward_dynamics(self.position, self.velocity, torque, wrench_at_tcp)
         velocity = self.velocity + acceleration * self._period
         position = self.position + velocity * self._period
@@ -264,13 +264,13 @@ class KinematicWrench:
         self._turn = turn
 
     def read(self) -> Wrench:
-        faults, said = self._faults, self.reading
+        faults, reading = self._faults, self.reading
         if faults.silence is not None:
             return faults.silence.wrench
         if not faults.biased:
-            return said
-        x, y, z, a, b, c = faults.off(self._turn())
-        (fx, fy, fz), (tx, ty, tz) = said.force, said.torque
+            return reading
+        x, y, z, a, b, c = faults.wrench_bias(self._turn())
+        (fx, fy, fz), (tx, ty, tz) = reading.force, reading.torque
         return Wrench((fx + x, fy + y, fz + z), (tx + a, ty + b, tz + c))
 
 

@@ -278,7 +278,7 @@ class PhysicsHardware:
         return self._items.inventory.count
 
     def _with_marks(self, bodies: Iterable[TrueBody]) -> tuple[TrueBody, ...]:
-        """Return the bodies with what has crushed them and their seating in holes."""
+        """Return the bodies with their crush forces and their seating in holes."""
         crushed = map(self.crushing.with_crush_force, bodies)
         return tuple(map(self._seated, crushed)) if self._boards else tuple(crushed)
 
@@ -324,7 +324,7 @@ class PhysicsHardware:
         self._items.bump(item, velocity, spin)
 
     def in_hand(self) -> ObjectId | None:
-        """Return the item that every finger touches; None: there is none."""
+        """Return the item that every finger touches; None without one."""
         return self._contacts.in_hand()
 
     def lubricate(self, item: str, friction: float | None, *, again: bool = False) -> None:
@@ -375,8 +375,8 @@ class PhysicsHardware:
                 width = self._body.fingers.width(reading.position[n:])
                 return jam_command(self._body.grip, width, self.robot.gripper.max_force)
             case fault_entries.WrenchDead():
-                said = self.wrench.read()
-                return (*said.force, *said.torque, self.wrench.stamp)
+                reading = self.wrench.read()
+                return (*reading.force, *reading.torque, self.wrench.stamp)
             case _:
                 return (0.0,) if fault_entries.counted(fault) else ()
 
@@ -385,7 +385,7 @@ class PhysicsHardware:
         self._body.weaken(faults.torque_shares, faults.jam, faults.grip_share)
 
     def obstacles(self) -> tuple[TrueObstacle, ...]:
-        """Return the obstacles that the robot does not know."""
+        """Return the obstacles that are unknown to the robot."""
         return self._static.obstacles.truth()
 
     def room_for(self, body: Fixture) -> bool:
@@ -401,7 +401,7 @@ class PhysicsHardware:
     def put_obstacle(self, body: Fixture) -> ObjectId:
         """Carry out a fault: add an obstacle and return its name."""
         name = self._static.obstacles.put(body)
-        self._items.sleepers.stand(self._static.number(name))
+        self._items.sleepers.add_static(self._static.number(name))
         return name
 
     def take_obstacle(self, name: ObjectId) -> None:

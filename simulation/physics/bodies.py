@@ -275,8 +275,10 @@ MAX_FLOOR_DEPTH = 0.05
 
 
 def _bin_collision(each: Bin, scene: SceneDescription, client: int) -> int:
-    """Create the collision shape of a bin. Its floor reaches into what it stands on: a thin item that falls
-    from 12 cm passes half of a floor of 5 mm in one step, and would be pushed out below."""
+    """Create the collision shape of a bin.
+
+    Its floor reaches into its support: a thin item that falls from 12 cm passes half of a floor of 5 mm in
+    one step, and would be pushed out below."""
     (floor, floor_pose), *walls = each.parts()
     x, y, z = each.pose.position
     stands = support_height(scene.fixtures, x, y)

@@ -46,7 +46,7 @@ class ContactPoints:
         )
 
     def in_hand(self) -> ObjectId | None:
-        """Return the item that every finger touches; None: there is none."""
+        """Return the item that every finger touches; None without one."""
         found: set[int] | None = None
         fingers = self._body.description.gripper.fingers
         for link, name in self._body.links.items():
@@ -158,7 +158,7 @@ class CrushDetector:
         self._worth = MIN_EXAMINED_EFFORT_SHARE * min(limits.values(), default=float("inf"))
         if body.description.gripper.linkage is not None:
             self._worth = 0.0
-        self._most: dict[ObjectId, checkpoints.PressedItem] = {}
+        self._greatest_forces: dict[ObjectId, checkpoints.PressedItem] = {}
         self._events: list[JournalEvent] = []
 
     def stepped(self, now: float, reading: checkpoints.RobotReading) -> None:
@@ -170,9 +170,9 @@ class CrushDetector:
             if name in fingers:
                 self._look(link, name, now)
 
-    def most(self) -> Mapping[ObjectId, checkpoints.PressedItem]:
+    def greatest_forces(self) -> Mapping[ObjectId, checkpoints.PressedItem]:
         """Return the greatest forces on every fragile item that was between the fingers."""
-        return dict(self._most)
+        return dict(self._greatest_forces)
 
     def take_events(self) -> tuple[JournalEvent, ...]:
         events, self._events = tuple(self._events), []
@@ -180,15 +180,15 @@ class CrushDetector:
 
     def state(self) -> tuple[checkpoints.PressedItem, ...]:
         """Return the state for a checkpoint."""
-        return tuple(self._most.values())
+        return tuple(self._greatest_forces.values())
 
     def restore(self, state: Iterable[checkpoints.PressedItem]) -> None:
-        self._most = {item.id: item for item in state}
+        self._greatest_forces = {item.id: item for item in state}
         self._events = []
 
     def with_crush_force(self, body: TrueBody) -> TrueBody:
         """Return the item's truth with the force that crushed it, if one did."""
-        pressed = self._most.get(body.id)
+        pressed = self._greatest_forces.get(body.id)
         return body if pressed is None or not pressed.crushed else replace(body, crushed=pressed.force)
 
     def _look(self, link: int, finger: str, now: float) -> None:
@@ -205,12 +205,12 @@ class CrushDetector:
         limit = self._limits.get(self._items.inventory.here[name].entry.kind)
         if limit is None:
             return
-        before = self._most.get(name) or checkpoints.PressedItem(name, 0.0, limit)
+        before = self._greatest_forces.get(name) or checkpoints.PressedItem(name, 0.0, limit)
         gripped = force if self._body.grip.width <= 0.0 else 0.0
         if force <= before.force and gripped <= before.gripped:
             return
         after = replace(before, force=max(force, before.force), gripped=max(gripped, before.gripped))
-        self._most[name] = after
+        self._greatest_forces[name] = after
         if after.crushed and not before.crushed:
             self._events.append(
                 event_types.CrushedEvent(

@@ -34,7 +34,7 @@ class IdealSensors:
     def start(self, step: int, time: int, reading: checkpoints.RobotReading) -> None:
         """Continue after that number of steps, at a time in units of 1/`engine.RESOLUTION` s."""
         self.step = step
-        """Number of steps so far, of whatever length."""
+        """Number of steps so far, of any length."""
         self.time = time
         """Time since time 0, in units of 1/`engine.RESOLUTION` s."""
         self.now = time / RESOLUTION
@@ -130,6 +130,6 @@ class PhysicsWrench:
         a, b, c, d, e, f = senses.noise.wrench(senses.step, senses.now, senses.reading.turn)
         fx, fy, fz, tx, ty, tz = senses.reading.wrench
         if faults.biased:
-            more = faults.off(senses.reading.turn)
+            more = faults.wrench_bias(senses.reading.turn)
             a, b, c, d, e, f = (one + other for one, other in zip((a, b, c, d, e, f), more, strict=True))
         return Wrench((fx + a, fy + b, fz + c), (tx + d, ty + e, tz + f))

@@ -26,15 +26,15 @@ def _without_build_time() -> Generator[None]:
         # Standard error is closed.
         yield
         return
-    with tempfile.TemporaryFile() as said:
-        os.dup2(said.fileno(), STANDARD_ERROR)
+    with tempfile.TemporaryFile() as output:
+        os.dup2(output.fileno(), STANDARD_ERROR)
         try:
             yield
         finally:
             os.dup2(kept, STANDARD_ERROR)
             os.close(kept)
-            said.seek(0)
-            for line in said:
+            output.seek(0)
+            for line in output:
                 if not line.startswith(BUILD_MESSAGE):
                     os.write(STANDARD_ERROR, line)
 

@@ -33,7 +33,7 @@ def patched_urdf(robot: RobotDescription, folder: Path) -> str:
     missing links.
 
     Links have the convex bodies that the planner takes, hulls as files in `folder`: the engine reads no mesh
-    of others. Every link shows its *collision* geometry: the camera sees what can be touched, which also
+    of others. Every link shows its *collision* geometry: the camera sees the collision geometry, which also
     renders ten times faster than the visual meshes. A link without <inertial> gets one of no mass, as the
     planner's dynamics take it: the engine would give it 1 kg. No joint keeps its <dynamics>: damping and
     friction are in neither simulation nor controller. A joint that follows the gripper's motor is limited by
@@ -54,7 +54,7 @@ def patched_urdf(robot: RobotDescription, folder: Path) -> str:
     for n, part in enumerate(shapes):
         _put_shape(links[part.link], part, folder / f"hull_{n}.obj")
     for link in links.values():
-        _show_what_collides(link)
+        _add_collision_visuals(link)
         if link.find("inertial") is None:
             _add_no_mass(link)
     for n, name in enumerate(robot.gripper.fingers):
@@ -104,7 +104,7 @@ def _collision(link: ElementTree.Element, pose: Pose) -> ElementTree.Element:
     return ElementTree.SubElement(collision, "geometry")
 
 
-def _show_what_collides(link: ElementTree.Element) -> None:
+def _add_collision_visuals(link: ElementTree.Element) -> None:
     for collision in link.findall("collision"):
         visual = copy.deepcopy(collision)
         visual.tag = "visual"
@@ -125,7 +125,7 @@ def _add_no_mass(link: ElementTree.Element) -> None:
 
 
 def _put_finger(link: ElementTree.Element, n: int, gripper: GripperDescription) -> None:
-    """Replace the collision geometry of a finger link by the pad of finger `n` and what is behind it."""
+    """Replace the collision geometry of a finger link by the pad of finger `n` and the bodies behind it."""
     for old in [*link.findall("collision"), *link.findall("contact")]:
         link.remove(old)
     for box, pose in (gripper.pads[n], *gripper.bodies_of(n)):

@@ -95,7 +95,7 @@ class SleepingItems:
         self._numbers: Mapping[ObjectId, int] = {}
         self._fixed: Collection[int] = ()
         self._places: dict[ObjectId, list[_Place]] = {}
-        """Where each awake item was when each test of rest began anew."""
+        """Place of each awake item at the last restart of each test of rest."""
         self._asleep: set[ObjectId] = set()
         self._dozing: dict[ObjectId, int] = {}
         self._steps = 0
@@ -115,7 +115,7 @@ class SleepingItems:
         self._set(self._numbers[name], pb.ACTIVATION_STATE_ENABLE_SLEEPING, AWAKE_SLEEP_THRESHOLD)
         self._places[name] = self._place(name)
 
-    def stand(self, body: int) -> None:
+    def add_static(self, body: int) -> None:
         """Add a static body, which is in the collection given as `fixed`."""
         self._set(body, pb.ACTIVATION_STATE_ENABLE_SLEEPING, AWAKE_SLEEP_THRESHOLD)
         self._set(body, pb.ACTIVATION_STATE_SLEEP, AWAKE_SLEEP_THRESHOLD)
@@ -247,7 +247,7 @@ MAX_SETTLING_STEPS = 600
 MAX_POURING_STEPS = 1200
 """The same number for scenes with heaps: layers of items fall for up to a second."""
 MIN_SPREADING_STEPS = 120
-"""Number of steps after the walls of a pile are gone: what leant on them begins to fall slowly."""
+"""Number of steps after the walls of a pile are gone: an item that leant on them begins to fall slowly."""
 CREEP_SPEED, CREEP_SPIN = 0.004, 0.1
 """Speed, m/s, and angular speed, rad/s, below which the items of a heap count as resting before time 0."""
 
@@ -462,7 +462,7 @@ class PhysicsItems:
 
     def remove(self, item: str) -> None:
         """Carry out a fault: remove the item."""
-        name = self._known(item)
+        name = self._item_id(item)
         self._gone[name] = replace(
             self._state(name), velocity=ZERO_VELOCITY, spin=ZERO_VELOCITY, present=False
         )
@@ -472,7 +472,7 @@ class PhysicsItems:
 
     def change_dynamics(self, item: str, friction: float | None = None, mass: float | None = None) -> None:
         """Carry out a fault: change the item's friction, or its mass in kg, for good."""
-        change = checkpoints.DynamicsChange(self._known(item), friction, mass)
+        change = checkpoints.DynamicsChange(self._item_id(item), friction, mass)
         self._apply(change)
         forget_contacts(self._numbers[change.item], self._client)
         self._ledger.append(change)
@@ -500,7 +500,7 @@ class PhysicsItems:
 
     def enlarge(self, item: str, factor: float, pose: Pose) -> None:
         """Carry out a fault: scale the item by `factor` at `pose`; its velocity is kept."""
-        name = self._known(item)
+        name = self._item_id(item)
         before = self._state(name)
         pb.removeBody(self._numbers[name], self._client)
         self._numbers[name] = add_item(self.inventory.enlarge(name, factor), pose, self._client, self._shapes)
@@ -519,7 +519,7 @@ class PhysicsItems:
         finite(np.array(velocity, dtype=np.float64), f"{item}: velocity", (3,))
         finite(np.array(spin, dtype=np.float64), f"{item}: spin", (3,))
         # A sleeping item has to be woken first, which takes a step.
-        self._bumps[self._known(item)] = (velocity, spin)
+        self._bumps[self._item_id(item)] = (velocity, spin)
         self.sleepers.wake_all()
 
     def _apply(self, change: checkpoints.DynamicsChange) -> None:
@@ -540,7 +540,7 @@ class PhysicsItems:
         velocity, spin = self._bumps.get(name) or pb.getBaseVelocity(number, self._client)
         return checkpoints.BodyState(name, position, orientation, velocity, spin, present=True, asleep=asleep)
 
-    def _known(self, item: str) -> ObjectId:
+    def _item_id(self, item: str) -> ObjectId:
         name = ObjectId(item)
         if name in self._numbers:
             return name

@@ -92,14 +92,17 @@ class KnuckleGearReaction:
             frame = model.full.frames[index]
             centre = inertia.lever.copy() if moves else frame.placement.act(inertia.lever)
             self._bodies.append((frame.parentJoint, inertia.mass, centre))
-        self._seen: Array | None = None
+        self._response_position: Array | None = None
         self._response: Array = np.zeros(3)
 
     def read(self, turn: Quaternion, position: Sequence[float]) -> Vector3:
         """Return the missing force on the wrist as `GearReaction` does."""
         now = np.array(position)
-        if self._seen is None or float(np.abs(now - self._seen).max()) > MAX_STALE_MOTION:
-            self._seen, self._response = now, self._respond(now)
+        if (
+            self._response_position is None
+            or float(np.abs(now - self._response_position).max()) > MAX_STALE_MOTION
+        ):
+            self._response_position, self._response = now, self._respond(now)
         x, y, z = (-pb.getConstraintState(self._gear, self._client)[0] * self._response).tolist()
         return (x, y, z)
 

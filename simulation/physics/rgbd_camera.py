@@ -21,8 +21,8 @@ from .engine import Client, pb
 LIGHT_DIRECTION = (0.3, 0.2, 1.0)
 """Direction towards the light, in the world."""
 HAND_CAMERA_NEAR_CLIP = 0.01
-"""Near clipping distance of a camera on the hand, m. The hand hides what is behind it, also where it is too
-near to be measured."""
+"""Near clipping distance of a camera on the hand, m. The hand hides the surfaces behind it, also where it is
+too near to be measured."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

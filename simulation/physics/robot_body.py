@@ -1,5 +1,5 @@
-"""Robot in pybullet: joints, motors, gear and wrist sensor, all as the robot file says. Its URDF is
-adapted to the engine, and motors replace the closed chains of fingers on linkages.
+"""Robot in pybullet: joints, motors, gear and wrist sensor of the robot file. Its URDF is adapted to the
+engine, and motors replace the closed chains of fingers on linkages.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class RobotBody:
         self._flange = joints[robot.flange_joint]
         self._read_joints = [*self._arm, *self._fingers, self._flange]
         # pybullet's default of 0.04 would damp the arm as if it moved in oil. All three concern the whole
-        # body or its base, whatever link the call names.
+        # body or its base, for any link in the call.
         pb.changeDynamics(
             self.body,
             -1,
@@ -178,7 +178,7 @@ class RobotBody:
             pb.POSITION_CONTROL,
             targetPositions=starts,
             targetVelocities=velocity,
-            forces=self._limits if self._shares is None else self._least(),
+            forces=self._limits if self._shares is None else self._weak_limits(),
             positionGains=self._gains,
             velocityGains=self._ones,
             physicsClientId=self._client,
@@ -198,7 +198,7 @@ class RobotBody:
         self._jam, self._grip_share = jam, grip_share
         self._command_again()
 
-    def _least(self) -> list[float]:
+    def _weak_limits(self) -> list[float]:
         """Return the greatest torques of the weak joints, Nm."""
         return [most * share for most, share in zip(self._limits, self._shares or self._ones, strict=True)]
 
@@ -258,15 +258,15 @@ class RobotBody:
             self.body,
             self._arm,
             pb.TORQUE_CONTROL,
-            forces=self._given(self._command.torque),
+            forces=self._limited(self._command.torque),
             physicsClientId=self._client,
         )
 
-    def _given(self, torque: tuple[float, ...]) -> tuple[float, ...]:
+    def _limited(self, torque: tuple[float, ...]) -> tuple[float, ...]:
         """Return the torque, Nm, limited to the joints' remaining shares."""
         if self._shares is None:
             return torque
-        return tuple(min(max(t, -most), most) for t, most in zip(torque, self._least(), strict=True))
+        return tuple(min(max(t, -most), most) for t, most in zip(torque, self._weak_limits(), strict=True))
 
     def restore(
         self,
@@ -301,7 +301,7 @@ class RobotBody:
             x, y, z = self._gear.read(turn, position)
             wrench = (wrench[0] + x, wrench[1] + y, wrench[2] + z, *wrench[3:])
         if self._command.mode == "torque":
-            effort = (*self._given(self._command.torque), *effort[len(self._arm) :])
+            effort = (*self._limited(self._command.torque), *effort[len(self._arm) :])
         return checkpoints.RobotReading(position, velocity, effort, wrench, turn)
 
     def tcp(self) -> Pose:

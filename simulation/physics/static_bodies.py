@@ -25,7 +25,7 @@ class StaticBodies:
         self.names: dict[int, str] = {}
         """Names of floor, fixtures, bins, belts and obstacles by pybullet's body number."""
         self.obstacles = HiddenObstacles(self._add, self._remove)
-        """Obstacles that the robot does not know of."""
+        """Obstacles that are unknown to the robot."""
 
     def load(self) -> None:
         """Add floor, fixtures and bins to an empty simulation."""

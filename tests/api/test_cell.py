@@ -75,7 +75,7 @@ FAULTS = {
     "unit": (
         lambda: pt.nodes.GoTo(pose="home", speed="fast"),
         "mission: Main/GoTo: port 'speed': 'fast' is not a number (share of the joints' speed limits: 1 for "
-        "as fast as allowed)",
+        "the full limits)",
     ),
     "key that nobody writes": (
         lambda: pt.Grasp(object="{item}"),

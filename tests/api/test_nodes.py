@@ -90,7 +90,7 @@ WRONG = {
     ),
     "no child": (
         lambda: pt.Sequence(),
-        "Sequence: its children are missing: what is done, in this order",
+        "Sequence: its children are missing: the steps, in this order",
     ),
     "children twice": (
         lambda: pt.nodes.Inverter(pt.Observe(), do=pt.Observe()),  # type: ignore[call-arg]
@@ -102,7 +102,7 @@ WRONG = {
     ),
     "value": (
         lambda: pt.Grasp(object=SimpleNamespace(id="red_block_1")),  # type: ignore[arg-type]
-        "port 'object' of Grasp: a value of type SimpleNamespace cannot stand in a mission; its id is a "
+        "port 'object' of Grasp: a value of type SimpleNamespace is not allowed in a mission; its id is a "
         "text: give '.id'",
     ),
     "port of a tree": (

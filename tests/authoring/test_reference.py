@@ -95,7 +95,7 @@ def test_table_of_all_nodes() -> None:
         "  GoTo      Move the arm, free of collisions, to a named configuration of the robot file.\n"
         "\n"
         "Control nodes\n"
-        "  Sequence  Ticks its children in order until one fails; goes on with the child that was RUNNING.\n"
+        "  Sequence  Ticks its children in order until one fails; resumes at the child that was RUNNING.\n"
     )
 
 
@@ -116,7 +116,7 @@ Outputs
       opening at which the fingers stopped
 
 Fails with
-  control.gripper: The fingers did not do what they were told to. First remedy: reset the gripper.
+  control.gripper: The fingers did not follow a command. First remedy: reset the gripper.
 
 Uses gripper.
 

@@ -106,7 +106,7 @@ def test_leaves(answer: str, fault: str) -> None:
         ("{outputs: {weight: 1 m, sort: light}}", "P708 6:33: Weigh.outputs.weight: output 'weight' of "
          "Weigh: '1 m' is a length, not a force (as 20 N) (what it weighs)"),
         ("{outputs: {weight: 1, sort: lite}}", "P708 6:42: Weigh.outputs.sort: output 'sort' of Weigh: "
-         "'lite' is none of the choices; did you mean 'light'? (of what sort it is)"),
+         "'lite' is not a choice; did you mean 'light'? (of what sort it is)"),
     ],
 )  # fmt: skip
 def test_outputs_that_somebody_reads(weigh: str, fault: str) -> None:

@@ -169,7 +169,7 @@ def test_the_closed_form_is_near_by_itself() -> None:
                 (),
                 NO_TIPS,
             ),
-            "where the target stands is not known: nothing touched it, and overhead hangs still; calibrate a "
+            "the pose of the target is unknown: nothing touched it, and overhead is fixed; calibrate a "
             "camera on the hand or the tool with it",
         ),
     ],

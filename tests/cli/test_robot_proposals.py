@@ -203,7 +203,7 @@ def test_a_turret_may_touch_the_table_on_which_it_stands(tmp_path: Path) -> None
     checker.update(scene, 0.0)
     touching = {(c.a, c.b) for c in checker.contacts(model.named("home"))}
     assert {("l1", "ground"), ("l1", "wall")} <= touching
-    scene.let_stand(standing_pairs(model, scene))
+    scene.allow_mounting(standing_pairs(model, scene))
     for belief in (scene, scene.supposing()):
         with belief.allow(("arm", "something")):
             pass

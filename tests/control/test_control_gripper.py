@@ -81,19 +81,19 @@ def test_weak_and_jammed_fingers_are_said(fingers: Fingers, message: str) -> Non
 def test_fingers_that_should_open_on_the_way_are_late_soon_when_they_do_not_move() -> None:
     fingers = Fingers(jammed=True, width=0.01)
     grip = GripperControl(fingers, fingers, ROBOT.gripper)
-    assert grip.late() is None
+    assert grip.overdue_failure() is None
     grip.start(0.06)
     for _ in range(5):
         fingers.tick()
-        assert grip.late() is None
+        assert grip.overdue_failure() is None
     fingers.tick()
-    late = grip.late()
+    late = grip.overdue_failure()
     assert late is not None
     assert str(late) == "control.gripper: the fingers opened 10 mm of 60 mm"
     fingers.jammed = False
     for _ in range(6):
         fingers.tick()
-        assert grip.late() is None
+        assert grip.overdue_failure() is None
 
 
 def test_a_motion_meets_the_opening_that_the_fingers_are_on_the_way_to() -> None:

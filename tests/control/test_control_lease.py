@@ -82,7 +82,7 @@ def test_motion_that_goes_on_without_its_lease_is_a_fault_of_the_program() -> No
     old = cell.move.along(swing(HOME, ASIDE, 2.0), node="old")
     cell.ticks(old, 5)
     cell.loop.acquire("new")
-    with pytest.raises(PicktreeError, match=r"^old goes on, but another has taken the arm over$"):
+    with pytest.raises(PicktreeError, match=r"^old continues, but another motion has taken the arm over$"):
         next(old)
 
 

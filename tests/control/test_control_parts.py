@@ -222,7 +222,7 @@ def test_the_workspace_is_checked_in_every_fourth_period() -> None:
     assert MODEL.tcp(bench.position).position[2] < -0.02
     assert watch(bench, loop, 4) == [False, False, False, True]
     assert loop.monitor.stopped is not None and loop.monitor.stopped.cause is safety.WORKSPACE
-    assert not loop.supervision.off_its_way()
+    assert not loop.supervision.is_off_path()
 
 
 def test_a_force_takes_the_arm_off_its_way() -> None:
@@ -230,7 +230,7 @@ def test_a_force_takes_the_arm_off_its_way() -> None:
     loop = parts(bench)
     assert watch(bench, loop, 30, force=100.0).count(True) == 1
     assert loop.monitor.stopped.cause is safety.FORCE_LIMIT
-    assert loop.supervision.off_its_way()
+    assert loop.supervision.is_off_path()
 
 
 def test_efforts_that_nothing_explains_stop_the_arm() -> None:

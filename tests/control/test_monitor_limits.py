@@ -382,11 +382,11 @@ def test_the_first_violation_is_latched_and_told_once() -> None:
     assert [(e.kind, e.message, e.data) for e in journal.take() if isinstance(e, JournalEvent)] == [
         ("safety_stop", "a by 1.0", {"cause": "safety.workspace", "at": [1.0, 2.0], "by": "x"})
     ]
-    assert latch.busy and latch.stands("a") and latch.stands("b") and not latch.tolerates("a")
+    assert latch.busy and latch.is_violated("a") and latch.is_violated("b") and not latch.tolerates("a")
     latch.acknowledge("retreat")
     assert latch.tolerates("a") and latch.tolerates("b") and latch.stopped is None
     latch.within("b", 1.0, 0.1)
-    assert not latch.stands("b") and not latch.tolerates("b")
+    assert not latch.is_violated("b") and not latch.tolerates("b")
     latch.moves("other")
     assert latch.stopped.message == "a by 2.0"
     assert not latch.tolerates("a")

@@ -208,8 +208,8 @@ def test_hover_over_a_node(mission: Editor) -> None:
     assert mission.hover(MISSION.replace("Observe", "Obs|erve")) == (
         "#### Observe\n\n"
         "Look through a camera; list the items that are to be taken somewhere.\n\n"
-        "What the hand holds comes first: nothing else can be grasped before. The others follow in an order "
-        "that keeps the travel of the empty hand short."
+        "A held object comes first, since the hand can grasp nothing else before. The other items follow in "
+        "an order that keeps the travel of the empty hand short."
         "\n\nFails with `perception.not_found`, `perception.no_image`.\n\nUses camera."
     )
 
@@ -221,8 +221,8 @@ def test_hover_over_a_bare_node(mission: Editor) -> None:
 
 def test_hover_over_a_port(mission: Editor) -> None:
     assert mission.hover(f'{MISSION}      - Grasp: {{object: "{{item}}", fo|rce: 20 N}}\n') == (
-        "#### Grasp\n\ngreatest grip force of each finger: it presses as weight and friction need, but never "
-        "harder than this, than the item bears (`force_limit`) or than the gripper can\n\n"
+        "#### Grasp\n\nmaximum grip force of each finger: the applied force follows from weight and "
+        "friction, and is limited by this, by the item (`force_limit`) and by the gripper\n\n"
         '*number in N, or as "20 N"; more than 0; default: 70 N*'
     )
 

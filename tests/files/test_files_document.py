@@ -113,7 +113,7 @@ FAULTY = [
     (
         HEAD + "a: &a [*a]",
         "m.yaml:3:8: a[0]: *a names no finished value "
-        "(its anchor stands before it; a text that begins with * is quoted)",
+        "(its anchor comes before it; quote a text that begins with *)",
     ),
     (HEAD + "a: b: c", "m.yaml:3:5: not valid YAML: a ':' does not fit here (quote the text, or indent it)"),
     (HEAD + "? [1]\n: 2", 'm.yaml:3:3: a key is a word, not […] (a reference is quoted: "{item}")'),

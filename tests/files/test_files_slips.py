@@ -73,7 +73,7 @@ LEAVE_OUT = "leave it out, or put a text with it in quotes"
          "P128 4:4 a '-' is missing before this entry of the list above (write '- GoTo:')"),
         # Numbers and references.
         (" Main: {Log: {message: '{a} of {b}'}}",
-         "P221 1:24 port 'message': {a} is a part of the text '{a} of {b}', and stays as it is there "
+         "P221 1:24 port 'message': {a} is a part of the text '{a} of {b}', and is not replaced there "
          '(a reference is the whole value: write "{a}")'),
         (" Main: {Sleep: {msec: 1_000}}",
          "P220 1:23 port 'msec': '1_000': unknown unit '_000' (s, ms, us, min, h) (write 1000)"),

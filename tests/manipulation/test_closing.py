@@ -106,7 +106,7 @@ def test_what_is_light_is_pushed_to_the_middle_and_not_crushed() -> None:
     assert closed.gave_way == 0.0
     assert bench.moved == pytest.approx(0.006, abs=5e-4)
     assert bench.touching == set(ROBOT.gripper.fingers)
-    (pressed,) = bench.physics.crushing.most().values()
+    (pressed,) = bench.physics.crushing.greatest_forces().values()
     assert 2.0 < pressed.gripped < 0.75 * pressed.limit
     assert bench.physics.take_events() == ()
 
@@ -122,7 +122,7 @@ def test_what_is_gripped_too_hard_is_crushed_for_good() -> None:
     bench.physics.checkpoint()
     assert bench.physics.take_events() == ()
     (item,) = score(bench.physics.truth(), bench.scene).items
-    (pressed,) = bench.physics.crushing.most().values()
+    (pressed,) = bench.physics.crushing.greatest_forces().values()
     assert item.verdict == "misplaced"
     assert item.reason == f"it was crushed: a finger pressed with {pressed.force:.1f} N"
 

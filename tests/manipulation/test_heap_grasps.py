@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from picktree.robot.manipulation.heap_grasps import (
     MORE_TILTED,
     STAGES,
-    STRICT,
+    STRICT_TIER,
     TILTED,
     VERTICAL,
     colour_between,
@@ -51,7 +51,7 @@ def bar(x: int = 75, y: int = 75) -> Array:
 
 
 def vertical(one: Heap):
-    return next(grasps(one, GRIPPER, [(STRICT, (VERTICAL,))]))
+    return next(grasps(one, GRIPPER, [(STRICT_TIER, (VERTICAL,))]))
 
 
 def test_the_best_grasp_of_a_bar_closes_across_its_middle_and_stays_above_the_floor():
@@ -114,7 +114,7 @@ def test_no_wall_is_between_the_fingers():
     heights = floor()
     heights[60:90, 9:21] = FLOOR + 0.10  # 14 mm from the wall: a finger fits outside of the tote only
     heights[60:90, 69:81] = FLOOR + 0.10
-    found = next(grasps(heap(heights), GRIPPER, [(STRICT, (VERTICAL, TILTED))]))
+    found = next(grasps(heap(heights), GRIPPER, [(STRICT_TIER, (VERTICAL, TILTED))]))
     assert len(found) > 10
     for one in found:
         for side in (-1, 1):
@@ -125,7 +125,7 @@ def test_no_wall_is_between_the_fingers():
 def test_a_bar_beside_a_wall_is_reached_by_tilting_alone():
     beside = heap(bar(y=146 - 8))
     assert not vertical(beside)
-    tilted = next(grasps(beside, GRIPPER, [(STRICT, (TILTED,))]))
+    tilted = next(grasps(beside, GRIPPER, [(STRICT_TIER, (TILTED,))]))
     assert tilted and all(one.tilted for one in tilted)
     back = tilted[0].pre_grasp(0.08)
     assert back.apply(np.array([0.0, 0.0, GRIPPER.tip]))[2] > TOTE.size[2]
@@ -155,7 +155,9 @@ def test_what_lies_up_to_a_wall_is_as_high_beside_it_as_further_in():
 
 def test_a_leaning_hand_closes_level_so_that_the_pads_lie_flat_on_upright_sides():
     beside = heap(bar(y=146 - 8))
-    leaning = [one for stage in grasps(beside, GRIPPER, [(STRICT, (TILTED, MORE_TILTED))]) for one in stage]
+    leaning = [
+        one for stage in grasps(beside, GRIPPER, [(STRICT_TIER, (TILTED, MORE_TILTED))]) for one in stage
+    ]
     assert leaning
     for one in leaning:
         assert one.tcp_in_world.rotation()[2, 1] == pytest.approx(0.0, abs=1e-9)

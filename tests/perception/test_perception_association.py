@@ -217,10 +217,10 @@ def test_a_view_through_the_same_eyes_changes_nothing_but_the_time() -> None:
 def test_seen_empty_needs_the_pixels_to_say_so() -> None:
     view = view_of([BLUE])
     shape: Shape = BLOCK
-    assert view.look(shape, RED.pose, "red").seen_empty
-    assert not view.look(CAN, BLUE.pose, "blue").seen_empty
+    assert view.look(shape, RED.pose, "red").is_empty
+    assert not view.look(CAN, BLUE.pose, "blue").is_empty
     outside = view.look(shape, Pose((3.0, 0.0, 0.02)), "red")
-    assert outside.hidden and not outside.seen_empty
+    assert outside.hidden and not outside.is_empty
 
 
 def test_an_item_is_believed_until_it_is_seen_missing() -> None:

@@ -101,7 +101,7 @@ def test_of_a_body_half_out_of_the_picture_the_rest_speaks(x: float, y: float, v
 def test_of_a_body_out_of_the_picture_nothing_is_seen(x: float, y: float) -> None:
     look = synthetic_view(HEIGHT).look(BODY, at(x, y), "grey")
     assert look == BodyVisibility(110, 0, 0)
-    assert look.hidden and not look.seen_empty and not look.borne_out
+    assert look.hidden and not look.is_empty and not look.is_confirmed
 
 
 @pytest.mark.parametrize(("x", "y"), [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
@@ -130,7 +130,7 @@ def test_a_sphere_is_judged_by_its_surface() -> None:
     depth = np.where(root > 0, (-b - np.sqrt(np.maximum(root, 0.0))) / (2 * a), HEIGHT)
     look = synthetic_view(depth).look(ball, Pose((0.0, 0.0, 0.05)), "grey")
     assert look == BodyVisibility(144, int((root > 0).sum()), 0)
-    assert synthetic_view(HEIGHT).look(ball, Pose((0.0, 0.0, 0.05)), "grey").seen_empty
+    assert synthetic_view(HEIGHT).look(ball, Pose((0.0, 0.0, 0.05)), "grey").is_empty
 
 
 def test_a_sphere_covers_the_pixels_of_the_cube_about_it() -> None:
@@ -160,7 +160,7 @@ def test_what_is_to_be_said_of_a_place(
 ) -> None:
     """Something with three tenths of it seen, and six pixels; empty with seven tenths of those."""
     look = BodyVisibility(total, visible, empty)
-    assert (look.seen_empty, look.borne_out, look.hidden) == (seen_empty, borne_out, hidden)
+    assert (look.is_empty, look.is_confirmed, look.hidden) == (seen_empty, borne_out, hidden)
 
 
 def test_what_is_not_seen_of_a_heap_is_as_it_was_before() -> None:

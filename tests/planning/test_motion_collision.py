@@ -68,10 +68,10 @@ def test_bodies_that_were_moved_are_found_by_checkers_that_exist() -> None:
     collision = looking_at(scene)
     q = at(down(0.5, 0.0, 0.5))
     excusing = collision.excusing((), 0.0)
-    assert collision.free(q) and collision.nearly_free(q) and collision.asked(excusing, q)
+    assert collision.free(q) and collision.nearly_free(q) and collision.check_with(excusing, q)
     scene.put(item("board", Box((0.2, 0.2, 0.02)), Pose((0.5, 0.0, 0.5))), "test")
     collision.update(scene, 0.04)
-    assert not (collision.free(q) or collision.nearly_free(q) or collision.asked(excusing, q))
+    assert not (collision.free(q) or collision.nearly_free(q) or collision.check_with(excusing, q))
 
 
 def test_requests_depend_on_no_earlier_query() -> None:

@@ -255,7 +255,7 @@ class Ways:
             self.said.append("anew")
 
         patch.setattr(RetreatMotion, "out", out_)
-        patch.setattr(RetreatMotion, "anew", anew)
+        patch.setattr(RetreatMotion, "reset_directions", anew)
         patch.setattr("picktree.robot.manipulation.retreat.go_home", home_)
         patch.setattr(world.plan, "contacts", self._contacts)
         patch.setattr(world.vision, "observe", looking)

@@ -82,7 +82,7 @@ FAULTS: dict[str, tuple[tuple[tuple[str, str], ...], tuple[str, ...]]] = {
     ),
     "joint of another type": (
         ((J4, J4.replace("revolute", "revolve")),),
-        ("joint 'j4' has the type 'revolve', which is none (did you mean 'revolute'?)",),
+        ("joint 'j4' has the type 'revolve', which is no joint type (did you mean 'revolute'?)",),
     ),
     "joint without a type": (
         ((J4, J4.replace(' type="revolute"', "")),),

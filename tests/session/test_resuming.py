@@ -173,7 +173,7 @@ def test_it_goes_on_as_things_stood_and_looks_first(killed: Path, alone: RunResu
         assert resumption.told.endswith(": it looks first")
         session = resumption.session()
         # The fingers hold an item: that the checkpoint told them to open is over.
-        assert session.execution.world.gripper.late() is None
+        assert session.execution.world.gripper.overdue_failure() is None
         result = session.run()
     assert (result.status, result.items) == ("success", alone.items)
     assert result.picks.tried >= alone.picks.tried  # those of before the kill count

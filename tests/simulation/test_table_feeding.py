@@ -202,7 +202,7 @@ def test_an_area_without_any_room_is_refused() -> None:
     with pytest.raises(PicktreeError) as error:
         build("kinematic", fed(of=load(area=((0.33, 0.54), (0.37, 0.56)))))
     assert str(error.value) == (
-        "cell: feed[0]: no item fits into the area of 0.04 × 0.02 m beside what stands there; "
+        "cell: feed[0]: no item fits into the area of 0.04 × 0.02 m beside the bodies there; "
         "make it larger, or put it elsewhere"
     )
 

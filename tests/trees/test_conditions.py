@@ -217,7 +217,7 @@ def test_the_linter_and_the_record_see_them() -> None:
         ("a := 1; n := 2 +", "not an expression: a value is missing after '+'", 15),
         ("a := 'x; b := 2", "not an expression: the text is not closed by another '", 5),
         ("a := b := 2",
-         "not an expression: an assignment stands in a postcondition only; compare with '=='", 7),
+         "not an expression: an assignment is allowed only in a postcondition; compare with '=='", 7),
         ("a := 1;" * (MAX_ASSIGNMENTS + 1), "more than 20 assignments", 140),
         ("a := 1;" * 1000, "the assignments are longer than 4000 characters", 0),
     ],

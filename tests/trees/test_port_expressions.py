@@ -119,7 +119,7 @@ def test_a_saved_tree_goes_on_with_the_value_of_the_start() -> None:
         ('Take: {object: "{= items[0] if items == [] else null}"}',
          "input 'object' of Take: {= items[0] if items == [] else null} is empty"),
         ("Take: {object: x, hand: \"{= items[0]}\"}",
-         "input 'hand' of Take: {= items[0]}: 'red_cube_1' is none of the choices; known: left, right"),
+         "input 'hand' of Take: {= items[0]}: 'red_cube_1' is not a choice; known: left, right"),
         ('Sub: {n: "{= items[3]}"}', "input 'n' of Sub: the expression 'items[3]': a list of 2 has no "
          "element [3]; [0] is the first, [1] the last"),
         ("Take: {object: x, force: \"{= items[0].mass * 100}\"}", "input 'force' of Take: the expression "

@@ -44,7 +44,7 @@ def doc_of(node: str, key: str) -> str:
          "P220 4:47: RetryUntilSuccessful: port 'num_attempts': -2 is less than -1 "
          f"({doc_of('RetryUntilSuccessful', 'num_attempts')})"),
         ("Recover: {attempts: 0, do: AlwaysSuccess, otherwise: SafeRetreat}",
-         "P220 4:30: Recover: port 'attempts': 0 is less than 1 (how often `do` may run)"),
+         "P220 4:30: Recover: port 'attempts': 0 is less than 1 (maximum number of runs of `do`)"),
         ("ForEach: {in: [a], out: '{x}', most: 0, do: AlwaysSuccess}",
          "P234 4:47: ForEach: port 'most': of 0 elements the child never runs (at least 1, or -1 for all)"),
         ("Timeout: {msec: -5 s, do: AlwaysSuccess}",
@@ -132,7 +132,7 @@ PORT = "Main: AlwaysSuccess\nSub:\n  ports: {p: %s}\n  AlwaysSuccess: {}"
         ("{type: int, choices: [1, two]}",
          "P211 6:41: p.choices[1]: the choice: 'two' is not a whole number"),
         ("{type: string, choices: [a, b], default: c}",
-         "P213 6:57: p.default: the default: 'c' is none of the choices; known: a, b"),
+         "P213 6:57: p.default: the default: 'c' is not a choice; known: a, b"),
         ("{direction: up}", "P211 6:28: p.direction: the direction is 'in' or 'out', not 'up'"),
         ("{type: int, direction: out, default: 3}",
          "P211 6:44: p.default: an output has no default: the nodes inside write it"),

@@ -112,7 +112,7 @@ def test_what_fits_is_quiet(wired: str) -> None:
          "P237 7:20: port 'all': {xs} is a list, each a number, not a list, each an object's id (Measure)"),
         ("force: '{w}'", "P237 7:22: port 'force': {w} is in m, not in N (Measure)"),
         ("colour: '{s}'",
-         "P237 7:23: port 'colour': {s}: 'left' is none of the choices; known: red, beige (Measure)"),
+         "P237 7:23: port 'colour': {s}: 'left' is not a choice; known: red, beige (Measure)"),
         ("text: '{n.colour}'", "P238 7:21: port 'text': {n.colour}: only an object has attributes, and 'n' "
          "is a whole number (Measure)"),
         ("text: '{o.destination.colour}'", "P238 7:21: port 'text': {o.destination.colour}: only an object "
@@ -135,7 +135,7 @@ def test_what_fits_is_quiet(wired: str) -> None:
         ("count: '{=}'", "P225 7:25: port 'count': the expression is empty"),
         ("count: '{n + 1}'", "P221 7:22: port 'count': '{n + 1}' is not a reference (an expression begins "
          "with '=': \"{= n + 1}\")"),
-        ("length: '{= 3 mm}'", "P225 7:29: port 'length': not an expression: numbers stand without units "
+        ("length: '{= 3 mm}'", "P225 7:29: port 'length': not an expression: numbers are written without units "
          "here, in SI; leave out 'mm'"),
         ("_skipIf: \"o.colour == 'rde'\"", "P226 7:37: _skipIf: this is never 'rde'; did you mean 'red'?"),
         ("_skipIf: 'o.colour == ''rde'''", "P226 7:24: _skipIf: this is never 'rde'; did you mean 'red'?, "
@@ -163,7 +163,7 @@ def test_a_literal_keeps_its_value_on_the_way() -> None:
     ) == [
         "P237 10:22: Main/Sequence/Use: port 'count': {again}: 12 is more than 9 "
         "(Main/Sequence/SetBlackboard#3 writes it, line 8)",
-        "P237 10:39: Main/Sequence/Use: port 'side': {side}: 'rihgt' is none of the choices; did you mean "
+        "P237 10:39: Main/Sequence/Use: port 'side': {side}: 'rihgt' is not a choice; did you mean "
         "'right'? (Main/Sequence/SetBlackboard#2 writes it, line 7)",
         "P237 10:57: Main/Sequence/Use: port 'length': {w} is a text, not a number "
         "(Main/Sequence/SetBlackboard#4 writes it, line 9)",
@@ -237,11 +237,11 @@ def test_values_flow_through_the_ports_of_sub_trees() -> None:
               - {SetBlackboard: {value: word, output_key: "{guess}"}}
         """
     ) == [
-        "P237 6:23: Main/Sequence/Inner: port 'side': 'rihgt' is none of the choices; did you mean 'right'? "
+        "P237 6:23: Main/Sequence/Inner: port 'side': 'rihgt' is not a choice; did you mean 'right'? "
         "(it goes to the port 'side' of Use, line 19)",
         "P237 7:9: Main/Sequence/Inner#2: port 'count': its default: 30 is more than 9 "
         "(it goes to the port 'count' of Use, line 19)",
-        "P237 7:35: Main/Sequence/Inner#2: port 'list': 'up' is none of the choices; known: left, right "
+        "P237 7:35: Main/Sequence/Inner#2: port 'list': 'up' is not a choice; known: left, right "
         "(it goes to the port 'side' of Use, line 20)",
         "P237 8:22: Main/Sequence/Use: port 'count': {m} is a text, not a whole number "
         "(Main/Sequence/Inner writes it, line 6)",

@@ -123,7 +123,7 @@ REPLACED = {  # by the text that is replaced and the one in its place
     },
     "max: [0.4, 0.2]": {
         "max: [0.4, 0.9]": (
-            "12:44: feed[0].area: the area is not over a level fixture (items stand on a table)"
+            "12:44: feed[0].area: the area is not over a level fixture (items need a table below them)"
         ),
     },
     "when: {every: 45 s}": {

@@ -115,7 +115,7 @@ REPLACED = {  # by the text that is replaced and the one in its place; more faul
     },
     "  plate: {": {
         "  unknown: {": (
-            "13:3: catalogue.unknown: the name 'unknown' is taken (it stands for what fits no kind)"
+            "13:3: catalogue.unknown: the name 'unknown' is taken (it means an item that fits no kind)"
         ),
     },
     "wall: 5 mm, ": {
@@ -166,7 +166,7 @@ REPLACED = {  # by the text that is replaced and the one in its place; more faul
         ),
         "max: [0.6, 3]": (
             "15:58: spawn[0].area: the area is outside the workspace (which is x -0.5 … 1 m, y -1 … 1 m)\n"
-            "15:58: spawn[0].area: the area is not over a level fixture (items stand on a table)"
+            "15:58: spawn[0].area: the area is not over a level fixture (items need a table below them)"
         ),
     },
     "lying: 0.5": {
@@ -254,7 +254,7 @@ def test_a_mesh_becomes_its_hull_about_its_centre(tmp_path: Path) -> None:
 
 OPEN = (
     "the mesh is not closed: some of its edges do not belong to two faces "
-    "(close it; its hull, which could stand for it, has 6.0 cm³)"
+    "(close it; its hull, which could replace it, has 6.0 cm³)"
 )
 
 
@@ -296,7 +296,7 @@ def test_bases_that_cannot_be_read(tmp_path: Path) -> None:
     own.write_text("picktree: 1\nkind: scene\nbase: own.yaml\n")
     with pytest.raises(FileError) as caught:
         load_scene(str(own))
-    assert str(caught.value) == f"{own}:3:7: base: more than 5 scenes stand on one another"
+    assert str(caught.value) == f"{own}:3:7: base: more than 5 scenes are based on one another"
     text = "picktree: 1\nkind: scene\nbase: three_bin\n"
     assert faults(text) == "scene.yaml:3:7: base: unknown scene 'three_bin' (did you mean 'three_bins'?)"
 

@@ -39,7 +39,7 @@ FOREIGN_WORDS: Final[Mapping[str, str]] = {
     "LoopInt": "a loop over a list is 'ForEach: {in: …, out: \"{key}\", do: …}'",
     "LoopString": "a loop over a list is 'ForEach: {in: …, out: \"{key}\", do: …}'",
     "ManualSelector": "there is no choosing by hand",
-    "Precondition": "a condition stands at the node itself, as '_skipIf: …' or '_failureIf: …'",
+    "Precondition": "write the condition at the node itself, as '_skipIf: …' or '_failureIf: …'",
     "ScriptCondition": "an expression is asked by 'Condition: {if: …}'",
     "SequenceStar": "this is of format 3; in format 4 it is <SequenceWithMemory>",
     "SubTree": "a tree is used by its name, as 'PutDown: {object: \"{item}\"}'",
@@ -60,12 +60,12 @@ FOREIGN_WORDS: Final[Mapping[str, str]] = {
     "Wait": "Sleep",
     "GoalUpdatedController": "SkipUnlessUpdated",
     "IsGoalUpdated": "WasEntryUpdated",
-    "NonblockingSequence": "PipelineSequence comes near; it goes on past a child that runs again",
+    "NonblockingSequence": "PipelineSequence is similar; it continues past a child that runs again",
     "PersistentSequence": "SequenceWithMemory",
     # py_trees
     "CheckBlackboardVariableExists": "ask for the key in a Condition, as 'Condition: {if: key != null}'",
     "CheckBlackboardVariableValue": "ask for the value in a Condition, as 'Condition: {if: key == 3}'",
-    "EternalGuard": "a condition stands at the node itself, as '_while: …'",
+    "EternalGuard": "write the condition at the node itself, as '_while: …'",
     "Failure": "AlwaysFailure",
     "FailureIsRunning": "RetryUntilSuccessful, with 'num_attempts: -1'",
     "FailureIsSuccess": "ForceSuccess",
@@ -75,7 +75,7 @@ FOREIGN_WORDS: Final[Mapping[str, str]] = {
     "RunningIsSuccess": "a Timeout bounds how long a child may be RUNNING",
     "SetBlackboardVariable": "SetBlackboard",
     "Assign": "Script",
-    "StatusToBlackboard": "an assignment stands at the node itself, as '_onSuccess: …' and '_onFailure: …'",
+    "StatusToBlackboard": "write the assignment at the node itself, as '_onSuccess: …' and '_onFailure: …'",
     "Success": "AlwaysSuccess",
     "SuccessIsFailure": "ForceFailure",
     "SuccessIsRunning": "KeepRunningUntilFailure",
@@ -170,19 +170,21 @@ class ChildReader:
         match slot.arity:
             case "one":
                 label = "" if slot.key == "do" else slot.key
-                found = self._one(value, loc, trail, names, label)
+                found = self._node_or_sequence(value, loc, trail, names, label)
                 return (("", found),) if found else ()
             case "many":
                 return self._many(declaration, slot, value, loc, trail, names)
             case "table":
                 return self._table(slot, value, loc, trail, names)
 
-    def _one(self, value: Value, loc: Location, trail: str, names: ChildNames, label: str) -> NodeSpec | None:
+    def _node_or_sequence(
+        self, value: Value, loc: Location, trail: str, names: ChildNames, label: str
+    ) -> NodeSpec | None:
         """Read one node. A list is a Sequence, named so under `do` and after its slot elsewhere."""
         if not isinstance(value, list):
             return self._node(value, loc, trail, names)
         if not value:
-            message = "the list is empty; at least one node must stand here"
+            message = "the list is empty; at least one node is needed here"
             self._fault(loc, trail, message, code="P231")
             return None
         name = names.take(label or Sequence.declaration.id)
@@ -230,7 +232,7 @@ class ChildReader:
                 self._check_pattern(key, (*loc, key), trail)
             elif not NAME_PATTERN.fullmatch(key):
                 self._fault((*loc, key), trail, f"{show(key)} cannot name a case", code="P232", key=True)
-            node = self._one(body, (*loc, key), trail, names, key)
+            node = self._node_or_sequence(body, (*loc, key), trail, names, key)
             if node is not None:
                 found.append((key, node))
         return tuple(found)
@@ -318,10 +320,10 @@ class NodeSpecReader:
             case list() if value:
                 shown = ", ".join([*map(_brief, value[:3]), *(["…"] if len(value) > 3 else [])])
                 hint = f"write 'Sequence: [{shown}]'"
-                self._fault(loc, above, "here a node must stand, not a list", hint, code="P216")
+                self._fault(loc, above, "a node is needed here, not a list", hint, code="P216")
             case _:
                 hint = "as 'Grasp: {object: \"{item}\"}' or a bare ID"
-                self._fault(loc, above, "here a node must stand", hint, code="P216")
+                self._fault(loc, above, "a node is needed here", hint, code="P216")
         return None
 
     def _several(self, value: dict[str, Value], loc: Location, above: str, names: ChildNames) -> None:
@@ -334,7 +336,7 @@ class NodeSpecReader:
             self._fault(loc, above, message, hint, code="P215")
             return
         if not any(key.startswith("-") for key in keys):  # else each of them is no ID
-            message = f"here are {len(keys)} nodes where one can stand: {shown}"
+            message = f"here are {len(keys)} nodes in place of one: {shown}"
             hint = f"in a list each begins with a '-': write '- {keys[0][:30]}', then '- {keys[1][:30]}'"
             self._fault((*loc, keys[0]), above, message, hint, code="P215", key=True)
         for key in keys:

@@ -318,7 +318,7 @@ class TreeSetReader:
             message = f"{name!r} is a node already; a tree needs another name"
         elif name in homes:
             message, code = f"the tree {name!r} is given twice", "P247"
-            hint = f"first on {homes[name].key_mark(loc).told(str(document.path))}"
+            hint = f"first on {homes[name].key_mark(loc).describe(str(document.path))}"
         if message:
             self._fault(document, loc, message, hint, code=code, key=True)
         return not message
@@ -359,7 +359,7 @@ def load_surroundings(name: str, beside: Path | None = None, robot: str | None =
     """Load the names of a shipped scene, or of a scene file relative to `beside`, and of its robot.
 
     `robot`: shipped robot or robot file instead of the scene's; its path counts from the working directory.
-    Raises FileError for a faulty file, PicktreeError when there is none.
+    Raises FileError for a faulty file, PicktreeError for a missing one.
     """
     scene = load_scene(name, beside)
     own = Path(scene.source).parent
@@ -422,7 +422,7 @@ class MissionHead:
                 self._fault((key,), message, code="P248", key=True)
 
     def text(self, key: str) -> str | None:
-        """Return the text under a key; None when there is none."""
+        """Return the text under a key; None without one."""
         value = self._document.data.get(key)
         if value is None or (isinstance(value, str) and value):
             return value
@@ -430,8 +430,7 @@ class MissionHead:
         return None
 
     def goal(self) -> Expression | None:
-        """Return the expression that the scorer evaluates after the run; None when there is none or it is
-        wrong."""
+        """Return the expression that the scorer evaluates after the run; None for a missing or faulty one."""
         value = self._document.data.get("goal")
         if value is None:
             return None
@@ -454,7 +453,7 @@ class MissionHead:
         return goal
 
     def _goal_fault(self, goal: str, error: expression_syntax.ExpressionError, code: str) -> None:
-        mark, message = self._pointer.told(self._document.mark(("goal",)), goal, error)
+        mark, message = self._pointer.describe(self._document.mark(("goal",)), goal, error)
         self._faults.add(Diagnostic(mark, "goal", message, "", code))
 
     def plugins(self) -> tuple[str, ...]:

@@ -39,11 +39,11 @@ class UnstartedMotion(TypeError):
 
 
 def check_motion_calls(source: bytes, module: Mapping[str, object], plugin: str) -> None:
-    """Check a plug-in's source. Raises PluginError for a motion that is surely called without `yield from`.
+    """Check a plug-in's source. Raises PluginError for a certain motion call without `yield from`.
 
-    `module`: names of the executed module. What cannot be known before a run is left to `compiled`.
+    `module`: names of the executed module. Calls that are uncertain before a run are left to `compiled`.
     """
-    found = list(_Check(ast.parse(source), module).lost())
+    found = list(_Check(ast.parse(source), module).lost_motions())
     if not found:
         return
     first, *others = found
@@ -96,8 +96,8 @@ class _Watch(ast.NodeTransformer):
 
     def _watched(self, call: ast.Call) -> ast.Call:
         place = f"{self._file}, line {call.lineno}"
-        said = [ast.Constant(ast.unparse(call.func)), ast.Constant(place)]
-        helper = ast.Call(ast.Name(_HELPER, ast.Load()), [call, *said], [])
+        arguments = [ast.Constant(ast.unparse(call.func)), ast.Constant(place)]
+        helper = ast.Call(ast.Name(_HELPER, ast.Load()), [call, *arguments], [])
         return ast.copy_location(helper, call)
 
 
@@ -115,11 +115,11 @@ class _Check:
     def __init__(self, tree: ast.Module, module: Mapping[str, object]) -> None:
         self._tree, self._module = tree, module
 
-    def lost(self) -> Iterator[_LostMotion]:
+    def lost_motions(self) -> Iterator[_LostMotion]:
         """Yield the calls in the order of the text."""
         for owner, function in _functions(self._tree):
             worlds = _worlds(function)
-            uses = _Uses(function, partial(self._known, owner))
+            uses = _Uses(function, partial(self._value_of, owner))
             where = f"{owner.name}.{function.name}" if owner is not None else function.name
             for call in _calls(function):
                 if self._is_motion(call.func, owner, worlds) and uses.goes_nowhere(call):
@@ -130,10 +130,11 @@ class _Check:
             case ast.Attribute(value=ast.Attribute(value=ast.Name(id=world), attr=part), attr=name):
                 return world in worlds and name in _world_motions().get(part, ())
             case _:
-                return inspect.isgeneratorfunction(self._known(owner, called))
+                return inspect.isgeneratorfunction(self._value_of(owner, called))
 
-    def _known(self, owner: ast.ClassDef | None, named: ast.expr) -> object:
-        """Return what a name, or an attribute of `self`, of the module stands for. None: not known."""
+    def _value_of(self, owner: ast.ClassDef | None, named: ast.expr) -> object:
+        """Return the value of a name, or of an attribute of `self`, in the module; None when it is
+        unknown."""
         match named:
             case ast.Name(id=name):
                 return self._module.get(name, getattr(builtins, name, None))
@@ -147,8 +148,8 @@ class _Uses:
     """Uses of the values in one function."""
 
     def __init__(self, function: ast.FunctionDef, known: Callable[[ast.expr], object]) -> None:
-        """`known` returns what a called expression stands for, or None."""
-        self._function, self._known = function, known
+        """`known` returns the value of a called expression, or None."""
+        self._function, self._value_of = function, known
         self._above = {id(child): node for node in ast.walk(function) for child in ast.iter_child_nodes(node)}
 
     def goes_nowhere(self, motion: ast.expr) -> bool:
@@ -169,7 +170,7 @@ class _Uses:
             case ast.Return() as end:
                 return self._returned_for_nothing(end)
             case ast.Call() | ast.keyword() as use:
-                return self._given_for_nothing(motion, use)
+                return self._is_misplaced_argument(motion, use)
             case ast.NamedExpr(target=ast.Name(id=name)) as named:
                 return self._name_goes_nowhere(name) and self.goes_nowhere(named)
             case ast.Assign(targets=[ast.Name(id=name)]) | ast.AnnAssign(target=ast.Name(id=name)):
@@ -189,7 +190,7 @@ class _Uses:
         once = sum(isinstance(node.ctx, ast.Store) for node in nodes) == 1
         if once and any(self._needs_result(node) for node in loads):
             return True
-        return all(self.goes_nowhere(node) for node in loads if not self._is_asked_for(node))
+        return all(self.goes_nowhere(node) for node in loads if not self._is_compared_with_none(node))
 
     def _needs_result(self, name: ast.Name) -> bool:
         match self._above[id(name)]:
@@ -200,7 +201,7 @@ class _Uses:
             case _:
                 return False
 
-    def _is_asked_for(self, name: ast.Name) -> bool:
+    def _is_compared_with_none(self, name: ast.Name) -> bool:
         """Return whether the name is only compared with None, which starts nothing."""
         match self._above[id(name)]:
             case ast.Compare(ops=[ast.Is() | ast.IsNot()]):
@@ -218,14 +219,14 @@ class _Uses:
         promised = self._function.returns
         if _yields(self._function):
             return promised is None or not any(word in ast.unparse(promised)[1:] for word in _WITHIN)
-        return promised is not None and self._excludes_generators(promised, self._known)
+        return promised is not None and self._excludes_generators(promised, self._value_of)
 
-    def _given_for_nothing(self, motion: ast.expr, use: ast.Call | ast.keyword) -> bool:
+    def _is_misplaced_argument(self, motion: ast.expr, use: ast.Call | ast.keyword) -> bool:
         """Return whether the parameter that gets the generator is declared as something else."""
         call = self._above[id(use)] if isinstance(use, ast.keyword) else use
         if not isinstance(call, ast.Call) or call.func is motion:
             return False
-        called = self._known(call.func)
+        called = self._value_of(call.func)
         if any(called is reader for reader in _RESULT_READERS):
             return True
         if not callable(called) or (isinstance(use, ast.keyword) and use.arg is None):
@@ -386,7 +387,7 @@ def offered_nodes(module: ModuleType, plugin: str, attribute: str) -> tuple[type
     for node in cast("tuple[object, ...]", nodes):
         if not _is_node(node):
             raise PluginError(
-                f"the plug-in {plugin!r}: {_shown(node)} in {attribute} is not a node class",
+                f"the plug-in {plugin!r}: {_described_type(node)} in {attribute} is not a node class",
                 "a class derived from Skill, ConditionNode or Control",
                 code="P253",
             )
@@ -402,7 +403,7 @@ def _is_node(value: object, module: ModuleType | None = None) -> TypeGuard[type[
     return own and isinstance(vars(value).get("declaration"), NodeDeclaration)
 
 
-def _shown(value: object) -> str:
+def _described_type(value: object) -> str:
     name = value.__name__ if isinstance(value, type) else type(value).__name__
     article = "an" if name[0] in "aeiouAEIOU" else "a"
     return name if isinstance(value, type) else f"{article} {name}"
@@ -462,7 +463,7 @@ def _check_cause(cause: Cause | Family, plugin: str, node: str) -> None:
 
 
 _DOTTED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
-_OURS = "picktree."
+_PACKAGE_PREFIX = "picktree."
 _RUN_ATTRIBUTE = "__picktree_run__"
 """Attribute under which a file's module keeps its `_Run`."""
 PLUGINS_VARIABLE = "PICKTREE_PLUGINS"
@@ -487,7 +488,7 @@ def load_installed(module: str, distribution: str = "") -> Plugin:
         found = importlib.import_module(name)
         nodes = offered_nodes(found, name, attribute or "NODES")
         for other in dict.fromkeys(node.__module__ for node in nodes):
-            if not other.startswith(_OURS):
+            if not other.startswith(_PACKAGE_PREFIX):
                 own = sys.modules[other]
                 check_motion_calls(_source(own)[1], vars(own), other)
     return Plugin(name, nodes, *_source(found), distribution)

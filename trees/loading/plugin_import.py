@@ -19,7 +19,7 @@ GROUP = "picktree.nodes"
 """Group of the entry points under which distributions offer nodes."""
 _MAX_TRACEBACK_LINES = 40
 """Maximum length of a traceback, lines; an endless recursion produces thousands."""
-_KEPT_AT_START = 8
+_LEADING_TRACEBACK_LINES = 8
 
 
 class PluginError(PicktreeError):
@@ -63,8 +63,8 @@ def own_traceback(error: BaseException) -> str:
     lines = "".join(traceback.format_exception(error)).rstrip().splitlines()
     if len(lines) > _MAX_TRACEBACK_LINES:
         left_out = len(lines) - _MAX_TRACEBACK_LINES
-        end = len(lines) - (_MAX_TRACEBACK_LINES - _KEPT_AT_START)
-        lines = [*lines[:_KEPT_AT_START], f"  … {left_out} lines are left out", *lines[end:]]
+        end = len(lines) - (_MAX_TRACEBACK_LINES - _LEADING_TRACEBACK_LINES)
+        lines = [*lines[:_LEADING_TRACEBACK_LINES], f"  … {left_out} lines are left out", *lines[end:]]
     return "\n".join(lines)
 
 

@@ -105,7 +105,7 @@ def _as_expression(text: str) -> str:
 
 
 def _literal_hint(value: Value, port: PortDeclaration) -> str:
-    """Return what is meant by a literal that does not fit its port; "" where that is not known."""
+    """Return a hint for a literal that does not fit its port; "" without one."""
     if port.type.many:
         return f"write [{value}]" if isinstance(value, str | int | float) and "{" not in str(value) else ""
     if port.type.name not in ("int", "float") or not isinstance(value, str):
@@ -116,7 +116,7 @@ def _literal_hint(value: Value, port: PortDeclaration) -> str:
 
 
 def _inner_reference(value: Value) -> str | None:
-    """Return the first reference that stands in a longer text, or in a list; None where there is none."""
+    """Return the first reference inside a longer text or a list; None without one."""
     if isinstance(value, list):
         return next(filter(None, map(_inner_reference, value)), None)
     found = references.REFERENCE_IN_TEXT.search(value) if isinstance(value, str) else None
@@ -196,7 +196,7 @@ class PortReader:
             )
         else:
             message = (
-                f"port {port.key!r}: {inner} is a part of the text {show(value)}, and stays as it is there"
+                f"port {port.key!r}: {inner} is a part of the text {show(value)}, and is not replaced there"
             )
             hint = f'a reference is the whole value: write "{inner}"'
         self._fault(loc, trail, message, hint, code="P221")
@@ -289,7 +289,7 @@ class PortReader:
         if self._faults.full or not isinstance(value, str):
             self._fault(loc, trail, f"{what}: {error}", code="P225")
             return
-        mark, message = self._pointer.told(self._document.mark(loc), value, error)
+        mark, message = self._pointer.describe(self._document.mark(loc), value, error)
         self._faults.add(Diagnostic(mark, trail, f"{what}: {message}", "", "P225"))
 
 
@@ -315,7 +315,7 @@ class TreePorts:
         self._faults = faults
 
     def doc(self, tree: str, body: Value) -> str:
-        """Return what a tree says of itself under `doc`; "" for nothing."""
+        """Return the description of a tree under `doc`; "" without one."""
         value = body.get("doc") if isinstance(body, dict) else None
         if value is None or isinstance(value, str):
             return (value or "").strip()

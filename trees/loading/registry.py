@@ -41,10 +41,10 @@ class NodeRegistry:
         self._nodes: dict[str, type[Node]] = {}
         self._from: dict[str, str] = {}
         self._plugins: list[Plugin] = []
-        self._asked: set[str] = set()
+        self._requested: set[str] = set()
         self._problems: list[PluginProblem] = []
         self._lost: list[str] = []
-        """Texts of the plug-ins of `plugins:` that could not be loaded; empty where there is none."""
+        """Texts of the plug-ins of `plugins:` that could not be loaded."""
         self._pending = installed
         self.add(NODES, "picktree.trees")
         self.add(nodes, "given")
@@ -100,13 +100,13 @@ class NodeRegistry:
         nodes."""
         used = {self._from.get(node.declaration.id) for node in nodes}
         foreign = (plugin for plugin in self._plugins if not _is_ours(plugin.name))
-        return tuple(plugin for plugin in foreign if plugin.name in used | self._asked)
+        return tuple(plugin for plugin in foreign if plugin.name in used | self._requested)
 
     def copy(self) -> NodeRegistry:
         """Return a copy; a mission's plug-ins are added to it and leave this registry unchanged."""
         other = NodeRegistry(installed=False)
         other._nodes, other._from = dict(self._nodes), dict(self._from)
-        other._plugins, other._asked = list(self._plugins), set(self._asked)
+        other._plugins, other._requested = list(self._plugins), set(self._requested)
         other._problems, other._pending = list(self._problems), self._pending
         other._lost = list(self._lost)
         return other
@@ -137,7 +137,7 @@ class NodeRegistry:
         except PluginError:
             self._lost.append(_text(folder / plugin) if plugin.endswith(".py") else "")
             raise
-        self._asked.add(plugin)
+        self._requested.add(plugin)
 
     def is_lost(self, name: str, *, near: bool = False) -> bool:
         """Whether a node, cause or family may be of a plug-in that could not be loaded.

@@ -13,19 +13,19 @@ from picktree.world import Box, Pose, planar_geometry
 
 
 class FrameFile(file_models.FileModel):
-    """A place and an orientation."""
+    """A position and an orientation."""
 
     at: file_models.Vector = (0.0, 0.0, 0.0)
-    """Where: x, y, z in the frame in which this one is given."""
+    """Position: x, y, z in the frame of reference."""
     rpy: file_models.Angles = (0.0, 0.0, 0.0)
-    """How it is turned: about x, then y, then z of that frame."""
+    """Rotation about x, then y, then z of the frame of reference."""
 
     def pose(self) -> Pose:
         return Pose.from_rpy(self.at, self.rpy)
 
 
 class BoxFile(FrameFile):
-    """A box that stands for a part of the gripper."""
+    """A box that approximates a part of the gripper."""
 
     box: file_models.Sizes
     """Edge lengths along x, y, z; `at` is its centre."""
@@ -56,7 +56,7 @@ class JointLimits(file_models.FileValue):
 
 @dataclass(frozen=True, slots=True)
 class PadContact(file_models.FileValue):
-    """How the finger pads touch in simulation: pybullet's soft contact."""
+    """Contact of the finger pads in simulation: pybullet's soft contact."""
 
     stiffness: Annotated[float, file_models.quantity("N/m", above=0)] = 30000.0
     """Stiffness of the contact."""
@@ -65,7 +65,7 @@ class PadContact(file_models.FileValue):
     friction: Annotated[float, file_models.quantity("", above=0)] = 1.0
     """Coulomb's coefficient; it is multiplied with the item's."""
     spinning_friction: Annotated[float, file_models.quantity("", least=0)] = 0.1
-    """Coefficient against turning about the line between the pads."""
+    """Coefficient of friction against rotation about the line between the pads."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,9 +113,9 @@ class GripperSettings(file_models.FileValue):
     """The pads, each in the frame of its finger link, with edges along the x, y and z of the TCP."""
     finger_bodies: tuple[PlacedBox, ...] = ()
     """The rest of the fingers between pad and palm, each in the frame of its link: of the first and the
-    second finger in turn. They collide without gripping: they stand back behind the pad's face."""
+    second finger in turn. They collide without gripping, since they are behind the face of the pad."""
     pad_contact: PadContact = PadContact()
-    """How the pads touch in simulation."""
+    """Contact of the pads in simulation."""
     hand: tuple[PlacedBox, ...]
     """Boxes around the hand without the fingers, in the frame of the TCP."""
 

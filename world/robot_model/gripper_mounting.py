@@ -58,7 +58,7 @@ class LinkInertia(file_models.FileValue):
     mass: file_models.Mass
     """Mass of the link."""
     com: Annotated[file_models.Vector, Field(alias="at")]
-    """Its centre of mass in the link's frame."""
+    """Centre of mass in the link's frame."""
     moments: tuple[Moment, Moment, Moment]
     """ixx, iyy, izz in kg·m²."""
     products: tuple[Moment, Moment, Moment] = (0.0, 0.0, 0.0)
@@ -93,9 +93,11 @@ def write_composed_urdf(
     the same file.
 
     Meshes of installed packages are named as `package://package/path`, so that the text does not depend on
-    where the packages stand. Raises UrdfError when they do not go together.
+    the folder of the packages. Raises UrdfError when arm and gripper do not fit together.
     """
-    return _kept(composed_urdf(arm, mounting, inertias or {}, attachments or {}, flange), arm.path.stem)
+    return _cached_file(
+        composed_urdf(arm, mounting, inertias or {}, attachments or {}, flange), arm.path.stem
+    )
 
 
 def composed_urdf(
@@ -232,8 +234,8 @@ def _name_meshes(root: ElementTree.Element, urdf: NamedUrdf) -> None:
 
 
 def mount_tool(root: ElementTree.Element, robot: RobotDescription) -> None:
-    """Move the flange joint of a URDF in place, with all that hangs on it. The TCP then sits at
-    `robot.tool` in the frame of the TCP that the file states."""
+    """Move the flange joint of a URDF in place, with all links beyond it. The TCP then sits at `robot.tool`
+    in the frame of the TCP that the file states."""
     if robot.tool == Pose():
         return
     tree = skeleton_of(root)
@@ -247,7 +249,7 @@ def mount_tool(root: ElementTree.Element, robot: RobotDescription) -> None:
     ElementTree.SubElement(element, "origin", xyz=numbers_text(moved.position), rpy=numbers_text(moved.rpy()))
 
 
-def _kept(text: str, stem: str) -> Path:
+def _cached_file(text: str, stem: str) -> Path:
     """Return a file with that text, named by its hash; an existing one is used again."""
     data = text.encode()
     folder = Path(tempfile.gettempdir()) / f"picktree-{os.getuid()}"

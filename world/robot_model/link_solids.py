@@ -44,9 +44,9 @@ Stamp: TypeAlias = tuple[int, int, int]
 MAX_SIZE_RATIO = 4.0
 """Size of a moving link's mesh, as a multiple of the robot's length, above which its unit is doubted."""
 MAX_FOOT_RATIO = 20.0
-"""The same for a link that does not move: a robot may stand on a table or in a hall."""
+"""The same for a link that does not move: a robot may be mounted on a table or in a hall."""
 MIN_ROBOT_LENGTH = 0.02
-"""Length of a robot below which its joints tell nothing of the size of its links, m."""
+"""Length of a robot below which its joints give no measure for the size of its links, m."""
 MIN_SCALED_SIZE = 0.002
 """Size of a scaled mesh below which its scale is doubted, m."""
 UNITS: Final = ((1000.0, "millimetres"), (100.0, "centimetres"), (39.37, "inches"))
@@ -55,8 +55,8 @@ UNITS: Final = ((1000.0, "millimetres"), (100.0, "centimetres"), (39.37, "inches
 def link_shapes(urdf: str) -> tuple[LinkShape, ...]:
     """Return the bodies with which the links of a URDF collide, in the order of the file.
 
-    Raises PicktreeError for geometry that cannot be used: file, link, what is wrong, and a remedy. Hulls that
-    were made before come from the disk cache.
+    Raises PicktreeError for unusable geometry: file, link, problem, and remedy. Hulls from earlier calls come
+    from the disk cache.
     """
     elements = _collisions(urdf, _stamp(urdf))
     stamps = tuple(_stamp(element.path) for element in elements if isinstance(element, UrdfMesh))
@@ -89,7 +89,8 @@ def fingerprint(parts: tuple[LinkShape, ...]) -> bytes:
 
 
 def _stamp(file: str) -> Stamp:
-    """Return the inode, its last change and the size by which a changed file is told, within one process."""
+    """Return inode, time of change and size; together they identify a version of the file within one
+    process."""
     try:
         stat = Path(file).stat()
     except OSError as error:
@@ -176,12 +177,12 @@ def refuse_mesh(urdf: str, element: UrdfMesh, error: mesh_reader.MeshError) -> N
 
 
 def refuse_size(urdf: str, element: UrdfMesh, points: Array) -> None:
-    """Raise PicktreeError when points (n, 3) of a mesh, m, ask for another unit than metres."""
+    """Raise PicktreeError when points (n, 3) of a mesh, m, imply another unit than metres."""
     _doubt_size(urdf, _tree(urdf), element, _convex(points, element.path))
 
 
 def _doubt_size(urdf: str, tree: UrdfTree, element: Geometry, shape: Shape) -> None:
-    """Raise PicktreeError when the size of a shape asks for another unit than metres."""
+    """Raise PicktreeError when the size of a shape implies another unit than metres."""
     low, high = extents(shape, np.eye(3))
     size = high - low
     longest, reach = float(size.max()), _length(tree)

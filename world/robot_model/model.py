@@ -93,7 +93,7 @@ class RobotModel:
     def standing_links(self) -> tuple[str, ...]:
         """Names of the links that the first joint alone moves, about the vertical; empty for another axis.
 
-        They may turn on what carries the arm.
+        They may turn on the fixture that carries the arm.
         """
         if abs(float(self.jacobian(np.zeros(self.n))[5, 0])) < MIN_UPRIGHT_COSINE:
             return ()
@@ -250,10 +250,10 @@ def _built(description: RobotDescription) -> pin.Model:
 
 
 def _bare(root: ElementTree.Element) -> ElementTree.Element:
-    """Return a URDF's links with their inertials, and its joints: all that kinematics and dynamics need.
+    """Return a URDF's links with their inertials, and its joints: enough for kinematics and dynamics.
 
-    The library refuses what other readers take: a robot without a name, a lone <limit lower=…>, spaces
-    around a number, a material without a name.
+    The library rejects input that other readers accept: a robot without a name, a lone <limit lower=…>,
+    spaces around a number, a material without a name.
     """
     bare = ElementTree.Element("robot", name=root.get("name", ""))
     for link in root.findall("link"):

@@ -28,7 +28,7 @@ SHIPPED = Path(__file__).parents[1] / "robots"
 
 
 COMPOSED = ("mount", "inertias", "attachments", "flange_behind")
-"""Keys of a robot file that change the URDF: the composed one, which a log keeps, needs none of them."""
+"""Keys of a robot file that change the URDF. The composed URDF in a log needs none of them."""
 
 
 def load_robot(name_or_path: str, beside: Path | None = None) -> RobotDescription:
@@ -59,7 +59,7 @@ def read_tcp(text: str, path: Path) -> TcpFile | None:
 
 
 def robot_names() -> tuple[str, ...]:
-    """Names of the shipped robots."""
+    """Return the names of the shipped robots."""
     return file_system.shipped_names(SHIPPED)
 
 
@@ -334,7 +334,7 @@ def _check_order(check: DocumentChecker, joints: list[str], skeleton: UrdfTree) 
             check.fault(
                 ("joints", name),
                 message,
-                "the joints stand in order, from the base on",
+                "list the joints in order, from the base outwards",
                 code="P510",
                 key=True,
             )

@@ -27,13 +27,13 @@ class LinkageFile(file_models.FileModel):
     drive: str
     """The joint of the URDF that the motor turns."""
     opened: file_models.Angle
-    """Its angle at the greatest opening."""
+    """Angle of the driven joint at the greatest opening."""
     closed: file_models.Angle
-    """Its angle when the gripper is closed."""
+    """Angle of the driven joint when the gripper is closed."""
     followers: dict[str, Annotated[float, file_models.quantity("")]]
-    """The other joints that move with it, and how far each turns for a radian of the driven one."""
+    """Multipliers of the following joints: rotation of each for a radian of the driven joint."""
     offsets: dict[str, file_models.Angle] = Field(default_factory=dict[str, float])
-    """Where followers stand when the driven joint is at 0; those that are not named stand at 0."""
+    """Angles of followers when the driven joint is at 0; 0 unless given."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,9 +41,9 @@ class GripperFile(GripperSettings):
     """A gripper with two parallel fingers, on two sliders (`joints`) or moved by a `linkage`."""
 
     joints: tuple[str, str] | None = None
-    """The two sliding finger joints of the URDF, each of which goes half of the way."""
+    """The two sliding finger joints of the URDF; each moves by half of the opening."""
     linkage: LinkageFile | None = None
-    """Instead of `joints`, where one motor moves both fingers through hinges."""
+    """Linkage instead of `joints`, for one motor that moves both fingers through hinges."""
     links: tuple[str, str]
     """The two finger links of the URDF, in the order of the joints; of a linkage, the +y finger first."""
     max_width: Annotated[float, file_models.quantity("m", above=0)] | None = None
@@ -54,36 +54,37 @@ class GripperFile(GripperSettings):
 
 
 class MountFile(FrameFile):
-    """A gripper of another URDF, hung on the arm; `at` and `rpy` place its first link in the arm's link."""
+    """A gripper of another URDF, mounted on the arm; `at` and `rpy` place its first link in the arm's
+    link."""
 
     urdf: Annotated[str, file_models.NamedFile("urdf")]
     """The gripper's URDF, named as the arm's. It may hold more than the gripper."""
     link: str = ""
-    """Its links from this one on are taken; without it, all."""
+    """First link of the gripper; the links from it on are used. Without it, all links."""
     to: str
     """The link of the arm that carries it."""
     joint: str = "mount"
-    """Name of the fixed joint that holds it, which can be named as the `flange_joint`."""
+    """Name of the fixed joint that holds the gripper; `flange_joint` may name it."""
     prefix: str = ""
-    """Put before the names of the gripper's links and joints, where the arm has the same ones."""
+    """Prefix of the names of the gripper's links and joints, for names that the arm also has."""
 
 
 class RobotFile(file_models.FileModel):
     """A robot: an arm with a gripper, described beside its URDF."""
 
     urdf: Annotated[str, file_models.NamedFile("urdf")]
-    """Its URDF: a path beside this file, or 'package:path' inside an installed Python package."""
+    """URDF of the robot: a path beside this file, or 'package:path' inside an installed Python package."""
     mount: MountFile | None = None
     """A gripper of another URDF, for an arm that comes without one."""
     inertias: dict[str, LinkInertia] = Field(default_factory=lambda: dict[str, LinkInertia]())
-    """Inertias by the name of the link, instead of those of the URDF where no real body can have them."""
+    """Inertias by name of the link. They replace values of the URDF that no real body can have."""
     attachments: dict[str, tuple[PlacedBox, ...]] = Field(
         default_factory=lambda: dict[str, tuple[PlacedBox, ...]]()
     )
-    """Boxes that are fixed to links, by the name of the link and in its frame: longer fingers, a bracket.
-    They collide, and pictures show them; what they weigh is said under `inertias`."""
+    """Boxes that are fixed to links, by name of the link and in its frame: longer fingers, a bracket. They
+    collide, and cameras see them; `inertias` gives their mass."""
     base: Annotated[Pose, file_models.ReadAs(FrameFile, FrameFile.pose)] = Pose()
-    """Where its base stands in the world."""
+    """Pose of the base in the world."""
     joints: dict[str, JointLimits]
     """The arm's joints by their names in the URDF, from the base outwards."""
     poses: dict[str, tuple[file_models.Angle, ...]]
@@ -93,13 +94,13 @@ class RobotFile(file_models.FileModel):
     flange_joint: str
     """The fixed joint between arm and hand, where the wrist sensor sits."""
     flange_behind: str | None = None
-    """The arm's last joint, of a URDF without a fixed joint between arm and hand. `flange_joint` is put in
-    behind it, and what that joint moves becomes the hand."""
+    """Last joint of the arm, for a URDF without a fixed joint between arm and hand. `flange_joint` is
+    inserted after it, and the links beyond become the hand."""
     payload: file_models.Mass | None = None
-    """Rated payload: what may hang on the flange, the hand itself included. Not watched unless given."""
+    """Rated payload: greatest mass at the flange, including the hand. Not monitored unless given."""
     gripper: GripperFile
-    """Its gripper."""
+    """Gripper of the robot."""
     planner: planner_names.PlannerName | None = None
-    """Planner of its free motions, unless the scene says another; `auto` unless one of the two files says."""
+    """Planner of free motions, unless the scene names another; `auto` without either."""
     disabled_pairs: tuple[tuple[str, str], ...] = ()
-    """Pairs of links that are not checked for collision: neighbours, and those that never meet."""
+    """Pairs of links that are not checked for collision: neighbours, and pairs that never meet."""

@@ -140,7 +140,7 @@ def _joint_faults(joint: ElementTree.Element) -> Iterator[str]:
     if kind is None:
         yield f"{where} has no type; known: {', '.join(JOINT_TYPES)}"
     elif kind not in JOINT_TYPES:
-        yield f"{where} has the type {describe(kind)}, which is none{_hint(kind, JOINT_TYPES)}"
+        yield f"{where} has the type {describe(kind)}, which is no joint type{_hint(kind, JOINT_TYPES)}"
     for end in ("parent", "child"):
         element = joint.find(end)
         if element is None or not element.get("link"):
@@ -207,10 +207,10 @@ def _limit_faults(where: str, kind: str, limit: ElementTree.Element | None) -> I
 
 
 def origin_faults(where: str, origin: ElementTree.Element | None) -> Iterator[str]:
-    """Yield what is wrong with an <origin>, if there is one."""
+    """Yield the faults of an <origin>, if there is one."""
     if origin is None:
         return
-    for key, most, told in (("xyz", MAX_OFFSET, "millimetres"), ("rpy", MAX_ANGLE, "degrees")):
+    for key, most, wrong_unit in (("xyz", MAX_OFFSET, "millimetres"), ("rpy", MAX_ANGLE, "degrees")):
         if (text := origin.get(key)) is None:
             continue
         faults = [*vector_faults(where, origin, key)]
@@ -218,13 +218,13 @@ def origin_faults(where: str, origin: ElementTree.Element | None) -> Iterator[st
         if not faults and max(map(abs, numbers_of(text) or (0.0,))) > most:
             scale, unit = (1e-3, "m") if key == "xyz" else (math.pi / 180, "rad")
             right = " ".join(f"{scale * number:.6g}" for number in numbers_of(text) or ())
-            yield f'{where}: <origin {key}="{text}"> is in {unit}: are these {told}? Write "{right}"'
+            yield f'{where}: <origin {key}="{text}"> is in {unit}: are these {wrong_unit}? Write "{right}"'
 
 
 def vector_faults(
     where: str, element: ElementTree.Element, key: str, example: str = "0 0 1"
 ) -> Iterator[str]:
-    """Yield what is wrong with an attribute of three numbers; `example`: one that is right."""
+    """Yield the faults of an attribute of three numbers; `example`: a valid one."""
     text = element.get(key, "")
     numbers = numbers_of(text)
     if numbers is not None and len(numbers) == 3:
@@ -249,7 +249,7 @@ def number_faults(
     needed: bool = True,
     least: float | None = None,
 ) -> Iterator[str]:
-    """Yield what is wrong with an attribute of one number in `unit`."""
+    """Yield the faults of an attribute of one number in `unit`."""
     text = element.get(key)
     if text is None:
         if needed:
@@ -264,7 +264,7 @@ def number_faults(
 
 
 def _misread(text: str, unit: str) -> str:
-    """Return the second half of a sentence: what is there instead of a number, and what would be right."""
+    """Return the second half of a sentence: the text in place of a number, and a remedy."""
     plain = text.strip()
     within = f", in {unit}" if unit else ""
     if not plain:

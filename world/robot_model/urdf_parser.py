@@ -34,7 +34,7 @@ from .urdf_faults import (
 
 PACKAGE = "package://"
 SHARED_DATA = Path("cmeel.prefix", "share")
-"""Where packages that cmeel builds keep their data, beside the Python packages."""
+"""Data folder of packages that cmeel builds, beside the Python packages."""
 
 
 def package_folder(package: str) -> Path | None:
@@ -60,7 +60,7 @@ def _package_folder(package: str, path: tuple[str, ...]) -> Path | None:
 
 
 def mesh_file(urdf: Path, reference: str) -> Path | None:
-    """Return the file of a mesh that a URDF names; None when there is none.
+    """Return the file of a mesh that a URDF names; None when it is not found.
 
     A plain path counts from the URDF's folder. `package://name/path` is searched in the installed Python
     package of that name, then from the URDF's folder upwards. There it may be `path` or `name/path`, as in
@@ -143,10 +143,10 @@ MAX_BYTES = 5_000_000
 def parsed_urdf(path: Path) -> ElementTree.Element:
     """Return the outermost element of a URDF file, without faults of links and joints.
 
-    Raises UrdfError with all faults when the file cannot be read as XML, or no robot can be built of it.
-    Tags keep their namespace prefix, as in other readers of URDFs. A robot without a name gets that of its
-    file. What is missing beside a lone mass and in products of inertia is 0, and joints that do not move have
-    no limits. Geometry is not checked here.
+    Raises UrdfError with all faults when the file is no XML or describes no usable robot. Tags keep their
+    namespace prefix, as in other readers of URDFs. A robot without a name gets that of its file. Missing
+    products of inertia are 0, and so is the inertia beside a lone mass. Fixed joints have no limits. Geometry
+    is not checked here.
     """
     try:
         raw = file_text.read_bytes(path, MAX_BYTES)
@@ -168,7 +168,7 @@ def parse_urdf(raw: bytes, name: str) -> ElementTree.Element:
 
 
 def _complete(root: ElementTree.Element, name: str) -> None:
-    """Add what libraries miss that are stricter than others, and remove what they stumble over."""
+    """Add elements that strict libraries require, and remove elements that they reject."""
     if not root.get("name"):
         root.set("name", name)
     for inertial in root.iterfind("link/inertial"):
@@ -298,7 +298,7 @@ class UrdfTree:
         """Return a link's pose in the root link, or in `base` above it. Joints that `positions` does not name
         are at 0.
 
-        What a joint mimics is not followed: `positions` names every joint that is not at 0.
+        Mimic joints do not follow: `positions` names every joint that is not at 0.
         """
         pose = Pose()
         chain = self.joints_to(link)
@@ -391,8 +391,8 @@ _SHAPES = "one of <mesh>, <box>, <cylinder>, <sphere>, <capsule>"
 def link_geometry(urdf: str, which: Which) -> tuple[Geometry, ...]:
     """Return all visual or collision elements of a URDF file, in the order of the file.
 
-    A link that is seen and has no collision geometry collides as it is seen, unless it is a marker. A capsule
-    is a cylinder with a sphere at either end. Raises PicktreeError at the first that cannot be used.
+    A link without collision geometry collides with its visual geometry, unless it is a marker. A capsule is a
+    cylinder with a sphere at either end. Raises PicktreeError at the first unusable element.
     """
     found: list[Geometry] = []
     for link, element in _elements(_root(urdf), which):
@@ -418,8 +418,8 @@ def mesh_paths(urdf: str, *which: Which) -> tuple[str, ...]:
 
 
 def links_seen_only(urdf: str) -> tuple[str, ...]:
-    """Return the links that collide as they are seen, in the order of the file: those without collision
-    geometry, but for markers."""
+    """Return the links that collide with their visual geometry, in the order of the file: those without
+    collision geometry, except markers."""
     root = _root(urdf)
     seen = [
         link

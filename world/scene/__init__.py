@@ -1,4 +1,4 @@
-"""Scene files: what stands in a cell, its cameras, items, bins and limits."""
+"""Scene files: fixtures of a cell, its cameras, items, bins and limits."""
 
 import lazy_loader
 

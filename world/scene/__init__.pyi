@@ -20,7 +20,7 @@ from .description import (
     Hole as Hole,
     MAX_HIDDEN_SHARE as MAX_HIDDEN_SHARE,
     MESH_SETS as MESH_SETS,
-    MIN_FELT_MASS as MIN_FELT_MASS,
+    MIN_DETECTABLE_MASS as MIN_DETECTABLE_MASS,
     NO_UNCERTAINTY as NO_UNCERTAINTY,
     SafetyLimits as SafetyLimits,
     SensorNoise as SensorNoise,

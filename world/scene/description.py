@@ -49,13 +49,13 @@ ItemColour = Annotated[str, AfterValidator(_item_colour), WithJsonSchema({"enum"
 
 
 class OffsetFile(file_models.FileModel):
-    """How far a camera or the hand is really mounted from where it is believed to be, in its believed
-    frame."""
+    """Displacement of a camera or the hand from its believed mount, in its believed frame."""
 
     offset: file_models.Vector = (0.0, 0.0, 0.0)
-    """Along x, y and z of the frame: of a camera right, down and forward, of the TCP z out of the hand."""
+    """Translation along x, y and z of the frame. Of a camera: right, down and forward; of the TCP: z out of
+    the hand."""
     rpy: file_models.Angles = (0.0, 0.0, 0.0)
-    """About the frame's x, y and z."""
+    """Rotation about the frame's x, y and z."""
 
     def pose(self) -> Pose:
         return Pose.from_rpy(self.offset, self.rpy)
@@ -66,16 +66,16 @@ Offset = Annotated[
     file_models.ReadAs(OffsetFile, OffsetFile.pose),
     file_models.as_mapping("offset", OffsetFile | file_models.Vector),
 ]
-"""Pose of a true frame in the believed one; three lengths in a file stand for `offset`."""
+"""Pose of a true frame in the believed one; three lengths in a file mean its `offset`."""
 
 
 class CalibratedCameraFile(file_models.FileModel):
-    """Where a camera is, as a calibration has found."""
+    """Calibrated pose of a camera."""
 
     at: file_models.Vector
-    """Its optical centre: in the world, or in the frame of the calibrated TCP for a camera on the hand."""
+    """Optical centre: in the world, or in the frame of the calibrated TCP for a camera on the hand."""
     rpy: file_models.Angles
-    """How its optical frame (x right, y down, z forward) is turned: about that frame's x, then y, then z."""
+    """Rotation of the optical frame (x right, y down, z forward) about that frame's x, then y, then z."""
 
     def pose(self) -> Pose:
         return Pose.from_rpy(self.at, self.rpy)
@@ -118,8 +118,8 @@ TILE_EDGE_SHARE = 0.75
 """Edge of a square over that of its cell. The grey between squares, and to the block's edges, lets a
 camera separate them."""
 TILE_HEIGHT = 0.00005
-"""Height of the squares, which are printed on, over the block's top, m: a camera that looks from the side
-sees no edge of theirs."""
+"""Height of the squares, which are printed on, over the block's top, m: from the side a camera sees no edge
+of them."""
 MIN_TARGET_SIZE = (0.06, 0.04, 0.02)
 """Minimum size of a target along x, y, z, m: fingers must reach five sides, and a camera must separate the
 squares."""
@@ -134,17 +134,17 @@ class TargetTile:
     """Centre in the target's frame, on the face that is seen, m. That frame is the frame of the target's
     box."""
     edge: float
-    """m"""
+    """Edge length, m."""
 
     def corners(self) -> Array:
-        """(4, 3), in order around it, in the target's frame, m."""
+        """Corners (4, 3), in order around the square, in the target's frame, m."""
         half = self.edge / 2
         around = np.array([(1, 1, 0), (-1, 1, 0), (-1, -1, 0), (1, -1, 0)], dtype=np.float64)
         return around * half + np.array(self.centre)
 
 
 def tiles_on(size: Vector3) -> tuple[TargetTile, ...]:
-    """The squares of a target of `size` (x, y, z) m: in three columns along x and two rows along y."""
+    """Return the squares of a target of `size` (x, y, z) m: three columns along x and two rows along y."""
     x, y, z = size
     cell = (x / TILE_COLUMNS, y / TILE_ROWS)
     edge = TILE_EDGE_SHARE * min(cell)
@@ -157,16 +157,16 @@ def tiles_on(size: Vector3) -> tuple[TargetTile, ...]:
 
 
 def tile_body(tile: TargetTile, thickness: float) -> tuple[Box, Pose]:
-    """The square as a body for whoever draws it, in the target's frame: half of it stands out, m."""
+    """Return the square as a body for rendering, in the target's frame, m; half of it is above the top."""
     x, y, z = tile.centre
     return Box((tile.edge, tile.edge, thickness)), Pose((x, y, z - TILE_HEIGHT))
 
 
 @dataclass(frozen=True, slots=True)
 class SceneCalibration(file_models.FileValue):
-    """Result of `picktree calibrate`: it takes the place of what is stated elsewhere.
+    """Result of `picktree calibrate`; it replaces poses stated elsewhere.
 
-    It corrects what is believed, never what is true.
+    It corrects the belief, never the ground truth.
     """
 
     cameras: dict[
@@ -175,9 +175,9 @@ class SceneCalibration(file_models.FileValue):
     ] = field(default_factory=dict[str, Pose])
     """Calibrated cameras of the scene, by name."""
     tcp: Annotated[Pose, file_models.ReadAs(OffsetFile, OffsetFile.pose)] = field(default_factory=Pose)
-    """Where the TCP is, seen from where the robot file says."""
+    """Believed TCP, in the TCP frame of the robot file."""
     date: str = ""
-    """When it was calibrated."""
+    """Date of the calibration."""
     by: str = ""
     """Source of the calibration."""
 
@@ -205,13 +205,13 @@ class Hole:
 
 @dataclass(frozen=True, slots=True)
 class PlacementUncertainty(file_models.FileValue):
-    """How far a fixture may really stand from where the file says; where, is drawn from the seed, and nobody
-    tells the robot."""
+    """Greatest displacement of a fixture from its pose in the file. The true pose is drawn from the seed and
+    is unknown to the robot."""
 
     position: Displacement = 0.0
-    """Along its own x and y, each way."""
+    """Displacement along its own x and y, in either direction."""
     angle: Misturn = 0.0
-    """About the vertical, each way, and of its tilt."""
+    """Rotation about the vertical, in either direction, and tilt."""
 
 
 NO_UNCERTAINTY = PlacementUncertainty()
@@ -229,7 +229,7 @@ class Fixture:
     colour: str = "grey"
     holes: tuple[Hole, ...] = ()
     uncertainty: PlacementUncertainty = NO_UNCERTAINTY
-    """How far from there it may really stand: only the simulation draws where."""
+    """Greatest displacement from that pose; only the simulation draws the true one."""
     tiles: tuple[TargetTile, ...] = ()
     """Coloured squares on its top: it is a target for calibrating."""
 
@@ -286,8 +286,8 @@ class CameraSettings(file_models.FileValue):
     far: Distance = 3.0
     """Farthest depth that it sees."""
     error: Offset = field(default_factory=Pose)
-    """Where it really hangs, seen from where it is believed to hang; three lengths stand for `offset`. Only
-    the simulation reads it."""
+    """True pose of the camera in its believed frame; three lengths mean `offset`. Only the simulation reads
+    it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -320,14 +320,14 @@ class CameraDescription(CameraSettings):
 
 MAX_HIDDEN_SHARE = 0.25
 """Greatest share of the items' areas that the arm at `home` may hide from a camera."""
-MIN_FELT_MASS = 0.03
-"""Least mass whose weight a wrist surely feels in the hand, kg. A load of 12 g tells it from an empty hand,
-and a weighing is off by 15 g at most."""
+MIN_DETECTABLE_MASS = 0.03
+"""Least mass in the hand that the wrist sensor reliably detects, kg. A load of 12 g differs from an empty
+hand, and the error of a weighing is at most 15 g."""
 
 
 @dataclass(frozen=True, slots=True)
 class CatalogueEntry:
-    """A kind of item: what perception may recognise and the simulation may spawn."""
+    """A kind of item, which perception may recognise and the simulation may spawn."""
 
     kind: str
     form: Form
@@ -349,12 +349,13 @@ class ItemLoad(file_models.FileValue):
     """Items that are set down together."""
 
     counts: Annotated[dict[str, Count], Field(alias="of", min_length=1)]
-    """How many of each kind of the catalogue; for a belt the shares of a mixture. `assortment` stands for
+    """Number of items of each kind of the catalogue; for a belt the shares of a mixture. `assortment` means
     items of the scene's `assortment`."""
     colours: Annotated[tuple[ItemColour, ...], Field(min_length=1)]
-    """Given out in turn, shuffled: with three colours a third of the items has each."""
+    """Colours of the items, assigned in turn and shuffled: with three colours a third of the items has
+    each."""
     area: Area | None = None
-    """Where on the table, for the items' centres; a load is set down wherever it is free."""
+    """Area on the table for the items' centres; a load is set down on any free place in it."""
     into: ObjectId | None = None
     """Tote, by its name under `fixtures`, into which the items are poured."""
     gap: Annotated[float, file_models.quantity("m", least=0, most=1)] = 0.025
@@ -362,7 +363,8 @@ class ItemLoad(file_models.FileValue):
     lying: file_models.Share = 0.0
     """Share of the cylinders that lie on their side."""
     tumbled: file_models.Flag = False
-    """Dropped from 10 cm in any orientation instead of set down: items roll, and lean on one another."""
+    """Whether items are dropped from 10 cm in any orientation instead of set down: they roll, and lean on one
+    another."""
 
     @property
     def number(self) -> int:
@@ -377,7 +379,8 @@ class ItemLoad(file_models.FileValue):
 
 @dataclass(frozen=True, slots=True)
 class Spawn(ItemLoad):
-    """Items that are set down at random where a run begins; where, follows from scene and seed alone.
+    """Items that are set down at random at the beginning of a run; their places follow from scene and seed
+    alone.
 
     Drawn from the stream `spawn`. `area` is that of the tote where `into` names one.
     """
@@ -387,14 +390,14 @@ class Spawn(ItemLoad):
     poured into a tote in any orientation. `pile`: poured onto the `area` between walls, which are then taken
     away. `packed`: set down on the `area` upright, `gap` apart."""
     touching: file_models.Flag = False
-    """Set down side by side, so that each touches another; most of them face to face. Then `gap` is only kept
-    from other entries' items. Not beside `tumbled`."""
+    """Whether items are set down side by side, so that each touches another, most of them face to face. Then
+    `gap` applies only to items of other entries. Not beside `tumbled`."""
 
 
 MESH_SETS = ("random_urdfs",)
 """Sets of meshes that come with a package."""
 ASSORTMENT = "assortment"
-"""Name that stands for things of the assortment where a spawn entry asks for kinds."""
+"""Name for things of the assortment among the kinds of a spawn entry."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -411,34 +414,34 @@ class Assortment(file_models.FileValue):
     friction: Annotated[float, Field(gt=0, le=2)] = 0.5
     """Coulomb friction of each thing."""
     least_mass: file_models.Mass = 0.001
-    """Things that are lighter are left out: a wrist does not feel them in the hand."""
+    """Least mass of a thing; lighter ones are left out, because the wrist sensor cannot detect them."""
     tags: tuple[TagNumber, ...] = ()
     """Numbers of ArUco tags (4 × 4, the first 50), given out in turn, shuffled. Each thing has its tag on all
-    flat faces that carry one. Rules of `destinations` may ask for `tag`."""
+    flat faces that carry one. Rules of `destinations` may use `tag`."""
     tag_size: Annotated[float, file_models.quantity("m", least=0.005, most=0.2)] = 0.02
     """Side of a tag's black square."""
 
 
 @dataclass(frozen=True, slots=True)
 class Belt:
-    """A fixture that carries what lies on it along its own +x while it runs."""
+    """A fixture that carries items along its own +x while it runs."""
 
     id: ObjectId
-    """Its box is the fixture of this name."""
+    """Name of the fixture that is its box."""
     speed: float
-    """m/s"""
+    """Speed of the belt, m/s."""
     eye: float
-    """Where a light barrier crosses it: from its middle along +x, m."""
+    """Position of the light barrier along +x, from the middle of the belt, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class WhenClear:
-    """A load comes when the robot says that it is done with what lies there."""
+    """A load comes when the robot reports that it is done with the present items."""
 
 
 @dataclass(frozen=True, slots=True)
 class AtIntervals:
-    """A load comes whenever so much time has passed since the beginning, s."""
+    """A load comes at this interval from the beginning, s."""
 
     period: float
 
@@ -481,7 +484,7 @@ def _clear(value: object) -> object:
 
 @dataclass(frozen=True, slots=True)
 class Delivery(ItemLoad):
-    """Items that are brought while a run goes on: loads on the table, single items on a belt, full totes.
+    """Items that are brought during a run: loads on the table, single items on a belt, full totes.
 
     For a belt the load is the mixture of single items, over the whole of the belt's top.
     """
@@ -497,12 +500,12 @@ class Delivery(ItemLoad):
         BeforeValidator(_clear, json_schema_input_type=Literal["clear"] | WhenFile | None),
     ] = WhenClear()
     """Time of the loads: `clear` (unless given), `{every: 45 s}` or `{at: [10 s, 60 s]}`. With `clear` a load
-    comes when the robot reports that it is done with what lies there. A belt runs whenever the robot is
+    comes when the robot reports that it is done with the present items. A belt runs whenever the robot is
     ready; a tote comes when it is exchanged."""
     spacing: Annotated[float, file_models.quantity("m", least=0.01, most=10)] = 0.15
     """Mean distance on a belt from one item to the next."""
     total: Annotated[int, Strict(), Field(ge=1, le=1_000_000)] | None = None
-    """How many items come in all; without it they come for ever."""
+    """Total number of items; without it their number is unlimited."""
 
     @property
     def load(self) -> Spawn:
@@ -513,47 +516,47 @@ class Delivery(ItemLoad):
 
 @dataclass(frozen=True, slots=True)
 class Exchange(file_models.FileValue):
-    """Somebody who puts an empty bin in a full one's place when the robot asks."""
+    """Exchange of a full bin for an empty one, on request of the robot."""
 
     takes: Annotated[float, file_models.quantity("s", above=0, most=3600)]
-    """How long that takes while the arm is out of the way."""
+    """Duration of an exchange while the arm is out of the way."""
 
 
 @dataclass(frozen=True, slots=True)
 class Destination(file_models.FileValue):
-    """A rule that says where items belong. The first that holds for an item counts."""
+    """A rule for the destination of items. The first rule that holds for an item applies."""
 
     where: str
-    """Items of the rule: an expression of colour, form, kind, mass and size, as "colour == 'red' and mass >
-    0.06". The mass is in kg, as weighed in the hand; the size is the greatest distance of two points, m.
+    """Items of the rule: an expression of colour, form, kind, mass and size, such as "colour == 'red' and
+    mass > 0.06". The mass is in kg, weighed in the hand; the size is the greatest distance of two points, m.
     `tag` is the number of the ArUco tag that was read."""
     to: ObjectId
     """The bin, or the fixture with holes, by its name under `fixtures`: then any free hole that fits the item
-    is right. Or one hole, as board/left."""
+    is right. Or one hole, such as board/left."""
 
 
 @dataclass(frozen=True, slots=True)
 class SafetyLimits(file_models.FileValue):
-    """Limits of the safety monitor: beyond them the robot stops, and only a SafeRetreat goes on."""
+    """Limits of the safety monitor: beyond them the robot stops, and only a SafeRetreat may move it."""
 
     force: file_models.Force = 60.0
     """Greatest contact force at the wrist."""
     workspace: Annotated[Bounds, file_models.ReadAs(WorkspaceFile, WorkspaceFile.bounds)] = field(
         default_factory=lambda: WorkspaceFile().bounds()
     )
-    """Where the TCP may be."""
+    """Permitted positions of the TCP."""
     payload: file_models.Mass | None = None
-    """Greatest mass that the hand may carry here, where that is less than what the robot may."""
+    """Greatest payload in this scene, if it is less than that of the robot."""
 
 
 @dataclass(frozen=True, slots=True)
 class Thinking(file_models.FileValue):
-    """Simulated time that computing costs; zero is allowed, and reports then say so."""
+    """Simulated time charged for computing; zero is allowed, and reports then state it."""
 
     collision_check: Cost = 25e-6
     """Time for each configuration that a planner checks."""
     image: Cost = 0.06
-    """Time for taking a picture and recognising what is in it."""
+    """Time for taking and evaluating an image."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -572,9 +575,9 @@ class SensorNoise(file_models.FileValue):
     """Standard deviation of the wrist sensor's force bias, each axis. The bias is drawn from the seed,
     holds for a whole run and turns with the hand."""
     torque_bias: Annotated[float, file_models.quantity("Nm", least=0, most=10)] = 0.05
-    """Likewise of the torque."""
+    """Standard deviation of the torque bias, likewise."""
     drift: file_models.Share = 0.1
-    """Share by which the bias wanders within minutes."""
+    """Share by which the bias drifts within minutes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -589,25 +592,25 @@ class SceneSettings(file_models.FileValue):
     limits: SafetyLimits = field(default_factory=SafetyLimits)
     """Limits that the safety monitor enforces."""
     thinking: Thinking = field(default_factory=Thinking)
-    """Simulated time that computing costs."""
+    """Simulated time charged for computing."""
     planner: planner_names.PlannerName | None = None
-    """Planner of free motions, instead of the robot file's; `auto` unless one of the two files says."""
+    """Planner of free motions, instead of that of the robot file; `auto` without either."""
     noise: Annotated[SensorNoise, Field(alias="sensors")] = field(default_factory=SensorNoise)
     """Noise of the sensors other than the cameras."""
     checkpoint_every: Count = 4
-    """How many items are handled from one checkpoint of a run to the next."""
+    """Number of handled items between two checkpoints of a run."""
     goal: str | None = None
     """Goal of a run: an expression of the numbers of items total, sorted, misplaced, left and outstanding
     (those that the feed still owes). Every item at its destination and none outstanding unless given."""
     exchange: Exchange | None = None
-    """Exchange of full bins and empty totes; without it nobody exchanges them."""
+    """Exchange of full bins and empty totes; without it they are never exchanged."""
     tool_error: Offset = field(default_factory=Pose)
-    """Where the hand is really mounted, seen from where the robot file has it; three lengths stand for
-    `offset`. Only the simulation knows."""
+    """True pose of the hand in its frame of the robot file; three lengths mean `offset`. Only the simulation
+    reads it."""
     assortment: Assortment | None = None
-    """Things without a catalogue, for entries of `spawn` that ask for `assortment`."""
+    """Things without a catalogue, for entries of `spawn` with `assortment`."""
     calibration: SceneCalibration | None = None
-    """Corrections of cameras and tool after calibrating; `picktree calibrate` writes them."""
+    """Corrections of cameras and tool, written by `picktree calibrate`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -628,14 +631,13 @@ class SceneDescription(SceneSettings):
     source: str = ""
     """Path of the file."""
     text: str = ""
-    """The file as it was read, for the log."""
+    """Unchanged text of the file, for the log."""
     belts: tuple[Belt, ...] = ()
-    """Which of the fixtures are belts."""
+    """Fixtures that are belts."""
     deliveries: tuple[Delivery, ...] = ()
     """Deliveries of the feed during a run."""
     unknown: tuple[Fixture, ...] = ()
-    """Bodies that stand there from the beginning, and that nobody has told the robot of: only the simulation
-    may look at them."""
+    """Initial bodies that are unknown to the robot; only the simulation may read them."""
     files: tuple[file_models.FileName, ...] = field(default=(), compare=False, repr=False)
     """Files that the scene names, each with its path as text."""
 
@@ -646,7 +648,7 @@ class SceneDescription(SceneSettings):
 
     @property
     def tool(self) -> Pose:
-        """Where the TCP is believed to be, seen from where the robot file says."""
+        """Believed TCP, in the TCP frame of the robot file."""
         return Pose() if self.calibration is None else self.calibration.tcp
 
     @property
@@ -656,7 +658,7 @@ class SceneDescription(SceneSettings):
 
     @property
     def items_in_all(self) -> int | None:
-        """How many will have come in the end; None when they come for ever."""
+        """Total number of items of a run; None when it is unlimited."""
         here = sum(spawn.number for spawn in self.spawn)
         totals = [delivery.total for delivery in self.deliveries]
         known = [total for total in totals if total is not None]

@@ -1,4 +1,4 @@
-"""Where an item belongs: the rules of a scene file, for the belief as for the scorer's true items."""
+"""Destinations of items: the rules of a scene file, for believed objects and the scorer's true items."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Sortable(Protocol):
     def kind(self) -> str: ...
     @property
     def mass(self) -> float | None:
-        """Mass, kg; of an object of the belief as it was weighed."""
+        """Mass, kg; for an object of the belief the weighed one."""
         ...
 
     @property
@@ -41,7 +41,7 @@ class Sortable(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ItemTraits:
-    """Traits of an item that rules may ask for."""
+    """Traits of an item that rules may use."""
 
     colour: str
     form: str
@@ -55,15 +55,15 @@ class ItemTraits:
 
 
 def rule_holds(rule: Expression, item: Sortable) -> bool:
-    """Return whether a rule holds for an item. One that asks for what is not known of it does not."""
+    """Return whether a rule holds for an item. A rule with an unknown trait does not hold."""
     names = {name: getattr(item, name) for name in rule.names}
     return all(value is not None for value in names.values()) and bool(rule.evaluate(names))
 
 
 def unknown_traits(destinations: Iterable[Destination], item: Sortable) -> tuple[str, ...]:
-    """Return the traits of an item that are not known, and that rules ask for up to the first one that holds.
+    """Return the unknown traits of an item in the rules up to the first one that holds.
 
-    Without any the item has its destination for good.
+    Without unknown traits the destination of the item is final.
     """
     found: dict[str, None] = {}
     for rule in (Expression.parse(each.where) for each in destinations):
@@ -77,13 +77,13 @@ def unknown_traits(destinations: Iterable[Destination], item: Sortable) -> tuple
 
 
 def asks_for(destinations: Iterable[Destination], name: str) -> bool:
-    """Return whether any rule asks for what `name` stands for."""
+    """Return whether the expression of any rule uses this name."""
     return any(name in Expression.parse(each.where).names for each in destinations)
 
 
 def destination_rule(destinations: Iterable[Destination]) -> Callable[[Sortable], ObjectId | None]:
-    """The bin, fixture with holes or hole of the first rule that holds for the item, or None. The expressions
-    were checked on reading."""
+    """Return a function from an item to the bin, fixture with holes or hole of the first rule that holds for
+    it, or None. The expressions were checked on reading."""
     rules = [(Expression.parse(d.where), d.to) for d in destinations]
     return lambda item: next((to for rule, to in rules if rule_holds(rule, item)), None)
 
@@ -104,7 +104,7 @@ def colours_of_destinations(
 
 
 def is_at(place: str, destination: str) -> bool:
-    """Whether what is at `place`, a bin or a hole, is at its destination: that itself, or any hole of it.
+    """Whether an object at `place`, a bin or a hole, is at its destination: that place, or any hole of it.
 
     >>> is_at("board/left", "board"), is_at("board/left", "board/right"), is_at("red_bin", "red_bin")
     (True, False, True)
@@ -123,15 +123,15 @@ def rule_names(kinds: Iterable[str]) -> Mapping[str, ValueType]:
 
 
 MEASURES = {"mass": 5.0, "size": 1.5, "tag": 49.0}
-"""Numbers of an item that a rule may ask for, with the greatest one that an item may have: kg, m, a tag."""
+"""Numeric traits that a rule may use, with their greatest value: kg, m, a tag."""
 
 
 def can_hold(rule: Expression, names: Mapping[str, ValueType], *, most: int) -> bool:
-    """Whether a rule holds for any item; True also when `most` trials do not tell.
+    """Whether a rule holds for any item; True also when `most` trials give no result.
 
     Measures are tried at the rule's own numbers and on both sides of them.
     """
-    # What the rule does not ask for need not be varied.
+    # Traits that the rule does not use need not be varied.
     varied = [
         (_measures(rule, MEASURES[name]) if name in MEASURES else known.choices)
         if name in rule.names

@@ -64,7 +64,7 @@ def check_spawn(
     workspace: Bounds | None,
     assorted: bool = False,
 ) -> None:
-    """Faults of one spawn entry. Faulty kinds count as none; None stands for what could not be read.
+    """Check one spawn entry. Faulty kinds count as missing; None means an unreadable part.
 
     `assorted`: whether the scene has an assortment.
     """
@@ -85,8 +85,8 @@ def check_spawn(
 def _check_heap(
     check: DocumentChecker, loc: Location, entry: Spawn, bodies: Sequence[Fixture | Bin] | None
 ) -> None:
-    """Faults of how and into what items are poured."""
-    area = _given(check, loc, "area")
+    """Check the pouring of items: manner and target."""
+    area = _has_key(check, loc, "area")
     if not area and entry.into is None:
         hint = "a rectangle on the table; or 'into', a tote"
         check.fault(loc, "'area' is missing", hint, code="P105", key=True)
@@ -121,7 +121,7 @@ def check_tote(
 def check_kinds(
     check: DocumentChecker, loc: Location, entry: ItemLoad, catalogue: Mapping[str, CatalogueEntry | None]
 ) -> None:
-    """Whether the catalogue has what the entry asks for."""
+    """Check that the catalogue has the kinds of the entry."""
     with check.readable():
         for name in entry.counts:
             if name not in catalogue:
@@ -171,7 +171,7 @@ def _check_place(
     # A table that could not be read is not missed a second time.
     if bodies is not None and any(not _covered(bodies, x, y) for x, y in points):
         message = f"the area{about} is not over a level fixture"
-        check.fault((*loc, "area"), message, "items stand on a table", code="P413")
+        check.fault((*loc, "area"), message, "items need a table below them", code="P413")
         return
     below = next((b for b in bodies or () if isinstance(b, Bin) and _overlaps(b, points)), None)
     if below is not None:
@@ -273,7 +273,7 @@ def check_assortment(check: DocumentChecker, entry: Assortment | None) -> bool:
 
 
 def assortment(document: Document, entry: Assortment | None) -> Assortment | None:
-    """The assortment of a file without faults; None: it has none."""
+    """Return the assortment of a file without faults; None without one."""
     if entry is None:
         return None
     return replace(entry, meshes=_meshes(document, entry.meshes))
@@ -313,9 +313,9 @@ def check_feed(
     workspace: Bounds | None,
     assorted: bool = False,
 ) -> None:
-    """Faults of one entry; `standing` are the fixtures and bins.
+    """Check one entry; `standing` are the fixtures and bins.
 
-    Faulty kinds count as none; None stands for what could not be read. `assorted`: whether the scene has an
+    Faulty kinds count as missing; None means an unreadable part. `assorted`: whether the scene has an
     assortment.
     """
     loc: Location = ("feed", n)
@@ -324,7 +324,7 @@ def check_feed(
     check_kinds(check, loc, entry, {**catalogue, ASSORTMENT: None} if poured else catalogue)
     with check.readable():
         if which == "area" and entry.area is not None:
-            if _given(check, loc, "spacing"):
+            if _has_key(check, loc, "spacing"):
                 check.fault((*loc, "spacing"), "only items on a belt have a spacing", code="P112", key=True)
             if check_area(check, loc, entry.area, standing, workspace):
                 check_crowding(check, loc, entry, entry.area, entry.gap, catalogue)
@@ -335,7 +335,7 @@ def check_feed(
         if which == "into" and entry.into is not None:
             check_tote(check, loc, entry.into, standing)
             for key in ("gap", "spacing", "tumbled", "when"):
-                if _given(check, loc, key):
+                if _has_key(check, loc, key):
                     hint = "a tote comes full when it is exchanged, and its items lie anywhere"
                     check.fault((*loc, key), "items come with their tote", hint, code="P112", key=True)
     with check.readable():
@@ -357,7 +357,7 @@ def _check_on_belt(
         check.fault((*loc, "belt"), f"there is no belt {describe(name)}", hint, code="P420")
     for key in ("gap", "tumbled", "when"):
         with check.readable():
-            if _given(check, loc, key):
+            if _has_key(check, loc, key):
                 hint = "a belt runs whenever the robot is ready" if key == "when" else "give its 'spacing'"
                 check.fault((*loc, key), "items on a belt come one by one", hint, code="P112", key=True)
     with check.readable():
@@ -393,7 +393,7 @@ def _check_room(
         check.fault((*loc, "of", kind), message, code="P414", key=True)
     least = (across + MIN_BELT_GAP) / (1 - SPACING_SPREAD)
     if entry.spacing < least:
-        given = _given(check, loc, "spacing")
+        given = _has_key(check, loc, "spacing")
         at: Location = (*loc, "spacing") if given else (*loc, "of", kind)
         message = f"items that are {1000 * across:.0f} mm across would touch on the belt"
         hint = f"a spacing of at least {1000 * math.ceil(1000 * least) / 1000:.0f} mm"
@@ -401,8 +401,8 @@ def _check_room(
 
 
 def reach(shape: Shape, lying: float) -> float:
-    """Greatest distance of a point of the shape from its centre as seen from above, m; `lying` is the share
-    of the cylinders that lie."""
+    """Return the greatest distance of a point of the shape from its centre, seen from above, m. `lying`:
+    share of the cylinders on their side."""
     match shape:
         case Sphere(radius):
             return radius
@@ -431,7 +431,7 @@ def _check_times(check: DocumentChecker, loc: Location, entry: Delivery, when: W
 
 
 def check_totes(check: DocumentChecker, feed: Sequence[Delivery], *, exchanged: bool) -> None:
-    """Totes into which two entries come, or that nobody exchanges."""
+    """Check for totes that two entries fill, or that are never exchanged."""
     feeding: dict[str, int] = {}
     for n, entry in enumerate(feed):
         with check.readable():
@@ -453,7 +453,7 @@ def check_belts(
     feed: Sequence[Delivery],
     workspace: Bounds | None,
 ) -> None:
-    """Belts to which nothing comes or too much, or that stop where no arm reaches."""
+    """Check for belts without items or with too many, and for belts that stop out of reach."""
     feeding: dict[str, int] = {}
     for n, entry in enumerate(feed):
         with check.readable():
@@ -482,7 +482,7 @@ def check_belts(
 
 
 def _may_feed(check: DocumentChecker, entry: Delivery, name: str, bodies: Mapping[str, FixtureFile]) -> bool:
-    """Also one in which the belt's name is wrong, missing or cannot be read."""
+    """Whether the entry may feed this belt; True also when its belt is wrong, missing or unreadable."""
     with check.readable():
         if entry.belt is None:
             return entry.area is None and entry.into is None
@@ -497,7 +497,7 @@ def _may_be_belt(check: DocumentChecker, entry: FixtureFile) -> bool:
 
 
 def belt(name: str, entry: FixtureFile) -> Belt:
-    """A belt without faults."""
+    """Return a belt without faults."""
     assert entry.speed is not None and entry.eye is not None
     return Belt(ObjectId(name), entry.speed, entry.eye)
 
@@ -517,7 +517,7 @@ def delivery(entry: Delivery, bodies: Mapping[str, FixtureFile]) -> Delivery:
 
 
 def _top(name: str, entry: FixtureFile) -> Corners:
-    """The rectangle in the world around a belt's top."""
+    """Return the rectangle in the world around a belt's top."""
     fixture = body(name, entry)
     assert isinstance(fixture, Fixture)
     low, high = extents(fixture.shape, fixture.pose.rotation())
@@ -525,6 +525,6 @@ def _top(name: str, entry: FixtureFile) -> Corners:
     return (x + float(low[0]), y + float(low[1])), (x + float(high[0]), y + float(high[1]))
 
 
-def _given(check: DocumentChecker, loc: Location, key: str) -> bool:
+def _has_key(check: DocumentChecker, loc: Location, key: str) -> bool:
     """Return whether an entry has a key; `clear` is the same as no `when`."""
     return check.document.get((*loc, key)) not in (None, "clear")

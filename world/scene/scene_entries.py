@@ -51,19 +51,20 @@ from .scene_schema import FORMS, CameraFile, CatalogueFile, FixtureFile, HoleFil
 MAX_MESH_BYTES = 1_000_000
 _log = logging.getLogger(__name__)
 CONVEX_VOLUME_RATIO = 1.05
-"""Ratio of a hull's volume to its mesh's up to which the hull stands for it."""
+"""Greatest ratio of a hull's volume to its mesh's for which the hull replaces the mesh."""
 
 
 def load_body(path: Path, scale: float) -> ConvexMesh:
-    """The body of a mesh file, scaled to m, about its centre of mass; in convex parts if it is not convex.
+    """Return the body of a mesh file, scaled to m, about its centre of mass; in convex parts if it is not
+    convex.
 
-    The file of parts beside it is taken for them, if it is of this mesh. Raises MeshError.
+    The parts come from the file of parts beside it, if that belongs to this mesh. Raises MeshError.
     """
     try:
         raw = file_text.read_bytes(path, MAX_MESH_BYTES)
     except file_text.Unreadable as error:
         raise mesh_reader.MeshError(f"{path}: {error.message}") from None
-    told = convex_decomposition.read_parts(path, raw, scale)
+    saved_parts = convex_decomposition.read_parts(path, raw, scale)
     makers = (
         Path(__file__),
         mesh_reader,
@@ -74,16 +75,21 @@ def load_body(path: Path, scale: float) -> ConvexMesh:
         "pycollada",
         "coacd",
     )
-    inputs = (raw, path.suffix, repr(scale), repr([part.tolist() for part in told or ()]))
+    inputs = (raw, path.suffix, repr(scale), repr([part.tolist() for part in saved_parts or ()]))
     kept = disk_cache.cached_arrays(
-        "mesh-body", inputs, makers, lambda: convex_decomposition.as_arrays(_body(raw, path, scale, told))
+        "mesh-body",
+        inputs,
+        makers,
+        lambda: convex_decomposition.as_arrays(_body(raw, path, scale, saved_parts)),
     )
     return convex_decomposition.from_arrays(kept, str(path), scale)
 
 
-def _body(raw: bytes, path: Path, scale: float, told: list[Array] | None) -> ConvexMesh:
-    """The body of a mesh file's content, of the parts that are `told` if it is not convex. Raises
-    MeshError."""
+def _body(raw: bytes, path: Path, scale: float, saved_parts: list[Array] | None) -> ConvexMesh:
+    """Return the body of a mesh file's content. Raises MeshError.
+
+    `saved_parts`: parts from the file beside it, for a body that is not convex.
+    """
     triangles = mesh_reader.parse_mesh(raw, path)
     import trimesh  # slow to import
 
@@ -98,7 +104,7 @@ def _body(raw: bytes, path: Path, scale: float, told: list[Array] | None) -> Con
         hint = "is it in millimetres? then 'scale: 0.001'"
         raise mesh_reader.MeshError(f"the mesh is {float(size.max()):.3g} m large", hint)
     if not mesh.is_watertight:
-        hint = f"close it; its hull, which could stand for it, has {volume * 1e6:.1f} cm³"
+        hint = f"close it; its hull, which could replace it, has {volume * 1e6:.1f} cm³"
         raise mesh_reader.MeshError(
             "the mesh is not closed: some of its edges do not belong to two faces", hint
         )
@@ -109,20 +115,20 @@ def _body(raw: bytes, path: Path, scale: float, told: list[Array] | None) -> Con
         points = convex_decomposition.simplified(corners) - np.asarray(hull.center_mass, np.float64)
         return convex_decomposition.from_arrays({"0": points}, str(path), scale)
     centre = np.asarray(mesh.center_mass, np.float64)
-    if told is None:
+    if saved_parts is None:
         vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
         _log.info("decomposing %s into convex parts …", path.name)
         parts = convex_decomposition.decomposed(mesh_reader.TriangleMesh(vertices, faces, np.empty((0, 3))))
     else:
-        parts = [part + centre for part in told]
+        parts = [part + centre for part in saved_parts]
     return convex_decomposition.body_of(parts, str(path), scale, corners, centre)
 
 
 RESERVED_NAMES = ("arm", "gripper", "hand", "aside")
 """Names that the belief uses for other things."""
 RESERVED_KINDS = {
-    "unknown": "it stands for what fits no kind",
-    ASSORTMENT: "it stands for things of the assortment",
+    "unknown": "it means an item that fits no kind",
+    ASSORTMENT: "it means things of the assortment",
 }
 """Names that no kind may have, with the reason."""
 CONTAINERS = ("bin", "tote")
@@ -131,7 +137,7 @@ MAX_PLATE_HEIGHT_RATIO = 1 / 3
 
 
 def check_body(check: DocumentChecker, name: str, entry: FixtureFile) -> None:
-    """Faults of a fixture, a bin or a tote."""
+    """Check a fixture, a bin or a tote."""
     loc: Location = ("fixtures", name)
     which = check.one_of(loc, FixtureFile.one_of)
     if name in RESERVED_NAMES or (which in CONTAINERS and name == "table"):
@@ -144,7 +150,7 @@ def check_body(check: DocumentChecker, name: str, entry: FixtureFile) -> None:
     _check_turn(check, loc, entry)
     with check.readable():
         if which in CONTAINERS and entry.rpy is not None:
-            check.fault((*loc, "rpy"), f"a {which} stands upright: give its 'yaw'", code="P405", key=True)
+            check.fault((*loc, "rpy"), f"a {which} is always upright: give its 'yaw'", code="P405", key=True)
         if which == "belt" and entry.rpy is not None:
             check.fault((*loc, "rpy"), "a belt lies level: give its 'yaw'", code="P405", key=True)
     with check.readable():
@@ -195,7 +201,7 @@ def _check_drive(check: DocumentChecker, loc: Location, entry: FixtureFile, whic
 
 
 def body(name: str, entry: FixtureFile) -> Fixture | Bin:
-    """A fixture, bin or tote without faults. A belt is a fixture, too."""
+    """Return a fixture, bin or tote without faults. A belt is a fixture, too."""
     pose, loose = entry.pose(), entry.uncertainty or NO_UNCERTAINTY
     outside = entry.bin or entry.tote
     if outside is not None and entry.wall is not None:
@@ -213,7 +219,7 @@ def body(name: str, entry: FixtureFile) -> Fixture | Bin:
 
 
 def check_unknown(check: DocumentChecker, loc: Location, entry: UnknownFile) -> None:
-    """Faults of a body that the robot is not told of."""
+    """Check an unknown body."""
     check.one_of(loc, UnknownFile.one_of)
     _check_turn(check, loc, entry)
 
@@ -226,7 +232,7 @@ def _check_turn(check: DocumentChecker, loc: Location, entry: PlacedFile) -> Non
 
 
 def hidden_body(name: str, entry: UnknownFile) -> Fixture:
-    """Such a body without faults."""
+    """Return an unknown body without faults."""
     shape = _primitive(entry)
     assert shape is not None
     return Fixture(ObjectId(name), shape, entry.pose(), entry.colour)
@@ -242,7 +248,7 @@ def _primitive(entry: UnknownFile | CatalogueFile) -> Shape | None:
 
 
 def check_camera(check: DocumentChecker, name: str, entry: CameraFile) -> None:
-    """Faults of a camera."""
+    """Check a camera."""
     loc: Location = ("cameras", name)
     with check.readable():
         if np.allclose(entry.at, entry.look_at, atol=1e-6):
@@ -259,7 +265,7 @@ def check_camera(check: DocumentChecker, name: str, entry: CameraFile) -> None:
 
 
 def camera(name: str, entry: CameraFile) -> CameraDescription:
-    """A camera without faults, with its optical frame."""
+    """Return a camera without faults, with its optical frame."""
     pose = look_at_frame(entry.at, entry.look_at, entry.up)
     assert pose is not None
     settings = {each.name: getattr(entry, each.name) for each in fields(CameraSettings)}
@@ -267,10 +273,10 @@ def camera(name: str, entry: CameraFile) -> CameraDescription:
 
 
 def look_at_frame(at: Vector3, target: Vector3, up: Vector3 | None) -> Pose | None:
-    """The optical frame (x right, y down, z forward) at `at` that looks at `target`.
+    """Return the optical frame (x right, y down, z forward) at `at` that looks at `target`.
 
-    None when `up` is along the line of sight. Without `up`, the world's z is up in the picture, or its x
-    when the camera looks straight up or down.
+    None when `up` is along the line of sight. Without `up`, the world's z is up in the picture, or its x when
+    the camera looks straight up or down.
     """
     forward = _unit(np.subtract(target, at))
     candidates = (up,) if up is not None else ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
@@ -287,7 +293,7 @@ def _unit(vector: Array) -> Array:
 
 
 def kind(check: DocumentChecker, name: str, entry: CatalogueFile) -> CatalogueEntry | None:
-    """A kind of the catalogue; None when it has faults."""
+    """Return a kind of the catalogue; None when it has faults."""
     loc: Location = ("catalogue", name)
     form = check.one_of(loc, CatalogueFile.one_of)
     if name in RESERVED_KINDS:
@@ -320,10 +326,10 @@ def _shape(check: DocumentChecker, loc: Location, entry: CatalogueFile) -> Shape
 
 
 def check_holes(check: DocumentChecker, loc: Location, entry: FixtureFile, which: str | None) -> None:
-    """Faults of the holes of a fixture, and of what is not known of where it stands."""
+    """Check the holes of a fixture, and the uncertainty of its pose."""
     with check.readable():
         if which not in (None, "box", "marker") and entry.uncertainty is not None:
-            message = "only a box may stand elsewhere than it says"
+            message = "only a box may have an uncertain pose"
             check.fault((*loc, "uncertainty"), message, code="P112", key=True)
     with check.readable():
         if entry.holes is None:
@@ -355,7 +361,7 @@ def _check_form(check: DocumentChecker, loc: Location, entry: HoleFile) -> None:
 
 
 def _readable(check: DocumentChecker, entries: Mapping[str, HoleFile], height: float) -> dict[str, Hole]:
-    """Those that could be read."""
+    """Return the readable entries by name."""
     found: dict[str, Hole] = {}
     for name, entry in entries.items():
         with check.readable():
@@ -419,29 +425,29 @@ def check_fits(
     catalogue: Mapping[str, CatalogueEntry | None],
     bored: Mapping[str, tuple[Hole, ...]],
 ) -> None:
-    """Whether each kind that comes, in each colour in which it comes, fits a hole of where it belongs.
+    """Check that each kind, in each of its colours, fits a hole of its destination.
 
-    `rules` are those of the destinations with what they name; `bored` are the holes by the names of fixtures
+    `rules` are those of the destinations with their targets; `bored` are the holes by the names of fixtures
     and by their own.
     """
-    told: set[tuple[int, str]] = set()
+    reported: set[tuple[int, str]] = set()
     for kind, colour in coming:
         entry = catalogue.get(kind)
         if entry is None:
             continue
         item = ItemTraits(colour, entry.form, kind, entry.mass, greatest_length(entry.shape))
         n = next((n for n, (rule, _) in enumerate(rules) if rule_holds(rule, item)), None)
-        if n is None or rules[n][1] not in bored or (n, kind) in told:
+        if n is None or rules[n][1] not in bored or (n, kind) in reported:
             continue
-        told.add((n, kind))
+        reported.add((n, kind))
         to = rules[n][1]
         if hole_geometry.tightest_hole(bored[to], entry.shape) is None:
             misses = f"does not fit the hole {to!r}" if "/" in to else f"fits no hole of {to!r}"
-            hint = _wanted(entry.shape)
+            hint = _hole_hint(entry.shape)
             check.fault(("destinations", n, "to"), f"a {kind} {misses}", hint, code="P435")
 
 
-def _wanted(shape: Shape) -> str:
+def _hole_hint(shape: Shape) -> str:
     match shape:
         case Cylinder(radius, _) | Sphere(radius):
             return f"it needs a round hole wider than {2000 * radius:g} mm"
@@ -453,14 +459,14 @@ def _wanted(shape: Shape) -> str:
 
 
 def holes(name: str, entry: FixtureFile) -> tuple[Hole, ...]:
-    """The holes of a box."""
+    """Return the holes of a box."""
     assert entry.box is not None
     made = [_hole(ObjectId(f"{name}/{key}"), hole, entry.box[2]) for key, hole in (entry.holes or {}).items()]
     return tuple(hole for hole in made if hole is not None)
 
 
 def _hole(hole_id: ObjectId, entry: HoleFile, height: float) -> Hole | None:
-    """None when it has no form."""
+    """Return the hole of an entry; None for an entry without a form."""
     form: HoleForm
     if entry.round is not None:
         form, size = "round", (entry.round, entry.round)

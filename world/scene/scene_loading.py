@@ -27,7 +27,7 @@ from picktree.world import Bounds
 
 from .description import (
     MESH_SETS,
-    MIN_FELT_MASS,
+    MIN_DETECTABLE_MASS,
     Bin,
     CatalogueEntry,
     Delivery,
@@ -67,7 +67,7 @@ from .scene_schema import SECTIONS, CameraFile, CatalogueFile, FixtureFile, Scen
 def condition(
     check: DocumentChecker, loc: Location, text: str, names: Mapping[str, ValueType], *, code: str
 ) -> Expression | None:
-    """The expression; None when it cannot be read or cannot be answered, with the fault at its character."""
+    """Return the expression; None for a faulty one, with the fault at its character."""
     try:
         expression = Expression.parse(text)
         kind = check_types(expression, names, {})
@@ -99,7 +99,7 @@ class CheckedScene(CheckedFile[SceneDescription]):
 
 
 def load_scene(name_or_path: str, beside: Path | None = None) -> SceneDescription:
-    """The scene of that shipped name, or of a file whose path counts from `beside`.
+    """Return the shipped scene of that name, or the scene of a file whose path counts from `beside`.
 
     Raises FileError with all faults of the file, PicktreeError when there is no such file.
     """
@@ -109,19 +109,19 @@ def load_scene(name_or_path: str, beside: Path | None = None) -> SceneDescriptio
 
 
 def parse_scene(text: str, path: Path) -> SceneDescription:
-    """The scene of a file's text, as a log keeps it; `path` is where the file stood."""
+    """Return the scene of a file's text, as a log keeps it; `path` is the original path of the file."""
     return check_scene(read_document(path, "scene", text)).required()
 
 
 def scene_names() -> tuple[str, ...]:
-    """Names of the shipped scenes."""
+    """Return the names of the shipped scenes."""
     return file_system.shipped_names(SHIPPED)
 
 
 def check_scene(own: Document) -> CheckedScene:
-    """Everything that can be said of a document of kind `scene`; never raises for what stands in it.
+    """Check a document of kind `scene` completely; never raises for faults in it.
 
-    That its robot exists is checked; what the robot's file says is not.
+    That its robot exists is checked; the content of the robot file is not.
     """
     try:
         document = _on_base(own, MAX_BASES)
@@ -134,12 +134,13 @@ def check_scene(own: Document) -> CheckedScene:
 
 
 def _on_base(document: Document, depth: int) -> Document:
-    """The document laid on the scene that its `base:` names. Raises FileError with the faults of the base."""
+    """Return the document merged into the scene of its `base:`. Raises FileError with the faults of the
+    base."""
     name = document.data.get("base")
     if not isinstance(name, str):
         return document
     if depth == 0:
-        message = f"more than {MAX_BASES} scenes stand on one another"
+        message = f"more than {MAX_BASES} scenes are based on one another"
         raise FileError([document.fault(("base",), message, code="P402")])
     try:
         path = file_system.find_file(name, SHIPPED, document.path, "scene")
@@ -173,7 +174,7 @@ class _Parts:
         self.catalogue: Mapping[str, CatalogueEntry | None] = {}
         self.robot: Path | None = None
         self.rules: list[tuple[Expression, str]] = []
-        """Of the destinations: those without a fault of their own, and what each names."""
+        """Expression and target of each destination without a fault of its own."""
 
     def check(self) -> None:
         """Look for faults of meaning in all that could be read."""
@@ -237,7 +238,7 @@ class _Parts:
         )
 
     def _robot(self, name: str) -> Path | None:
-        """The robot's file; its path counts from the file that names it: this one or its base."""
+        """Return the robot file; its path counts from the naming file: this one or its base."""
         try:
             return file_system.find_file(name, ROBOTS, Path(self.document.mark(("robot",)).file), "robot")
         except PicktreeError as error:
@@ -258,7 +259,7 @@ class _Parts:
         return None
 
     def _workspace(self) -> Bounds | None:
-        """None when it is faulty."""
+        """Return the workspace; None for a faulty one."""
         with self.checker.readable():
             workspace = self.rest.limits.workspace
             if all(a < b for a, b in zip(workspace.min, workspace.max, strict=True)):
@@ -284,14 +285,14 @@ class _Parts:
                 check.fault(("exchange",), message, hint, code="P425", key=True, severity="warning")
 
     def _check_weights(self) -> None:
-        """Warn of items that come and are lighter than a wrist can feel."""
+        """Warn of items that are lighter than the wrist sensor can detect."""
         check = self.checker
         with check.readable():
             for name in dict.fromkeys(kind for entry in (*self.spawn, *self.feed) for kind in entry.counts):
                 known = self.catalogue.get(name)
-                if known is not None and known.mass < MIN_FELT_MASS:
+                if known is not None and known.mass < MIN_DETECTABLE_MASS:
                     message = f"{1000 * known.mass:g} g are less than the wrist surely feels"
-                    least = f"below {1000 * MIN_FELT_MASS:g} g"
+                    least = f"below {1000 * MIN_DETECTABLE_MASS:g} g"
                     hint = f"{least} the opening of the fingers alone tells that it is held"
                     check.fault(("catalogue", name, "mass"), message, hint, code="P427", severity="warning")
 
@@ -305,7 +306,7 @@ class _Parts:
     def _check_destination(self, n: int, rule: Destination) -> None:
         check = self.checker
         with check.readable():
-            # What may be a bin, because it could not be read, is not missed here.
+            # An unreadable body may be a bin, and is not reported as missing here.
             bins = [name for name in self.bodies if self._may_be_bin(name)]
             bored = self._holes()
             if rule.to not in bins and rule.to not in bored and rule.to.partition("/")[0] not in bins:
@@ -368,7 +369,7 @@ class _Parts:
 
 
 def _text(own: Document, whole: Document) -> str:
-    """The file as it was read; with a base, one text that stands without it."""
+    """Return the text of the file; with a base, one text of both, without a base."""
     if own is whole:
         return own.text
     data = {key: value for key, value in whole.data.items() if key != "base"}

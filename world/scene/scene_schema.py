@@ -55,23 +55,23 @@ Chamfer = Annotated[float, file_models.quantity("m", least=0, most=0.05)]
 
 
 class CylinderFile(file_models.FileModel):
-    """A cylinder that stands on a round face."""
+    """A cylinder on a round face."""
 
     radius: ItemSize
     """Radius of the round face."""
     height: ItemSize
-    """Along its axis."""
+    """Height along its axis."""
 
 
 class SphereFile(file_models.FileModel):
     """A ball."""
 
     radius: ItemSize
-    """Half its width."""
+    """Radius of the ball."""
 
 
 class MeshFile(file_models.FileModel):
-    """A body from a mesh file; one that is not convex is taken apart into at most 16 convex parts."""
+    """A body from a mesh file; a body that is not convex is decomposed into at most 16 convex parts."""
 
     file: Annotated[str, file_models.NamedFile("mesh")]
     """A closed mesh (OBJ, STL, DAE, PLY, OFF or GLB); its path counts from this file."""
@@ -98,26 +98,25 @@ class HoleFile(file_models.FileModel):
     chamfer: Chamfer = 0.0
     """Height and width of the bevel around the mouth."""
     yaw: file_models.Angle | None = None
-    """How a square or a slot is turned in the box, about the vertical."""
+    """Rotation of a square or a slot in the box, about the vertical."""
 
 
 class PlacedFile(file_models.FileModel):
     """Pose of a body in the world."""
 
     at: file_models.Vector
-    """Where it is: x, y, z in the world."""
+    """Position: x, y, z in the world."""
     rpy: file_models.Angles | None = None
-    """How it is turned: about the world's x, then y, then z."""
+    """Rotation about the world's x, then y, then z."""
     yaw: file_models.Angle | None = None
-    """How it is turned about the world's z, where that is all. Not beside `rpy`."""
+    """Rotation about the world's z alone. Not beside `rpy`."""
 
     def pose(self) -> Pose:
         return Pose.from_rpy(self.at, self.rpy or (0.0, 0.0, self.yaw or 0.0))
 
 
 class FixtureFile(PlacedFile):
-    """Body that stays where it is: a box as a table or shelf, a bin, a tote, a belt with items on it, a
-    target."""
+    """Body that never moves: a box as a table or shelf, a bin, a tote, a belt with items on it, a target."""
 
     one_of: ClassVar[tuple[str, ...]] = ("box", "bin", "tote", "belt", "marker")
     """Exactly one of these is given."""
@@ -133,24 +132,25 @@ class FixtureFile(PlacedFile):
     """Length, width and height of a belt that runs along its own +x; `at` is the centre of its underside.
     Needs `speed` and `eye`."""
     marker: file_models.Sizes | None = None
-    """Edge lengths of a block with six coloured squares on its top, from which cameras and tool are
-    calibrated. `at` is its centre, and need be known to a few millimetres only."""
+    """Edge lengths of a block with six coloured squares on its top, a target for the calibration of cameras
+    and tool. `at` is its centre, to within a few millimetres."""
     wall: file_models.Size | None = None
     """Thickness of the walls and floor of a bin or tote."""
     speed: BeltSpeed | None = None
     """Speed of a belt while it runs."""
     eye: file_models.Length | None = None
-    """Where the light barrier crosses a belt, from its middle along +x: there it stops for the robot."""
+    """Position of the light barrier of a belt, from its middle along +x. A belt stops for the robot when an
+    item reaches it."""
     holes: dict[file_models.Name, HoleFile] | None = None
     """Holes in the top face of a box by name, into which items are put; each is a destination."""
     uncertainty: PlacementUncertainty | None = None
-    """How far a box may really stand from here."""
+    """Greatest displacement of a box from this pose."""
     colour: PlainColour = "grey"
     """Colour that cameras see: an unsaturated one, so that it differs from those of items."""
 
 
 class UnknownFile(PlacedFile):
-    """A body that stands still, of which the robot is not told: it has to see it."""
+    """A fixed body that is unknown to the robot, which has to see it."""
 
     one_of: ClassVar[tuple[str, ...]] = ("box", "cylinder", "sphere")
     """Exactly one of these is given."""
@@ -160,21 +160,21 @@ class UnknownFile(PlacedFile):
     cylinder: CylinderFile | None = None
     """A round post, along its own z."""
     sphere: SphereFile | None = None
-    """A ball that stays where it is."""
+    """A fixed ball."""
     colour: AnyColour = "grey"
     """Colour that cameras see; it may be one of the items' colours."""
 
 
 class CatalogueFile(file_models.FileModel):
-    """A kind of item: what the scene may spawn and perception may recognise."""
+    """A kind of item, which the scene may spawn and perception may recognise."""
 
     one_of: ClassVar[tuple[Form, ...]] = FORMS
     """Exactly one of these is given."""
 
     box: ItemSizes | None = None
-    """Edge lengths along x, y, z as it stands on the table."""
+    """Edge lengths along x, y, z in its upright pose on the table."""
     cylinder: CylinderFile | None = None
-    """A can: it stands upright or lies."""
+    """A can, upright or on its side."""
     sphere: SphereFile | None = None
     """A ball."""
     plate: ItemSizes | None = None
@@ -186,7 +186,7 @@ class CatalogueFile(file_models.FileModel):
     friction: Annotated[float, file_models.quantity("", least=0, most=2)]
     """Coulomb's coefficient against the table and the fingers."""
     force_limit: file_models.Force | None = None
-    """Greatest grip force of a finger that it survives; without it any."""
+    """Greatest grip force of a finger without damage; unlimited unless given."""
 
 
 SECTIONS = ("fixtures", "unknown", "cameras", "catalogue", "spawn", "feed", "destinations")
@@ -195,10 +195,10 @@ SECTIONS = ("fixtures", "unknown", "cameras", "catalogue", "spawn", "feed", "des
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraFile(CameraSettings):
-    """A camera for colour and depth, which hangs still or is mounted on the hand."""
+    """A camera for colour and depth, fixed in the world or mounted on the hand."""
 
     at: file_models.Vector
-    """Where it hangs: x, y, z in the world, or in the frame of the TCP."""
+    """Position of the camera: x, y, z in the world, or in the frame of the TCP."""
     look_at: file_models.Vector
     """The point in the middle of its picture, in the same frame."""
     up: file_models.Vector | None = None
@@ -208,12 +208,12 @@ class CameraFile(CameraSettings):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneFile(SceneSettings):
-    """A scene: what stands where, what cameras see, which items there are, and where they belong."""
+    """A scene: fixtures, cameras, kinds of items, and their destinations."""
 
     fixtures: dict[file_models.Name, FixtureFile] | None = None
     """Bodies that never move, by name: the table, bins, obstacles."""
     unknown: dict[file_models.Name, UnknownFile] | None = None
-    """Bodies by name that stand there from the beginning, and that the robot is not told of."""
+    """Initial bodies by name that are unknown to the robot."""
     cameras: dict[file_models.Name, CameraFile] | None = None
     """Cameras by name."""
     catalogue: dict[file_models.Name, CatalogueFile] | None = None
@@ -221,6 +221,6 @@ class SceneFile(SceneSettings):
     spawn: list[Spawn] | None = None
     """Items that are set down at random."""
     feed: list[Delivery] | None = None
-    """Items that are brought while a run goes on."""
+    """Items that are brought during a run."""
     destinations: list[Destination] | None = None
-    """Rules that say where items belong; an item for which none holds stays where it is."""
+    """Rules for the destinations of items; an item without a rule stays in its place."""
