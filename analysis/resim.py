@@ -38,7 +38,7 @@ from .run_changes import RunChanges, apply_changes, parse_tick
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """One changed thing, with its values; empty where there is no value."""
+    """Difference between recorded and present state, with both values; empty: no value."""
 
     what: str
     recorded: str
@@ -192,7 +192,7 @@ class Resimulation:
     """Whether the log has all messages that the comparison covers."""
     difference: message_differences.MessageDifference | None
     trees: message_differences.MessageDifference | None
-    """First difference of the trees as they were loaded; None: they are equal."""
+    """First difference of the loaded trees; None: they are equal."""
     reasons: tuple[Reason, ...]
     notes: tuple[str, ...]
     parting: tuple[str, ...]
@@ -272,7 +272,7 @@ class Resimulation:
             yield f"{first if n == 0 else '':<10}  {reason}"
         if not self.reasons and not self.changes:
             yield "likely why  nothing in the log is otherwise: not picktree, its libraries, the arithmetic."
-            yield "            What is left is a clock, the order of a set or a global generator in a"
+            yield "            Possible causes: a clock, the order of a set or a global generator in a"
             yield "            plug-in, or a fault of picktree"
 
 

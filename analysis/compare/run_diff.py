@@ -125,7 +125,7 @@ _RUN_FILE_PREFIXES = ("checkpoint-", "refused-")
 
 @dataclass(frozen=True, slots=True)
 class ValueChange:
-    """Value with a name in two runs; None where there is none."""
+    """Named value in two runs; None in a run that lacks it."""
 
     name: str
     a: object

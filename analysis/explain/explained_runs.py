@@ -19,13 +19,13 @@ from .run_explanation import explain
 
 @dataclass(frozen=True, slots=True)
 class CauseOfRuns:
-    """One root cause over many runs."""
+    """Root cause with its counts over many runs."""
 
     cause: str
     runs: int
     """Number of runs that have it."""
     first: int
-    """Number of runs in which it stands first."""
+    """Number of runs in which it is the first root cause."""
     items: int
     """Number of items that are not where they belong because of it."""
     seconds: float

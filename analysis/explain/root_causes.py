@@ -25,24 +25,24 @@ from .obstruction_causes import obstruction_cause, touched
 from .run_endings import by_the_mission, goal_missed, out_of_order, run_ended, unacknowledged
 from .unsorted_items import after_wrong_bin, crushed, left_in_tote, placed_at, why_not_sorted
 
-DISPLACING = frozenset(
+DISPLACEMENT_CAUSES = frozenset(
     {"item.moved", "item.left_bin", "item.pushed_by_arm", "item.struck",
      "item.slipped", "item.slippery", "item.heavy", "grasp.weak", "gripper.weak", "grasp.not_felt"}
 )  # fmt: skip
 PLACE_CAUSES = frozenset({"item.out_of_reach", "item.beside_bin", "item.crowded", "item.hemmed_in"})
-"""Causes that an item has where it lies: what brought it there is the root of them."""
+"""Causes due to an item's place: their root is the event that brought the item there."""
 RUN_CAUSES = frozenset(
     {"run.interrupted", "run.killed", "run.crashed", "run.going_on", "run.paused", "tree.condition"}
 )
 """Causes that end a run by themselves."""
 MIN_SHARE = 0.2
-"""Share of a run that ended at its limit which causes of failures must have cost to be the reason."""
+"""Least share of a timed-out run that the failures must have cost to be the reason of the timeout."""
 
 Question: TypeAlias = Callable[[Investigation, FailureStory], Finding | None]
 
 
 def device(case: Investigation, failure: FailureStory) -> Finding | None:
-    """A sensor, a joint, the fingers, the planner: what is common to failures."""
+    """Return the finding about a faulty device that covers the failure: sensor, joint, fingers or planner."""
     return next(
         (
             found.finding
@@ -54,7 +54,7 @@ def device(case: Investigation, failure: FailureStory) -> Finding | None:
 
 
 def pressed(case: Investigation, failure: FailureStory) -> Finding | None:
-    """The body that bore the weight of an item that is said to have slipped."""
+    """Return the finding about the body that bore the weight of an item reported as slipped; else None."""
     return touched(case, failure) if pressed_from_below(failure) else None
 
 
@@ -76,17 +76,17 @@ QUESTIONS: Final[tuple[Question, ...]] = (
     unacknowledged,
     touched,
 )  # fmt: skip
-"""Questions about a failure, in this order."""
+"""Detectors of a failure's cause, in this order; the first finding counts."""
 
 
 @dataclass
 class _Group:
-    """All that came from one finding."""
+    """Failures and items with the same finding."""
 
     findings: list[Finding] = field(default_factory=list[Finding])
     failures: list[FailureStory] = field(default_factory=list[FailureStory])
     items: dict[str, None] = field(default_factory=dict[str, None])
-    """True items that are not where they belong because of it."""
+    """True items that are not at their destination because of it."""
 
 
 def root_causes_of(
@@ -94,7 +94,7 @@ def root_causes_of(
 ) -> tuple[RootCause, ...]:
     """Return the root causes, those that cost most first.
 
-    A failure for which the mission asks that something else is done instead is none.
+    A failure is no root cause when the mission lists an action for it under `instead`.
     """
     groups: dict[tuple[str, str], _Group] = {}
 
@@ -103,7 +103,7 @@ def root_causes_of(
         found.findings.append(finding)
         return found
 
-    by_failure = _of_failures(case)
+    by_failure = _findings_by_failure(case)
     for failure in case.failures:
         if failure.number not in case.once(_answered_instead):
             group(by_failure[failure.number]).failures.append(failure)
@@ -122,23 +122,25 @@ def root_causes_of(
     return (replace(roots[0], ended_run=True), *roots[1:]) if to_blame else tuple(roots)
 
 
-def _of_failures(case: Investigation) -> Mapping[int, Finding]:
+def _findings_by_failure(case: Investigation) -> Mapping[int, Finding]:
     """The finding for each failure; one that follows from another has that one's, or its own after one
     that was `_answered_instead`."""
     found: dict[int, Finding] = {}
     displaced: dict[str, Finding] = {}
-    """Finding that brought a true item to where it lies now."""
+    """Finding about the last displacement of each true item."""
     for failure in case.failures:
         if failure.because_of is not None and failure.because_of not in case.once(_answered_instead):
             finding = found[failure.because_of]
         else:
             answers = (question(case, failure) for question in QUESTIONS)
-            finding = next((answer for answer in answers if answer is not None), _as_it_says(failure))
+            finding = next(
+                (answer for answer in answers if answer is not None), _failure_message_finding(failure)
+            )
         true = case.pairs.get(failure.item, "")
         before = displaced.get(true)
         if finding.cause == "item.moved" and before is not None and _kept_moving(case, true, before, finding):
             finding = before
-        elif finding.cause in DISPLACING:
+        elif finding.cause in DISPLACEMENT_CAUSES:
             displaced[true] = finding
         elif finding.cause in PLACE_CAUSES and before is not None:
             held = (p for p in case.once(held_periods) if p.true == true)
@@ -149,7 +151,7 @@ def _of_failures(case: Investigation) -> Mapping[int, Finding]:
 
 
 def _answered_instead(case: Investigation) -> frozenset[int]:
-    """Numbers of the failures for which something else was done instead, or failed by itself."""
+    """Return the numbers of the failures that a handler of `instead` took over, even in vain."""
     followed = {failure.because_of for failure in case.failures}
     return frozenset(
         failure.number
@@ -160,28 +162,28 @@ def _answered_instead(case: Investigation) -> frozenset[int]:
 
 
 def _kept_moving(case: Investigation, true: str, before: Finding, after: Finding) -> bool:
-    """Whether an item has never come to rest from what displaced it to its next motion."""
+    """Whether an item has not come to rest between its displacement and its next motion."""
     bodies = [body for _, body in case.truth.tracks[true].since(before.time or 0.0, after.time or 0.0)]
     steps = itertools.pairwise(bodies)
     return all(math.dist(a.pose.position, b.pose.position) > MIN_STEP for a, b in steps)
 
 
 MIN_STEP = 1e-3
-"""Way between two samples of the truth below which an item rests, m."""
+"""Displacement between two samples of the truth below which an item rests, m."""
 
 
-def _as_it_says(failure: FailureStory) -> Finding:
-    """Nothing else in the log tells more: the failure's own words."""
+def _failure_message_finding(failure: FailureStory) -> Finding:
+    """Return the failure's own message as finding, for a log without evidence of a cause."""
     about = failure.item or failure.node
-    said = failure.message or failure.sentence
-    of = f" of {failure.item}" if failure.item and failure.item not in said else ""
-    title = f"{failure.name}{of} failed: {said}"
+    message = failure.message or failure.sentence
+    of = f" of {failure.item}" if failure.item and failure.item not in message else ""
+    title = f"{failure.name}{of} failed: {message}"
     reasons = ("nothing else in the log tells where it came from",)
     return Finding(failure.cause, about, title, reasons, failure.item, failure.time, "the log does not tell")
 
 
 def _unsorted(case: Investigation, outcome: ExplainedOutcome) -> list[str]:
-    """True items that do not lie where they belong at the end of the log, and whose turn had come."""
+    """Return the true items that are not at their destination at the end, although their turn had come."""
     if outcome.status == "success":
         return []
     over = outcome.status in ("success", "incomplete")
@@ -190,18 +192,18 @@ def _unsorted(case: Investigation, outcome: ExplainedOutcome) -> list[str]:
 
 
 def _settled(case: Investigation, true: str) -> bool:
-    """Whether the truth in the log is younger than the placing of an item, of a run that was cut off."""
+    """Whether a truncated log has ground truth after the placement of an item."""
     done = placed_at(case, true)
     tried = any(f.item in case.believed.get(true, ()) and f.fate != "open" for f in case.failures)
     return tried if done is None else case.truth.tracks[true].times[-1] > done + SETTLING_TIME
 
 
 SETTLING_TIME = 0.4
-"""Time after which an item that was let go has come to rest, s."""
+"""Time within which a released item comes to rest, s."""
 
 
 def _why_unsorted(case: Investigation, true: str, by_failure: Mapping[int, Finding]) -> Finding | None:
-    """Return why an item is not where it belongs: from its last placement, else from its last failure."""
+    """Return the finding about an item that is not at its destination, by its last placement or failure."""
     if (broken := crushed(case, true)) is not None:
         return _why_crushed(case, true, broken, by_failure)
     names = case.believed.get(true, ())
@@ -234,13 +236,14 @@ CRUSH_CAUSES = (
     "item.larger",
     "perception.mistaken",
 )
-"""Causes, or beginnings of them, by which a finger presses an item harder than it should."""
+"""Causes, or their beginnings, of an excessive finger force on an item."""
 
 
 def _why_crushed(
     case: Investigation, true: str, broken: Finding, by_failure: Mapping[int, Finding]
 ) -> Finding:
-    """Return the origin of the failure in which an item was crushed; without one, that it was crushed."""
+    """Return the finding about the failure in which an item was crushed, or else about the crushing
+    itself."""
     time = broken.time or 0.0
     during = (f for f in case.failures if case.visit(f).start <= time <= f.time + 1e-6)
     origins = (by_failure[failure.number] for failure in during)
@@ -248,7 +251,7 @@ def _why_crushed(
 
 
 def _unseen(case: Investigation, answer: Finding) -> Finding:
-    """Whether a camera that did not do as it should has not shown an item."""
+    """Whether a faulty camera has not shown an item."""
     cameras = (
         found.finding for found in case.once(device_findings) if found.finding.cause.startswith("camera.")
     )
@@ -256,7 +259,8 @@ def _unseen(case: Investigation, answer: Finding) -> Finding:
 
 
 def _costs(case: Investigation, by_failure: Mapping[int, Finding]) -> Mapping[tuple[str, str], float]:
-    """Simulated s that the episodes of each finding cost: each counts once, for what came first in it."""
+    """Return the cost of each finding's episodes, simulated s. An episode counts once, for its first
+    failure."""
     found: dict[tuple[str, str], float] = {}
     for failure in case.failures:
         finding = by_failure[failure.number]
@@ -293,14 +297,14 @@ def _root(
         item=first.item,
         time=first.time,
         seconds_lost=costs.get((first.cause, first.about), 0.0),
-        planted=tuple(_planted(case, group, planted)),
+        planted=tuple(_injected_faults(case, group, planted)),
         confidence=first.confidence,
         against=first.against,
         items=tuple(case.name_of(true) for true in group.items),
     )
 
 
-FAULTS: Final[Mapping[str, tuple[str, ...]]] = {
+CAUSES_BY_FAULT: Final[Mapping[str, tuple[str, ...]]] = {
     "obstacle": ("contact.obstacle", "scene.unknown_obstacle", "scene.blocked"),
     "slip": ("item.slipped", "item.slippery"),
     "appear": ("item.appeared",),
@@ -319,13 +323,14 @@ FAULTS: Final[Mapping[str, tuple[str, ...]]] = {
     "raise": ("internal.error",),
     "kill": ("run.killed",),
 }
-"""Root causes beside which a fault of a kind is quoted; one of an item also beside those of the item."""
+"""Root causes with which an injected fault of a kind is listed. A fault of an item is listed with the item's
+causes, too."""
 
 
-def _planted(
+def _injected_faults(
     case: Investigation, group: _Group, planted: Sequence[Stamped[event_types.FaultEvent]]
 ) -> list[str]:
-    """Faults of the fault file that concern the same item or device, not later than the failures."""
+    """Return the injected faults that concern the same item or device, not later than the failures."""
     items = {case.pairs.get(f.item, f.item) for f in group.findings if f.item} | set(group.items)
     items |= {case.pairs[f.item] for f in group.failures if f.item in case.pairs}
     last = max((f.time for f in group.failures), default=case.end)
@@ -333,14 +338,14 @@ def _planted(
     return [
         f"at {seconds(at.time)}: {at.record.message}"
         for at in planted
-        if (cause in FAULTS.get(at.record.fault, ()) or at.record.item in items)
+        if (cause in CAUSES_BY_FAULT.get(at.record.fault, ()) or at.record.item in items)
         and at.record.struck
         and at.time <= last + 1e-6
     ]
 
 
 def _order(root: RootCause, *, ended_late: bool) -> tuple[bool, bool, bool, int, float, float]:
-    """`ended_late`: a run that ended at its limit of time did so because of failures."""
+    """Return the sort key of a root cause. `ended_late`: failures made the run reach its time limit."""
     limit = root.cause == "run.limit"
     return (
         root.cause not in RUN_CAUSES and not (limit and not ended_late),

@@ -1,4 +1,4 @@
-"""Explanation of why a run ended as it did, from its log alone: its failures and items, each as a story."""
+"""Explanation of a run from its log alone: its failures and the stories of its items."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 
 
 def choices_before(run: RunRecord, source: node_visits.Visit) -> tuple[CandidateChoice, ...]:
-    """Those within the visit that failed and of its item, or of the heap in it, in the order of time."""
+    """Return the choices of candidates of the failed visit for its item or heap, in order of time."""
     names = (source.item, heap_geometry.heap_id(source.item))
     found = [
         _of_candidates(at)
@@ -88,7 +88,7 @@ def _of_candidates(at: Stamped[Candidates]) -> CandidateChoice:
 
 
 def _of_plans(refused: list[Stamped[Plan]], plans: int, item: str) -> CandidateChoice:
-    """Plans that failed with the same words, numbers aside, are told as one."""
+    """Return the failed plans as one choice. Messages that differ in numbers only count as one."""
     alike: dict[str, list[Stamped[Plan]]] = {}
     for at in refused:
         words = re.sub(r"[\d.]+", "#", f"{at.record.outcome} {at.record.message}")
@@ -109,7 +109,7 @@ def _of_plans(refused: list[Stamped[Plan]], plans: int, item: str) -> CandidateC
 
 _IN_MOTION = ("world.disturbed", "safety.", "control.")
 FAULT_TIME = 5.0
-"""Time before a failure whose events are told with it, s."""
+"""Time before a failure in which events are listed with it, s."""
 
 
 def failure_context(
@@ -125,7 +125,7 @@ def failure_context(
 
 
 def _belief(case: Investigation, failure: FailureStory) -> list[str]:
-    """Where the item was believed to be, and where it truly was."""
+    """Return the believed and the true place of the item as text."""
     if not failure.item:
         return []
     before = failure.time - 1e-3  # the belief of the moment before, which the failure may have changed
@@ -147,7 +147,7 @@ def _belief(case: Investigation, failure: FailureStory) -> list[str]:
 
 
 def _really(case: Investigation, failure: FailureStory, true: str) -> log_records.BodyRecord | None:
-    """The item as it truly was just after the failure, unless the hand moved it about."""
+    """Return the true item just after the failure; None when the hand moved it."""
     later = next((t for t in case.truth.times if t >= failure.time - 1e-6), case.end)
     then = case.belief.at(failure.item, later)
     carried = then is not None and then.attached
@@ -201,7 +201,7 @@ def _faults(
 
 
 def failures_of(run: RunRecord, account: RunAccount) -> tuple[FailureStory, ...]:
-    """Every failure with a cause, in the order of their times. A false condition is none."""
+    """Return every failure with a cause, in the order of their times, without false conditions."""
     causes = {cause.name: cause for cause in all_causes()}
     charged: set[int | None] = {None}
     found: list[FailureStory] = []
@@ -264,7 +264,7 @@ def _follows(
 def _within_the_answer(
     source: node_visits.Visit, earlier: node_visits.Visit, family: node_visits.VisitTree
 ) -> bool:
-    """Whether it failed while the earlier failure was being dealt with: in a handler, or in giving up."""
+    """Whether the node failed during the recovery from the earlier failure: in a handler or `give_up`."""
     lineage = {v.parent: v for v in (source, *family.above(source))}
     ours = earlier
     for above in family.above(earlier):
@@ -283,7 +283,7 @@ _RECOVERIES = frozenset({"Recover", "RecoveryNode"})
 def _consequence(
     source: node_visits.Visit, earlier: node_visits.Visit, family: node_visits.VisitTree
 ) -> bool:
-    """Whether the earlier failure lost the item, left it in the hand, or would only be met again."""
+    """Whether the later failure follows from the earlier one: item lost, item still held, or no change."""
     if source.evidence.get("unchanged") is True:
         return (earlier.item, earlier.cause) == (source.item, source.cause)
     held = source.evidence.get("held")
@@ -295,27 +295,29 @@ def _consequence(
         return source.end - earlier.end < BRAKING_TIME  # the arm had not come to rest when it was to go on
     if not source.item or source.item != earlier.item or source.cause == earlier.cause:
         return False
-    if source.cause not in _LOST or earlier.cause not in _LOSING:
+    if source.cause not in _MISSING_ITEM_CAUSES or earlier.cause not in _LOSS_CAUSES:
         return False
     shared = {v.number for v in family.above(earlier)} & {v.number for v in family.above(source)}
     return any(family.visits[n].item == source.item for n in shared)
 
 
 BRAKING_TIME = 1.0
-"""The arm is at rest so long after it was halted, s."""
-_LOSING = frozenset(
+"""Time after a halt within which the arm comes to rest, s."""
+_LOSS_CAUSES = frozenset(
     {"grasp.missed", "grasp.slipped", "world.disturbed", "place.missed", "world.unknown_object"}
 )
-_LOST = frozenset({"world.unknown_object", "grasp.slipped", "perception.not_found", "grasp.no_candidate"})
+_MISSING_ITEM_CAUSES = frozenset(
+    {"world.unknown_object", "grasp.slipped", "perception.not_found", "grasp.no_candidate"}
+)
 MIN_MOVE = 0.02
-"""An item that is seen this far from where it was believed has moved, m."""
+"""Distance from its believed place above which a seen item has moved, m."""
 REPORT_TIME = 1.0
-"""A failure this soon after the item left the hand tells of it, s."""
+"""Time after the loss of an item within which a failure reports it, s."""
 _NO_LONGER_HELD = "no longer in the hand"
 
 
 def items_of(case: Investigation) -> tuple[ItemStory, ...]:
-    """Return a story for each item, however many names it had; then those that never were seen."""
+    """Return a story for each item with all its names, then for the items that were never seen."""
     phantoms = case.identities.phantoms
     known: dict[str, list[str]] = {}
     for id_, track in case.belief.tracks.items():
@@ -328,7 +330,7 @@ def items_of(case: Investigation) -> tuple[ItemStory, ...]:
 
 
 def _item_story(case: Investigation, names: Sequence[str]) -> ItemStory:
-    """The story of one item by all its names, the first of which is the one it goes by."""
+    """Return the story of an item with all its names; the first is its id."""
     item, last = names[0], names[-1]
     body = case.belief.tracks[last].last
     failed = [f for f in case.failures if f.item in names]
@@ -360,7 +362,7 @@ def _item_story(case: Investigation, names: Sequence[str]) -> ItemStory:
 
 
 def _no_item(case: Investigation, item: str) -> str:
-    """The truth of a belief that is no item of its own; empty where the log holds no truth."""
+    """Return the truth about a believed item that is no true item; empty without ground truth in the log."""
     if item not in case.identities.phantoms:
         return ""
     near = case.identities.phantoms[item]
@@ -398,7 +400,7 @@ def _state(case: Investigation, item: str) -> ItemState:
 
 
 def _truth(case: Investigation, true: str) -> str:
-    """Return where it really is in the end, in the scorer's words."""
+    """Return the true place of an item at the end, in the scorer's words."""
     score: ItemScore | None = case.scores.get(true)
     if case.gone(true) is not None:
         return "truly nowhere any more"
@@ -432,7 +434,7 @@ def _events_by_item(case: Investigation) -> dict[str, list[Stamped[JournalEvent]
 
 
 def _happened(at: Stamped[JournalEvent], known_as: str) -> list[ItemEvent]:
-    """`known_as`: other name under which something happened to the item."""
+    """Return an event as events of an item. `known_as`: other name of the item in the event."""
     event = at.record
     match event:
         case event_types.HandledEvent():
@@ -458,7 +460,8 @@ def _felt(pick: event_types.PickEvent) -> str:
 
 
 def _change(event: BeliefEvent) -> str:
-    """A change of the belief in words; empty for one that is not worth a line, or told by another event."""
+    """Return a change of the belief as text; empty for a minor change, or one that another event
+    describes."""
     before, after, reason = event.before, event.after, event.reason
     if after is None:
         return reason if reason in (world_facts.RODE_ON, world_facts.TAKEN_AWAY) else f"given up: {reason}"
@@ -530,7 +533,7 @@ def _cut_off(run: RunRecord, visits: Sequence[node_visits.Visit], end: float) ->
     if following := _next_file(run):
         return f"this file of the log ends at {end:.2f} s, and {following} goes on{_doing(visits)}"
     if run.log.going_on:
-        return f"the run is still going on: its log has come to {end:.2f} s{_doing(visits)}"
+        return f"the run is still in progress: its log has come to {end:.2f} s{_doing(visits)}"
     if run.log.lacks_result:
         return f"the log ends at {end:.2f} s, and the result of the run was left out{_doing(visits)}"
     return f"the log ends at {end:.2f} s without a result: the process was killed{_doing(visits)}"
@@ -547,7 +550,7 @@ def _doing(visits: Sequence[node_visits.Visit]) -> str:
 
 MAX_MOMENTS = 8
 MIN_SPACING = 0.6
-"""Moments nearer than this are one, s."""
+"""Time between two moments below which they count as one, s."""
 HINTS = {
     "run.going_on": "the last that the log holds",
     "item.gone": "the item vanishes from the truth, and the belief keeps it",
@@ -566,7 +569,7 @@ HINTS = {
     "item.never_seen": "the camera's picture, and where the item truly lies",
     "camera.off": "truth beside belief of any item: all are off the same way",
     "grasp.weak": "the fingers' force and the wrist's load while the hand lifts",
-    "scene.blocked": "what stands between hand and item",
+    "scene.blocked": "the bodies between hand and item",
     "bin.full": "how much lies in the bin",
     "bin.crowded": "what lies in the bin below the hand",
     "planner.budget": "the way that had to be found",
@@ -582,7 +585,7 @@ HINTS = {
 def key_moments(
     causes: Sequence[RootCause], failures: Sequence[FailureStory], outcome: ExplainedOutcome
 ) -> tuple[KeyMoment, ...]:
-    """Return when each root cause happened and first showed, then what ended the run."""
+    """Return the times at which each root cause happened and first showed, then the end of the run."""
     found: list[KeyMoment] = []
 
     def add(look: KeyMoment) -> None:
@@ -610,7 +613,7 @@ def key_moments(
 
 
 def explain(run: RunRecord, *, faults: bool = True, items: bool = True) -> Explanation:
-    """Return why a run ended as it did: root causes, failures, stories of items, key moments.
+    """Return the explanation of a run: root causes, failures, stories of items, key moments.
 
     `faults`: injected faults are quoted where they concern the same items. The root causes follow from the
     rest of the log, with and without them. `items`: the stories of items are included.
@@ -626,7 +629,7 @@ def explain(run: RunRecord, *, faults: bool = True, items: bool = True) -> Expla
     recovery = account.recovery
     return Explanation(
         outcome=outcome,
-        failures=tuple(_told(case, failure, causes, planted) for failure in failures),
+        failures=tuple(_with_run_facts(case, failure, causes, planted) for failure in failures),
         root_causes=causes,
         items=items_of(case) if items else (),
         look_at=key_moments(causes, failures, outcome),
@@ -634,13 +637,13 @@ def explain(run: RunRecord, *, faults: bool = True, items: bool = True) -> Expla
     )
 
 
-def _told(
+def _with_run_facts(
     case: Investigation,
     failure: FailureStory,
     causes: Sequence[RootCause],
     planted: Sequence[Stamped[event_types.FaultEvent]],
 ) -> FailureStory:
-    """The failure with what only the whole run tells."""
+    """Return the failure with the facts that need the whole run."""
     names = case.believed.get(case.pairs.get(failure.item, ""), ())
     done = [
         at.time

@@ -18,7 +18,7 @@ from .table_files import Column, ColumnDoc, columns, row_of, row_type
 
 Time: TypeAlias = Annotated[float, ColumnDoc("simulated time", "s")]
 Tick: TypeAlias = Annotated[int, ColumnDoc("number of the tick, 0 for the first of the log")]
-Item: TypeAlias = Annotated[str, ColumnDoc("id of the object that it is about, empty when there is none")]
+Item: TypeAlias = Annotated[str, ColumnDoc("id of the object concerned; empty without an object")]
 NodePath: TypeAlias = Annotated[str, ColumnDoc("path of the node in the tree")]
 Cause: TypeAlias = Annotated[
     str, ColumnDoc("cause of the failure, such as grasp.missed; empty when it did not fail")

@@ -222,7 +222,7 @@ class SceneMotion:
     believed: list[BelievedBody]
     truths: list[TrueBodySamples]
     partners: list[int | None]
-    """Number of the believed body for each true one; None: there is none."""
+    """Index of the believed body of each true body; None: no match."""
 
     @cached_property
     def true(self) -> list[Array]:
