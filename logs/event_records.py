@@ -1,4 +1,4 @@
-"""Events in a log: the kinds that the recorder itself adds, and the way between events and their records."""
+"""Events in a log: the kinds that the recorder itself adds, and the conversion of events into records."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from .log_records import BodyRecord, Event, decode, record_adapter
 
 
 class ImageEvent(JournalEvent, kind="image"):
-    """A camera took an image."""
+    """Image of a camera."""
 
-    findings: Annotated[tuple[str, ...], "what perception found in it, a line each"] = ()
+    findings: Annotated[tuple[str, ...], "results of perception in it, a line each"] = ()
 
 
 class BeliefEvent(JournalEvent, kind="belief"):
-    """The belief changed."""
+    """Change of the belief."""
 
     version: Annotated[int, "version of the belief after the change"]
     object: Annotated[str, "id of the object in the belief"]

@@ -8,7 +8,7 @@
   again, or its next branch. A branch that does nothing, such as `AlwaysSuccess`, is no cure. When that
   handler fails in the end and one further up handles the failure, the episode continues there. So it is
   counted once.
-- *By what.* The cure that ran last against this cause: the sub-tree or the nodes of the handler. It is `Grasp
+- *By.* The cure that ran last against this cause: the sub-tree or the nodes of the handler. It is `Grasp
   again` where only the branch ran again, and the next branch of a `Fallback` or a `RoundRobin`.
 - *Tries.* Runs after the failure that could succeed: 1 when the first of them did.
 - *Cured* when the handling node then succeeds, and with it the work that had failed. After the same branch
@@ -61,7 +61,7 @@ _FALLBACK_NODES = frozenset({"Fallback", "ReactiveFallback"})
 
 
 class NodeLike(Protocol):
-    """A node as a tree's record has it; the parent of the root is None or empty."""
+    """Node in the record of a tree; the parent of the root is None or empty."""
 
     @property
     def path(self) -> str: ...
@@ -74,7 +74,7 @@ class NodeLike(Protocol):
 
 
 class TransitionLike(Protocol):
-    """A node that began or ended; see `records.Transition`."""
+    """Start or end of a node; see `log_records.Transition`."""
 
     @property
     def path(self) -> str: ...
@@ -124,7 +124,7 @@ class InjectedFault:
     """Injected fault after which nothing has been decided yet."""
 
     time: float
-    """Simulated s."""
+    """Time of the fault, simulated s."""
     fault: str
     """Kind of the fault: `remove`, `slip`, …"""
     message: str
@@ -134,7 +134,7 @@ class InjectedFault:
 
 @dataclass
 class OpenEpisode:
-    """An episode that is not decided yet."""
+    """Episode without a decision yet, which the tracker calls a trouble."""
 
     cause: str
     node: str
@@ -142,18 +142,18 @@ class OpenEpisode:
     times: list[float]
     """Times of its failures, s."""
     took: float
-    """Duration of the failed node, s; 0 where another trouble bears it."""
+    """Duration of the failed node, s; 0 when another trouble is charged with it."""
     by: str = ""
     handler: str = ""
     tried: list[str] = field(default_factory=list[str])
     tries: int = 0
     seconds: float = 0.0
     planted: list[InjectedFault] = field(default_factory=list[InjectedFault])
-    """Faults after which it was the first."""
+    """Injected faults whose first following failure belongs to this episode."""
     failures: list[tuple[str, float]] = field(default_factory=list[tuple[str, float]])
     """Path and time (s) of each failure; without those of conditions."""
     came_up: float = 0.0
-    """When it last went up to a node around, s."""
+    """Time of its last propagation to a parent node, s."""
 
 
 FailureKey: TypeAlias = tuple[str, str, str]
@@ -162,41 +162,42 @@ FailureKey: TypeAlias = tuple[str, str, str]
 
 @dataclass
 class RunningNode:
-    """A node between its beginning and its end. Troubles are told by their numbers."""
+    """Running node with the troubles that it handles, by their numbers."""
 
     path: str
     start: float
     subject: str
     taken: list[int] = field(default_factory=list[int])
-    """Troubles that it takes care of."""
+    """Numbers of the troubles that it handles."""
     arrived: list[int] = field(default_factory=list[int])
-    """Troubles that have come up from below; what it does about them shows in what it does next."""
+    """Numbers of the troubles that its children have passed up. Its next action shows whether it handles
+    them."""
     failed: str = ""
-    """Path of the child whose failure it deals with, or dealt with last."""
+    """Path of the child whose failure it handles, or handled last."""
     failing: int = -1
-    """Trouble with which that child failed."""
+    """Number of the trouble with which that child failed."""
     run: float = 0.0
-    """When the present run of the branch began, or the one that failed last, s."""
+    """Start of the present run of the branch, or of the last failed one, s."""
     about: list[str] = field(default_factory=list[str])
     """Items that nodes below have named since then."""
     failed_about: list[str] = field(default_factory=list[str])
-    """The same of the runs before."""
+    """Items that nodes below named in the earlier runs."""
     worked: list[str] = field(default_factory=list[str])
-    """Items that a skill has succeeded on since then."""
+    """Items for which a skill has succeeded since then."""
     borne: float = 0.0
-    """Time that troubles within have cost since then, s."""
+    """Time that is charged to inner troubles since then, s."""
     dealing: bool = False
-    """A run has failed, and the next one has not begun."""
+    """Whether a run has failed, and the next one has not begun."""
     called: str = ""
-    """Handler that was told of and has not begun."""
+    """Announced handler that has not begun."""
     aside: bool = False
-    """The item was set aside since a trouble was taken up."""
+    """Whether the item was set aside since a trouble was taken up."""
     answers: bool = False
-    """It is one that tells which handler it runs."""
+    """Whether the node announces the handler that it runs."""
     instead: str = ""
-    """Handler that it told of last, where that is done instead of the branch; empty: none."""
+    """Last announced handler if it replaces the branch; empty: it does not."""
     again: bool = False
-    """It has run the child again whose failure had come up."""
+    """Whether it has run the failed child again."""
     failed_children: dict[str, FailureKey] = field(default_factory=dict[str, "FailureKey"])
     """Last failure of each child that failed, by the child's path."""
     settled: list[str] = field(default_factory=list[str])
@@ -216,16 +217,17 @@ class EpisodeTrackerState:
 
 
 class EpisodeTracker:
-    """Turns ticks into decisions: the outcomes of failures, of episodes and of injected faults, as events."""
+    """Tracker that derives decisions from ticks: outcomes of failures, episodes and injected faults, as
+    events."""
 
     def __init__(self, state: EpisodeTrackerState | None = None) -> None:
         state = deepcopy(state) if state is not None else EpisodeTrackerState()
         self._decisions: list[Decision] = []
-        """Decisions that were not handed over yet."""
+        """Decisions that were not returned yet."""
         self._open = {node.path: node for node in state.nodes}
         self._troubles = dict(state.troubles)
         self._waiting = list(state.planted)
-        """Faults after which nothing has failed yet."""
+        """Injected faults without a following failure yet."""
         self._number = state.number
         self._elsewhere = set(state.elsewhere)
         """Items that were put down outside of bins and holes, and not held since."""
@@ -234,7 +236,7 @@ class EpisodeTracker:
         self._parents: Mapping[str, str] = {}
         self._names = CureNames(())
         self._giving_up: frozenset[str] = frozenset()
-        """Branches that may set an item aside, and those that do nothing."""
+        """Paths of the branches that may set an item aside, or do nothing."""
         self._time = 0.0
 
     def state(self) -> EpisodeTrackerState:
@@ -268,14 +270,14 @@ class EpisodeTracker:
             self._settle([*gone.taken, *gone.arrived], None, None, "open")
 
     def begun(self, time: float, paths: Iterable[str]) -> None:
-        """These were under way already before the first tick."""
+        """Take over the nodes that were running before the first tick."""
         for path in paths:
             self._open.setdefault(path, RunningNode(path, time, "", run=time))
 
     def take(
         self, time: float, changes: Iterable[TransitionLike], events: Sequence[JournalEvent] = ()
     ) -> tuple[Decision, ...]:
-        """Follow one tick and return the decisions of it.
+        """Follow one tick and return its decisions.
 
         `changes` are the starts and ends of nodes, in order.
         """
@@ -314,7 +316,7 @@ class EpisodeTracker:
         return decisions
 
     def copied(self) -> EpisodeTracker:
-        """Return a copy that goes on by itself."""
+        """Return an independent copy."""
         made = EpisodeTracker(self.state())
         made._ids, made._parents, made._names, made._time = self._ids, self._parents, self._names, self._time
         made._giving_up, made._leaves = self._giving_up, self._leaves
@@ -336,7 +338,7 @@ class EpisodeTracker:
                     around.about.append(change.subject)
 
     def _goes_on(self, node: RunningNode, child: str) -> None:
-        """A node runs a child: the next one, the same again, or a cure."""
+        """Process a start of a child: the next one, the same again, or a cure."""
         if child == node.failed and node.arrived and self._ids.get(node.path) != "ForEach":
             node.again = node.dealing = True
         kind = self._kind(node)
@@ -384,7 +386,7 @@ class EpisodeTracker:
             self._was_no_cure(node)
 
     def _succeeded(self, node: RunningNode) -> None:
-        """A node has succeeded: decide what it had taken up."""
+        """Decide the troubles that a node had taken up, after its success."""
         for number in [n for n in node.taken if n in self._troubles]:
             trouble = self._troubles[number]
             if node.instead and trouble.handler == node.instead:
@@ -399,8 +401,8 @@ class EpisodeTracker:
     def _got_on(self, node: RunningNode, trouble: OpenEpisode) -> bool:
         """Whether the work that had failed then succeeded.
 
-        The same branch did. Another one stands in for it only when a skill succeeded on an item of the branch
-        that failed, and the item was not put down elsewhere.
+        After another run of the same branch it did. Another branch counts only when a skill succeeded on an
+        item of the failed branch, and the item was not put down elsewhere.
         """
         if self._kind(node) != "choosing":
             return True
@@ -408,7 +410,7 @@ class EpisodeTracker:
         return not items or any(i in node.worked and i not in self._elsewhere for i in items)
 
     def _handling_around(self, path: str) -> RunningNode | None:
-        """The nearest node around that runs a cure for something else."""
+        """Return the nearest ancestor that runs a cure for another trouble; None without one."""
         for node in self._around(path):
             runs_a_cure = node.dealing or self._kind(node) == "choosing"
             if runs_a_cure and any(number in self._troubles for number in node.taken):
@@ -420,7 +422,7 @@ class EpisodeTracker:
         return self._ids.get(path) in _HELPING
 
     def _notice(self, events: Iterable[JournalEvent]) -> None:
-        """Follow which items lie where a mission has put them down outside of bins and holes."""
+        """Track the items that the mission has put down outside of bins and holes."""
         for event in events:
             if isinstance(event, event_types.ItemDoneEvent) and not event.into:
                 self._elsewhere.add(event.object)
@@ -430,7 +432,7 @@ class EpisodeTracker:
                 self._elsewhere.discard(event.object)
 
     def _source(self, node: RunningNode, change: TransitionLike, by_itself: bool) -> None:
-        """Assign the failure of a node to a trouble: a new one, or one that has come up from below.
+        """Assign the failure of a node to a trouble: a new one, or one that a child has passed up.
 
         `by_itself`: the failure is not just that of a child.
         """
@@ -463,7 +465,8 @@ class EpisodeTracker:
         return self._number
 
     def _answered(self, cause: str, around: Iterable[RunningNode]) -> int | None:
-        """The trouble of this cause that a Fallback around is just going another way for."""
+        """Return the trouble of this cause for which a Fallback above runs its next branch; None without
+        one."""
         for node in around:
             same = self._with(cause, node.taken) if self._kind(node) == "choosing" else None
             if same is not None:
@@ -471,7 +474,7 @@ class EpisodeTracker:
         return None
 
     def _close(self, node: RunningNode, *, cause: str = "", halted: bool = False) -> None:
-        """A node has failed or was halted: what it leaves undecided goes up."""
+        """Pass the undecided troubles of a failed or halted node up to its parent."""
         self._bear(node)
         left = [n for n in dict.fromkeys((*node.taken, *node.arrived)) if n in self._troubles]
         parent = self._open.get(self._parents.get(node.path, ""))
@@ -495,7 +498,8 @@ class EpisodeTracker:
             parent.failing = parent.failing if failing is None else failing
 
     def _progress(self, item: str) -> None:
-        """An item is done: what fails later in the same branches is not about it, nor was the time lost."""
+        """Process a finished item: later failures in the same branches do not concern it, and its time is not
+        lost."""
         for node in self._open.values():
             node.about = [each for each in node.about if each != item]
             if not node.dealing:
@@ -504,7 +508,7 @@ class EpisodeTracker:
     # What is done about it.
 
     def _told(self, event: event_types.RecoveryEvent) -> None:
-        """A node says what it tries; the branch has just failed."""
+        """Process the announcement of a handler after a failure of the branch."""
         node = self._open.get(event.node)
         if node is None:
             return
@@ -520,7 +524,8 @@ class EpisodeTracker:
         node.called, node.instead = event.handler, event.handler if event.ends else ""
 
     def _take_up(self, node: RunningNode, handler: str, cure: str) -> None:
-        """Take up what has come up, in a Fallback all that came up so far; no cure: the node gives up."""
+        """Take up the troubles from below, in a Fallback those of all its branches. Without a cure the node
+        gives up."""
         choosing = self._kind(node) == "choosing"
         node.aside = node.aside and not node.arrived
         for number in dict.fromkeys((*node.taken, *node.arrived) if choosing else node.arrived):
@@ -545,7 +550,7 @@ class EpisodeTracker:
         node.called = ""
 
     def _was_no_cure(self, skipped: RunningNode) -> None:
-        """The branch that a Fallback went on with had nothing to do."""
+        """Take back the cure when the next branch of a Fallback was skipped."""
         parent = self._open.get(self._parents.get(skipped.path, ""))
         if parent is None or self._kind(parent) != "choosing":
             return
@@ -556,14 +561,14 @@ class EpisodeTracker:
                 trouble.tries -= 1
 
     def _set_aside(self, node: RunningNode) -> None:
-        """Note that the node which deals with a trouble has given the item up."""
+        """Note that the node which handles a trouble has given the item up."""
         for around in self._around(node.path):
             if around.dealing and any(number in self._troubles for number in around.taken):
                 around.aside = not around.instead  # else the item is done with, as the mission asks
                 return
 
     def _join(self, number: int, other: int) -> int:
-        """The same cause at the same node is the same trouble."""
+        """Merge a new failure into the trouble of the same cause at the same node."""
         if number == other:
             return other
         joined, into = self._troubles.pop(number), self._troubles[other]
@@ -576,7 +581,8 @@ class EpisodeTracker:
         return other
 
     def _bear(self, node: RunningNode) -> None:
-        """The last failure of a branch bears the time since that run began, but what others bear."""
+        """Charge the last failure of a branch with the time since the start of the run, without inner
+        troubles."""
         trouble = self._troubles.get(node.failing)
         if not node.dealing or trouble is None or node.failing not in node.taken:
             return
@@ -596,7 +602,7 @@ class EpisodeTracker:
         by: RunningNode | None,
         fate: event_types.Fate = "branched",
     ) -> None:
-        """Decide troubles that no node takes up any more: `at` goes on without them, because of `by`."""
+        """Decide troubles that no node takes up any more: `at` continues without them, because of `by`."""
         if by is not None and self._ids.get(by.path) == "ForEach" and fate == "branched":
             fate = "passed_over"
         for number in list(numbers):
@@ -658,19 +664,19 @@ class EpisodeTracker:
         return "recovering" if node.answers else kind or ("retrying" if node.again else "")
 
     def _around(self, path: str) -> Iterable[RunningNode]:
-        """The nodes around one that are under way, the nearest first."""
+        """Return the running ancestors of a node, the nearest first."""
         for above in self._upwards(self._parents.get(path, "")):
             if above in self._open:
                 yield self._open[above]
 
     def _upwards(self, path: str) -> Iterator[str]:
-        """The path, and those of all nodes around."""
+        """Return the path and those of all ancestors."""
         while path:
             yield path
             path = self._parents.get(path, "")
 
     def _with(self, cause: str, numbers: Iterable[int]) -> int | None:
-        """The last of these troubles that is of this cause."""
+        """Return the last of these troubles with this cause; None without one."""
         found = [n for n in numbers if n in self._troubles and self._troubles[n].cause == cause]
         return found[-1] if found else None
 
@@ -706,7 +712,7 @@ _KINDS = {
     "ReactiveFallback": "choosing",
     "RoundRobin": "choosing",
 }
-"""Nodes that may take a failure up, by how they show it."""
+"""Nodes that may take up a failure, with the kind of evidence for it."""
 _SET_ASIDE = "SetAside"
 _HELPING = frozenset({_SET_ASIDE, "Observe", "LookAround", "FreeSpot", "AskForHelp", "Push"})
 """Nodes that may name an item and do none of its work: they look, ask, make room or leave it."""

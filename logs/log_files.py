@@ -84,7 +84,7 @@ def part_paths(first: Path) -> dict[int, Path]:
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """One file of a log. In a further file only messages later than `since` (ns) are new."""
+    """File of a log. In a further file only messages later than `since` (ns) are new."""
 
     reading: McapReader
     metadata: dict[str, dict[str, str]]
@@ -177,7 +177,7 @@ class JoinedLog:
         return tuple(dict.fromkeys(name for part in self._parts for name in part.reading.attachments))
 
     def attachment(self, name: str) -> bytes | None:
-        """Return the attachment's content; None when there is none of that name."""
+        """Return the attachment's content; None without an attachment of that name."""
         for part in self._parts:
             found = part.reading.attachment(name)
             if found is not None:
@@ -267,7 +267,7 @@ class JoinedLog:
 LOG_NAME = "log.mcap"
 RUNS_FOLDER = Path("runs")
 BATCH_RESULTS = "results.sqlite"
-"""File by which the folder of a batch is told."""
+"""File that identifies the folder of a batch."""
 
 
 def find_log(where: str | Path) -> Path:

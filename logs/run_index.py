@@ -73,7 +73,7 @@ _LATER_PART: Final = re.compile(r"(.+)-\d{4,}")
 
 @dataclass(frozen=True, slots=True)
 class RunRow:
-    """Row of one run. None: the log has no result, or does not say."""
+    """Row of one run. None: the log has no result, or lacks the value."""
 
     folder: str
     """Path of the run's folder, or of a log that is not alone in its folder, below the listed folder."""
@@ -146,7 +146,7 @@ class RunIndex:
         self._known: dict[str, RunRow] | None = None
 
     def rows(self) -> Iterator[RunRow]:
-        """Yield a row for each run as it is now, the one written last first."""
+        """Yield the present row of each run, the run written last first."""
         before = self._cached() if self._known is None else self._known
         self._known = known = dict[str, RunRow]()
         fresh = 0
@@ -171,7 +171,7 @@ class RunIndex:
         return (row for row in self.rows() if where is None or where(row, now))
 
     def row(self, log: str) -> RunRow:
-        """Return the row of one log as it is now. Raises PicktreeError when it is gone."""
+        """Return the present row of one log. Raises PicktreeError when it is gone."""
         paths = (self.folder / log, *part_paths(self.folder / log).values())
         try:
             stamps = [path.stat() for path in paths]
@@ -186,12 +186,12 @@ class RunIndex:
     def delete(self, row: RunRow) -> None:
         """Delete a run: its folder, or a log with its further files when other things are there, too.
 
-        Other things are there in a folder that no run has made. Raises PicktreeError for a run that goes on
-        or belongs to a batch, and when the disk refuses.
+        Other things are there in a folder that no run has made. Raises PicktreeError for a run in progress
+        or of a batch, and when the disk refuses.
         """
         log = self.folder / row.log
         if is_written(log):
-            raise PicktreeError(f"{log.parent}: the run goes on; halt it first")
+            raise PicktreeError(f"{log.parent}: the run is in progress; halt it first")
         batch = next((up for up in log.parents if (up / "results.sqlite").exists()), None)
         if batch is not None:
             raise PicktreeError(f"{log.parent}: the run belongs to the batch {batch}, whose results name it")
@@ -206,7 +206,7 @@ class RunIndex:
             raise PicktreeError(f"{log} cannot be deleted: {reason}") from None
 
     def _row(self, log: str, written: float, size: int, before: RunRow | None) -> RunRow:
-        """Return the row of a log. While the run goes on, what was read of it once stays."""
+        """Return the row of a log. During the run, values that were read once stay."""
         if not file_system.is_utf8(log):
             told = f"{file_system.shown(log)}: the name is not UTF-8; rename it"
             return RunRow(
@@ -296,7 +296,7 @@ def _joined(logs: Mapping[str, tuple[float, int]]) -> dict[str, tuple[float, int
 
 
 def _filled(row: RunRow, log: RunLog) -> RunRow:
-    """Return the row with what the log says of its run and its result. Raises PicktreeError."""
+    """Return the row with the log's values of its run and its result. Raises PicktreeError."""
     run = log.run
     row = replace(
         row, mission=run.mission, scene=run.scene, robot=run.robot, backend=run.backend, seed=run.seed

@@ -158,7 +158,7 @@ def tick_length(ticks: Sequence[float]) -> float:
 
 
 def stated_end(result: Mapping[str, str]) -> float | None:
-    """Return the end of the run by its result, simulated s; None when there is none."""
+    """Return the end of the run by its result, simulated s; None without a result."""
     try:
         return float(orjson.loads(result["json"])["sim_seconds"])
     except (KeyError, ValueError, TypeError):
@@ -194,7 +194,7 @@ def lacking_topics(names: Sequence[str]) -> str:
 
 
 def lacks(file: JoinedLog, metadata: Mapping[str, object], gaps: Sequence[Gap]) -> str:
-    """Return what another program has left out of a log, as clauses; empty when nothing is known to be."""
+    """Return the content that another program has left out of a log, as clauses; empty when none is known."""
     told = [gap.text() for gap in gaps]
     known = {channel.topic for channel in file.channels if channel.messages}
     dropped = [topic.name for topic in _ALWAYS_RECORDED if topic.name not in known]
@@ -227,7 +227,7 @@ class TopicInfo:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraImage:
-    """One image of a camera: RGB (h, w, 3), depth (h, w) in m with 0 where unknown."""
+    """Image of a camera: RGB (h, w, 3), depth (h, w) in m with 0 where unknown."""
 
     camera: str
     colour: NDArray[np.uint8]
@@ -364,7 +364,7 @@ class RunLog:
         return self._file.attachments
 
     def attachment(self, name: str) -> bytes:
-        """Return an attachment's content. Raises PicktreeError when there is none of that name."""
+        """Return an attachment's content. Raises PicktreeError without one of that name."""
         data = self._file.attachment(name)
         if data is not None:
             return data
@@ -511,11 +511,11 @@ class RunLog:
         return [time / 1e9 for time in self._file.times(topic)]
 
     def last(self, topic: str, at: float) -> RawMessage | None:
-        """Return the last message of the topic at `at` (simulated s) or before; None when there is none."""
+        """Return the last message of the topic at `at` (simulated s) or before; None without one."""
         return next(self._file.messages([topic], None, _ns(at), newest_first=True), None)
 
     def tick_at(self, at: float) -> Stamped[Tick] | None:
-        """Return the last tick at `at` (simulated s) or before; None when there is none."""
+        """Return the last tick at `at` (simulated s) or before; None without one."""
         last = self.last(topics.TICK.name, at)
         if last is None:
             return None
@@ -553,7 +553,7 @@ class RunLog:
 
     @property
     def _has_ended(self) -> bool:
-        """Whether the last tick is that of the run: the arm may still come to rest behind it."""
+        """Whether the last tick is that of the run: the arm may still come to rest after it."""
         last = self._last(topics.TICK.name, lambda data: decode(TickMessage, data), self.end)
         return last is not None and last.record.root_status in ("SUCCESS", "FAILURE")
 

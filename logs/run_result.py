@@ -55,7 +55,7 @@ class FeedCount:
 
 @dataclass(frozen=True, slots=True)
 class HoleItem:
-    """An item that ended at a hole of a fixture, as the scorer measured it."""
+    """Item that ended at a hole of a fixture, as the scorer measured it."""
 
     item: str
     kind: str
@@ -84,7 +84,7 @@ class HoleItem:
 
 @dataclass(frozen=True, slots=True)
 class CrushedItem:
-    """An item that a finger crushed; it counts as misplaced."""
+    """Item that a finger crushed; it counts as misplaced."""
 
     item: str
     kind: str
@@ -132,7 +132,7 @@ class RunResult:
     recoveries: Mapping[str, int] = field(default_factory=dict[str, int])
     """Number of handler runs by cause, as `Recover` and `RecoveryNode` announce them.
 
-    An episode may have several. The next branch of a `Fallback` and a mere retry are none.
+    An episode may have several. The next branch of a `Fallback` and a mere retry do not count.
     """
     cures: tuple[CureCount, ...] | None = None
     """Episodes counted by cause and cure, in the terms of `episodes.episode`; None in older logs."""
@@ -160,7 +160,7 @@ class RunResult:
 
     @property
     def seconds_per_pick(self) -> float | None:
-        """Simulated seconds for each object held; None when none was."""
+        """Simulated seconds for each held object; None without a held object."""
         return self.sim_seconds / self.picks.held if self.picks.held else None
 
     def explain_command(self, program: str = "picktree") -> str:
@@ -271,7 +271,7 @@ class RunResult:
         return [
             f"it is so    {self.asked.situation}",
             f"answers     {', '.join(self.asked.choices)}",
-            f"go on with  {self.goes_on(program)}",
+            f"resume with {self.goes_on(program)}",
         ]
 
     def _recovered(self) -> list[str]:

@@ -24,7 +24,7 @@ _TIME_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, slots=True, repr=False)
 class TickAt:
-    """A tick with its number, 0 for the first of the log, and its simulated time, s."""
+    """Tick with its number, 0 for the first of the log, and its simulated time, s."""
 
     number: int
     time: float

@@ -122,8 +122,8 @@ class RecordedRun:
 def _edits(run: RunRecord) -> Iterator[tuple[float, str]]:
     """Yield time (simulated s) and folder in the log of each version of the mission that took over.
 
-    Each has its tree in the log. What was before the first is not read: a log of hours, once read, keeps
-    gigabytes for as long as it is open.
+    Each has its tree in the log. Events before the first version are not read: a log of hours, once read,
+    keeps gigabytes until it is closed.
     """
     for tree in run.trees[1:2]:
         for at in run.log.events(tree.time):

@@ -49,26 +49,26 @@ def recipe_from_truth(recorded: RecordedRun) -> tuple[Recipe, str, float]:
     if found is not None:
         name, known = found
         recipe, knows = recorded.from_checkpoint(name, known), known.time
-        told = f"what it knows is of {name.removesuffix('.json')}, {known.time:.2f} s"
+        knowledge = f"its knowledge is of {name.removesuffix('.json')}, {known.time:.2f} s"
     else:
         recipe = recorded.recipe()
         if recipe.start is not None:
             name, known = START_ATTACHMENT, recipe.start.state
-            knows, told = known.time, f"what it knows is of the run's own start, {known.time:.2f} s"
+            knows, knowledge = known.time, f"its knowledge is of the run's own start, {known.time:.2f} s"
         else:
-            name, known, knows, told = (
+            name, known, knows, knowledge = (
                 "",
                 Execution(recipe).checkpoint(NOTHING_RECORDED),  # nothing is seen or done yet
                 _NEVER_WRITTEN,
-                "there is no checkpoint: it knows nothing",
+                "there is no checkpoint: it has no knowledge",
             )
-    stood = checkpoints.snapshot_at_rest(recipe.backend, last.simulation, len(recipe.robot.joints))
+    snapshot = checkpoints.snapshot_at_rest(recipe.backend, last.simulation, len(recipe.robot.joints))
     state = replace(
         known,
         time=time,
-        simulation=stood.plain,
+        simulation=snapshot.plain,
         faults=last.faults,
-        control=_control(known.control, stood.position, last.bias),
+        control=_control(known.control, snapshot.position, last.bias),
         thinking_owed=0.0,
         way=None,
         grip=None,
@@ -79,8 +79,8 @@ def recipe_from_truth(recorded: RecordedRun) -> tuple[Recipe, str, float]:
     continues = log_records.ResumedFrom(
         str(run.path.absolute()), name, time, known.items_done, state.recording.digest, as_it_stands=True
     )
-    told = f"going on with {run.path} as things stood at {time:.2f} s, at rest; {told}: it looks first"
-    return replace(recipe, start=StartCheckpoint(state, continues)), told, knows
+    text = f"resuming {run.path} from its last state at {time:.2f} s, at rest; {knowledge}: it looks first"
+    return replace(recipe, start=StartCheckpoint(state, continues)), text, knows
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,8 +115,8 @@ def _last_state(run: RunRecord) -> _Last:
             raise PicktreeError(f"{run.path}: {topic}: unreadable state: {error}") from None
         return _Last(messages[-1].time / 1e9, state, faults, bias)
     raise PicktreeError(
-        f"{run.path}: the log does not tell how things stood in the end, as those of older versions do not; "
-        "without --as-it-stands the run goes on from its last checkpoint"
+        f"{run.path}: the log lacks the state of the simulation, as logs of older versions do; "
+        "without --as-it-stands the run resumes from its last checkpoint"
     )
 
 
@@ -167,7 +167,7 @@ _FINISHED_TEXTS: Final = {
 
 @dataclass(frozen=True)
 class ResumeRequest:
-    """Request to resume a run: which run, and where its further log goes. The log determines everything
+    """Request to resume a run: the run, and the folder of its further log. The log determines everything
     else."""
 
     log: str | Path
@@ -175,7 +175,7 @@ class ResumeRequest:
     out: Path | None = None
     """Folder in which the new run's folder is made; None: `runs`."""
     limit: float | None = None
-    """Limit in simulated s, counted from the beginning of the first run; None: as it was."""
+    """Limit in simulated s, counted from the beginning of the first run; None: the same limit."""
     rotation: log_files.Rotation = log_files.NO_ROTATION
     as_it_stands: bool = False
     """Whether to resume from the last recorded state of the simulation instead of the checkpoint's.
@@ -248,7 +248,7 @@ def _from_checkpoint(recorded: RecordedRun) -> tuple[Recipe, str, float]:
         name, state = found
         recipe = recorded.from_checkpoint(name, state)
         told = (
-            f"going on with {run.path} from {name.removesuffix('.json')}: {state.time:.2f} s, "
+            f"resuming {run.path} from {name.removesuffix('.json')}: {state.time:.2f} s, "
             f"{_done(state.items_done)}"
         )
     departed = arithmetic_record.arithmetic_difference(run.info.arithmetic, arithmetic())
@@ -270,7 +270,7 @@ def _from_start(recorded: RecordedRun, why: str) -> tuple[Recipe, str, float]:
     if before is None:
         return recipe, f"{run.path} {why}: the run begins anew", _NEVER_WRITTEN
     told = (
-        f"{run.path} {why} of its own: it goes on where that run did, at {before.state.time:.2f} s, "
+        f"{run.path} {why} of its own: it resumes where that run did, at {before.state.time:.2f} s, "
         f"{_done(before.state.items_done)}"
     )
     return recipe, told, before.state.time
@@ -285,9 +285,8 @@ def _refuse_finished(run: RunRecord, limit: float | None) -> None:
     status = run.log.result.get("status", "")
     if status in _FINISHED_TEXTS:
         raise PicktreeError(
-            f"{run.path}: the run is finished: {_FINISHED_TEXTS[status]}; `picktree whatif` lets it go on "
-            "from a "
-            "checkpoint with something changed"
+            f"{run.path}: the run is finished: {_FINISHED_TEXTS[status]}; "
+            "`picktree whatif` resumes it from a checkpoint with changes"
         )
     if limit is not None and limit <= run.end:
         raise PicktreeError(f"--limit {limit:g} s: the run has come to {run.end:.2f} s already")

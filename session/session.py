@@ -1,8 +1,8 @@
 """Session: one run of a mission, from a checked recipe to its result. Command line, batches, re-simulation
 and tests use it.
 
-What is run is an `Execution` of a recipe, what is recorded a `Recording`; observers watch, interrupters also
-answer, edit and stop.
+A session runs an `Execution` of a recipe and writes a `Recording`. Observers watch; interrupters also answer,
+edit and stop.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
 
 
 def _message(run: Execution, status: RunStatus) -> str:
-    """Return why the run ended as it did: the root's failure, and the arm where it hid the items."""
+    """Return the reason of the run's end: the root's failure, and the arm when it hid the items."""
     failure = run.tree.failure
     return "; ".join(filter(None, (failure.message if failure else "", _hidden(run, status))))
 
@@ -184,7 +184,7 @@ RESULT_FILE_NAME = "result.json"
 
 
 class Session:
-    """One run of a mission. The constructor checks and builds everything before anything moves.
+    """Run of a mission. The constructor checks and builds everything before anything moves.
 
     Raises PicktreeError (FileError with all faults) for bad input, and on a processor below x86-64-v3.
     """
@@ -292,7 +292,7 @@ class Session:
             observer.ticked(now, report, done, total)
 
     def _stopped(self, recorder: SessionRecorder) -> RunStatus | None:
-        """Return how an interrupter, or a question without an answer, ends the run; None when it goes on."""
+        """Return the status with which an interrupter, or an unanswered question, ends the run; else None."""
         if any(each.stops() for each in self._interrupters):
             return "interrupted"
         if any(each.halts() for each in self._interrupters):

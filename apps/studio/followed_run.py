@@ -304,7 +304,7 @@ class FollowedRun:
             while not (first and "statuses" in first[-1][0]):
                 first.append(await _receive(reader))
         except (EOFError, OSError, ValueError):
-            raise PicktreeError(f"{self.folder}: the run is not going on") from None
+            raise PicktreeError(f"{self.folder}: the run is not in progress") from None
         began = max((at for _, log in first for _, at, _ in log), default=0)
         await asyncio.to_thread(self._start_picture, began / 1e9, first)
         self._tasks = [asyncio.create_task(self._read(reader)), asyncio.create_task(self._publish())]

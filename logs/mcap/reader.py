@@ -138,7 +138,7 @@ def _order(rows: Column, by_time: Column) -> Column:
 
 
 def _is_original(rows: Column) -> NDArray[np.bool_]:
-    """Return for each row whether it is no copy of one before.
+    """Return for each row whether it is an original, not a copy of an earlier row.
 
     A copy has the topic, time and content of another message, and its number. When several different messages
     of one time are all there twice, a program has copied them and may have numbered the copies.
@@ -219,12 +219,12 @@ class McapReader:
 
     @property
     def start(self) -> int:
-        """Time of the first message, ns; 0 when there is none."""
+        """Time of the first message, ns; 0 without messages."""
         return self._summary.statistics.message_start_time if self._summary.statistics else 0
 
     @property
     def end(self) -> int:
-        """Time of the last message, ns; 0 when there is none."""
+        """Time of the last message, ns; 0 without messages."""
         return self._summary.statistics.message_end_time if self._summary.statistics else 0
 
     @property
@@ -280,7 +280,7 @@ class McapReader:
         return [message.time for message in self.messages((topic,), start)]
 
     def attachment(self, name: str) -> Attachment | None:
-        """Return the attachment; None when there is none of that name."""
+        """Return the attachment; None without one of that name."""
         if name in self._lost_files:
             raise self._damaged(self._lost_files[name], "wrong check sum of a file")
         for index in self._summary.attachment_indexes:
@@ -405,7 +405,7 @@ _OTHER_FILES = (
 
 
 def _description(head: bytes) -> str:
-    """Return what a file with these first bytes is, and that it should begin otherwise."""
+    """Return a description of a file with these first bytes, and of the expected beginning."""
     known = next((name for sign, name in _OTHER_FILES if head.startswith(sign)), "")
     if not head:
         known = "an empty file"

@@ -147,7 +147,7 @@ class Loss:
     offset: int
     what: str
     lost: bool = True
-    """Whether something is lost; else an index only, which was made again."""
+    """Whether content is lost; otherwise only an index, which was rebuilt."""
     channels: tuple[int, ...] = ()
     """Channels of the lost messages, as far as an index states them."""
 
@@ -202,7 +202,7 @@ class Salvage:
         return f"damaged at {places}; {rest}" if losses else rest
 
     def records(self) -> Iterator[McapRecord]:
-        """Yield everything readable, without chunks and indexes. A lost file is yielded as it is."""
+        """Yield everything readable, without chunks and indexes. A lost file is yielded unchanged."""
         if self._summary is not None:
             yield from self._summary.schemas.values()
             yield from map(self._taken, self._summary.channels.values())
@@ -237,7 +237,7 @@ class Salvage:
         return record
 
     def _following(self, offset: int) -> int | None:
-        """Return the offset of a whole record behind the damaged one at `offset`; None when there is none."""
+        """Return the offset of a whole record behind the damaged one at `offset`; None: no whole record."""
         after = self._behind(offset)
         if after is not None:
             return after

@@ -1,9 +1,9 @@
-"""State of the simulation in the log, several times a second, from which a run can resume as it stood.
+"""State of the simulation in the log, several times a second. A run can resume from its last state.
 
 It is no part of the digest: its content is simulated, but it is not written for viewers of the run. Most of
 it stays the same, so a message holds the changes since the one before. Now and then a message holds
 everything, in case one is lost: after some seconds at the earliest, and not before changes have taken as much
-room. A run that goes on for hours has thousands of items that left with bins; each is told once in between.
+room. A run of hours has thousands of items that left with bins; each is written once in between.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class StateWriter:
         self._before: Mapping[str, Any] = {}
         """State of the message before, without the items that left."""
         self._departed = 0
-        """Number of the items that left, as told so far."""
+        """Number of the items that left and are written already."""
         self._at = self._whole_at = float("-inf")
         self._whole_size = self._size = 0
         """Bytes of the last whole message, and of those after it."""

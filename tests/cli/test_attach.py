@@ -301,6 +301,6 @@ def test_a_run_that_does_not_go_on_is_named(tmp_path: Path, capsys: pytest.Captu
         run.command.end()
     assert run.socket.exists()
     assert answer(["attach", str(run.folder)]) == 2
-    assert capsys.readouterr().err == f"{run.folder}: the run is not going on\n"
+    assert capsys.readouterr().err == f"{run.folder}: the run is not in progress\n"
     assert answer(["attach", str(tmp_path)]) == 2
     assert "there is no log.mcap in this folder" in capsys.readouterr().err

@@ -210,7 +210,7 @@ def test_a_killed_run_that_another_program_rewrote_goes_on_as_things_stood(
         said = capsys.readouterr().err.partition("\n")[0]
         result = json.loads(next(out.glob("*/result.json")).read_text())
         went_on.append((said.replace(str(path), "LOG"), result["sim_seconds"], result["items"]))
-    assert went_on[0][0].startswith("going on with LOG as things stood at ")
+    assert went_on[0][0].startswith("resuming LOG from its last state at ")
     assert went_on[1] == went_on[0]
 
 
@@ -243,7 +243,7 @@ def test_a_run_that_was_killed_before_its_first_tick_goes_on_where_it_began(
     cut = killed_at_once(again.folder, tmp_path / "cut again")
     with Resumption(ResumeRequest(cut, as_it_stands=True)) as resumption:
         at = f"at {stood.state.time:.2f} s, 1 item done"
-        assert resumption.told.endswith(f" has no tick of its own: it goes on where that run did, {at}")
+        assert resumption.told.endswith(f" has no tick of its own: it resumes where that run did, {at}")
         assert resumption.recipe.start == stood
 
 
@@ -251,8 +251,8 @@ def test_a_finished_run_is_refused(alone: RunResult) -> None:
     with pytest.raises(PicktreeError) as refused:
         Resumption(ResumeRequest(alone.folder))
     assert str(refused.value) == (
-        f"{alone.log}: the run is finished: the goal is reached; `picktree whatif` lets it go on from a "
-        "checkpoint with something changed"
+        f"{alone.log}: the run is finished: the goal is reached; `picktree whatif` resumes it from a "
+        "checkpoint with changes"
     )
 
 
@@ -278,7 +278,7 @@ def test_a_run_that_asks_for_help_is_paused_and_goes_on_with_the_answer(tmp_path
     assert paused.asked is not None
     assert paused.asked.choices == ("go on", "set aside", "give up")
     assert paused.to_text("picktree").splitlines()[3] == (
-        f"go on with  picktree run --resume {paused.folder} --answer 'go on'"
+        f"resume with picktree run --resume {paused.folder} --answer 'go on'"
     )
     assert RunResult.from_json_text(paused.to_json_text(), paused.log).asked == paused.asked
 
