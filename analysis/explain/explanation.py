@@ -194,7 +194,7 @@ class RootCause:
     item: str = ""
     """Id of the believed item that it is about; of the true one when it was never seen."""
     time: float | None = None
-    """Time of the cause as far as it is known, simulated s."""
+    """Time of the cause, at least approximately, simulated s."""
     seconds_lost: float = 0.0
     """Simulated s that the episodes of its failures cost."""
     planted: tuple[str, ...] = ()
@@ -286,7 +286,7 @@ class Finding:
     item: str = ""
     """Id of the believed item, else of the true one."""
     time: float | None = None
-    """Time of the finding as far as it is known, s."""
+    """Time of the finding, at least approximately, s."""
     confidence: Confidence = "likely"
     against: tuple[str, ...] = ()
     """Evidence that speaks against it."""

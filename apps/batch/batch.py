@@ -37,7 +37,7 @@ def result_of(order: JobOrder) -> JobRows | None:
 
 
 def run_folder(order: JobOrder, batch: Path) -> str:
-    """Return the folder of the run with its log, relative to the batch's folder; empty when there is none."""
+    """Return the folder of the run with its log, relative to the batch's folder; empty without a run."""
     return str(order.log.parent.relative_to(batch)) if order.log else ""
 
 
@@ -127,15 +127,15 @@ class Batch:
             raise PicktreeError(f"{folder}: the folder cannot be made: {error.strerror}") from None
         with _locked(folder) as lock:
             if (folder / RESULTS_FILE).exists():
-                raise PicktreeError(f"{folder}: there is a batch already; go on with it by --resume {folder}")
+                raise PicktreeError(f"{folder}: there is a batch already; continue it with --resume {folder}")
             return cls._made(folder, plan, lock)
 
     @classmethod
     def resume(cls, folder: Path) -> Batch:
         """Open the batch in that folder; missing and crashed jobs are still to do.
 
-        It runs its recorded recipes, even if the files have changed. Raises PicktreeError when there is none,
-        or another process runs it.
+        It runs its recorded recipes, even if the files have changed. Raises PicktreeError without a batch
+        there, or when another process runs it.
         """
         plan = read_plan(folder)
         with _locked(folder) as lock:
@@ -171,7 +171,7 @@ class Batch:
         self._stop = "now"
 
     def run(self, executor: Executor, onlooker: BatchWatcher) -> bool:
-        """Run all jobs that are to do, each seed with all variants. Return False when stopped before the end.
+        """Run all open jobs, each seed with all variants. Return False when stopped before the end.
 
         A stopped batch then has the same seeds of each variant, but for the last.
         Raises PicktreeError when results cannot be written, or the disk is full; --resume continues.
@@ -211,12 +211,12 @@ class Batch:
         if self._full:
             raise PicktreeError(
                 f"{self.folder}: less than {_MIN_FREE_BYTES / 1e6:.0f} MB are left on its disk, "
-                f"so no further job is begun; make room, and go on with --resume {self.folder}"
+                f"so no further job is begun; free some space, and continue with --resume {self.folder}"
             )
         return not waiting
 
     def _dealt_with(self, event: Event, onlooker: BatchWatcher) -> RecordedJob | None:
-        """Record the result of an event; return None when its job is still to do."""
+        """Record the result of an event; return None when its job is still to be run."""
         order = event.order
         job = self._by_id[order.job]
         rows = result_of(order)

@@ -166,7 +166,7 @@ class ClusterNode:
 def connect(address: str | None, workers: int | None, folder: Path) -> None:
     """Connect to the cluster at `address`; None: start one with this number of CPUs, its files in `folder`.
 
-    Raises PicktreeError when there is none.
+    Raises PicktreeError without a cluster there.
     """
     if address is None:
         _start(workers or len(os.sched_getaffinity(0)), folder)

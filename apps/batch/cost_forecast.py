@@ -28,7 +28,7 @@ class RecordedCost:
 
 @dataclass(frozen=True, slots=True)
 class VariantForecast:
-    """One cell of the matrix."""
+    """Cell of the matrix: one variant with its cost."""
 
     label: str
     mission: str

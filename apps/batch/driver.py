@@ -137,8 +137,8 @@ class WorkerPool:
             self._hire(await asyncio.to_thread(nodes))
             alone = 0.0 if self._told else alone + _NODE_CHECK_PERIOD
         raise PicktreeError(
-            f"the Ray cluster has had no node for {_NODE_RETURN_TIME_LIMIT:.0f} s; --resume goes on when "
-            "it has one again"
+            f"the Ray cluster has had no node for {_NODE_RETURN_TIME_LIMIT:.0f} s; --resume continues "
+            "when it has one again"
         )
 
     def give(self, task: Task) -> None:

@@ -1,7 +1,7 @@
 """Process of one attempt at a job, isolated from the next job, with its output and the place of its end.
 
 The process is forked from a worker that has loaded everything, which costs milliseconds where a fresh one
-would cost seconds. Whatever a job changes in its process ends with it: working directory, environment,
+would cost seconds. Changes that a job makes in its process end with it: working directory, environment,
 locale, random numbers, globals, memory, threads. It has a separate session, so that no Ctrl-C reaches it. It
 prints into a file, and its temporary files are in a folder that is deleted with it. Processes that it leaves
 behind are ended."""
@@ -129,7 +129,7 @@ _MAX_END_ROUNDS = 100
 
 
 def die_with_parent(number: signal.Signals) -> None:
-    """Make this process receive the signal when its parent ends, in whatever way."""
+    """Make this process receive the signal at any end of its parent."""
     _prctl(_PR_SET_PDEATHSIG, number)
 
 
@@ -225,7 +225,7 @@ def _mission_result(order: JobOrder) -> bytes | None:
 
 
 def _program_result(order: JobOrder) -> bytes:
-    """Return what the program's function `attempt` makes of the order."""
+    """Return the result of the program's function `attempt` for the order."""
     program = file_system.ROOT / order.program
     sys.path.insert(0, str(program.parent))
     return import_module(program.stem).attempt(order)
@@ -289,7 +289,7 @@ class JobProcess:
         return JobFailed(self._order, f"{reason or how}, at {place}" if place else reason or how)
 
     def end(self) -> None:
-        """Kill the process with everything that it left."""
+        """Kill the process and delete its remains."""
         self._kill(signal.SIGKILL)
         self._clear()
         folder = self._order.folder

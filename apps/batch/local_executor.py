@@ -38,7 +38,7 @@ _MODULES = (
 
 
 class _Told(BaseException):
-    """Raised in a worker when the batch stops it, or is gone."""
+    """Exception in a worker when the batch stops it, or is gone."""
 
 
 def serve(orders: Connection) -> None:
@@ -79,7 +79,7 @@ def _raise_stop(number: int, frame: FrameType | None) -> NoReturn:
 
 
 def load() -> None:
-    """Load everything that jobs need and share."""
+    """Load all modules and data that jobs share."""
     for module in _MODULES:
         import_module(module)
     from picktree.logs import FIXED, binary_gltf, log_records

@@ -63,7 +63,7 @@ def installed() -> Installation:
 
 
 def difference(here: Installation, there: Installation) -> str:
-    """Return the difference that keeps jobs from running there; empty when there is none."""
+    """Return the difference that keeps jobs from running there; empty without a difference."""
     names = sorted({*here.versions, *there.versions})
     others = [
         f"{name} {there.versions.get(name, 'missing')}, here {here.versions.get(name, 'missing')}"
@@ -255,7 +255,7 @@ class RayExecutor:
                 return None
             return self._batch.recv()
         except (EOFError, OSError):
-            raise PicktreeError(f"{self._where} is gone{self._last_words()}; --resume goes on") from None
+            raise PicktreeError(f"{self._where} is gone{self._last_words()}; --resume continues") from None
 
     def _hear(self, news: News | None) -> Event | None:
         match news:
@@ -270,7 +270,7 @@ class RayExecutor:
                 return replace(news, order=self._orders.pop(news.order.folder))
 
     def _last_words(self) -> str:
-        """Return the first sentence of the last line that the driver printed, empty when there is none."""
+        """Return the first sentence of the last line that the driver printed; empty without output."""
         try:
             lines = self._output.read_text(errors="replace").strip().splitlines()
         except OSError:

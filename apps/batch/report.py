@@ -76,7 +76,7 @@ def _jobs(folder: Path, store: Store, output: Path) -> list[dict[str, Any]]:
 
 
 def _reports(folder: Path, worst: tuple[WorstJob, ...], runs: int) -> list[Path | None]:
-    """Return the page of each run; None where there is none. The first `runs` missing ones are written."""
+    """Return the page of each run; None without a page. The first `runs` missing ones are written."""
     found: list[Path | None] = []
     made = 0
     for job in worst:

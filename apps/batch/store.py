@@ -168,7 +168,7 @@ class Store:
         """Create results for these jobs, none of them run. Raises PicktreeError when results exist
         already."""
         if path.exists():
-            raise PicktreeError(f"{path.parent}: there is a batch already; go on with it by --resume")
+            raise PicktreeError(f"{path.parent}: there is a batch already; continue it with --resume")
         beside = path.with_suffix(".part")
         for left in path.parent.glob(f"{beside.name}*"):  # of a creation that was cut short
             left.unlink()
@@ -213,7 +213,7 @@ class Store:
         )
 
     def to_do(self) -> frozenset[str]:
-        """Return the ids of the jobs that were not run, or crashed."""
+        """Return the ids of the jobs that have not run or have crashed."""
         found = self._connection.execute("SELECT job FROM jobs WHERE status IN ('waiting', 'crashed')")
         return frozenset(row[0] for row in found)
 
@@ -299,7 +299,7 @@ class Store:
         except sqlite3.Error as error:
             raise PicktreeError(
                 f"{self.path}: the results cannot be written: {error}; nothing that was recorded is lost: "
-                f"mend that, and go on with --resume {self.path.parent}"
+                f"mend that, and continue with --resume {self.path.parent}"
             ) from None
 
     def query(self, sql: str) -> QueryResult:
@@ -432,7 +432,7 @@ def find_job(store: Store, where: str, named: str) -> Job:
 
 
 def find_run(where: str) -> str:
-    """Return the folder of the run that FOLDER@JOB names; any other name of a log is returned as it is.
+    """Return the folder of the run that FOLDER@JOB names; any other name of a log is returned unchanged.
 
     Raises PicktreeError when there is no such job, or the batch keeps no log of it.
     """

@@ -94,7 +94,7 @@ class RootTotal:
     seed: int
     label: str
     look_at: str
-    """Line on what to look at in the typical job."""
+    """Line on the root cause or key moment of the typical job."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -100,7 +100,8 @@ class CommandPrompt:
         return self._show(lines)
 
     def _named(self, word: str) -> str:
-        """Return the command of a word or its beginning; empty, with a message, when not exactly one fits."""
+        """Return the command of a word or its beginning; empty, with a message, unless exactly one
+        matches."""
         fitting = self._meant(word)
         if len(fitting) == 1:
             return fitting[0]

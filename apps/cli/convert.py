@@ -25,7 +25,9 @@ def convert(
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", metavar="OUT", help="Where the other form goes.", show_default="stdout"),
+        typer.Option(
+            "--out", "-o", metavar="OUT", help="File or folder for the converted form.", show_default="stdout"
+        ),
     ] = None,
     stubs: Annotated[
         Path | None,
@@ -44,7 +46,7 @@ def convert(
         list[str] | None, typer.Option(metavar="NAME=NUMBER", help="Name of a number in the XML's scripts.")
     ] = None,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Refuse XML with anything that has no meaning for a run.")
+        bool, typer.Option("--strict", help="Refuse XML with content without a meaning for a run.")
     ] = False,
 ) -> None:
     """Turn a mission into XML of BehaviorTree.CPP 4 and Groot2, and such XML into a mission."""

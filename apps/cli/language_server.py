@@ -135,7 +135,7 @@ class Session:
     # Diagnostics.
 
     def changed(self, uri: str) -> None:
-        """Check a file soon, and the open files that name it: it may be a part of them."""
+        """Schedule a check of a file and of the open files that name it: it may be a part of them."""
         self.check_soon(uri)
         name = _path(uri).name
         for other, document in self._server.workspace.text_documents.items():
@@ -151,7 +151,7 @@ class Session:
         self._due[uri] = asyncio.get_running_loop().call_later(pause, action, uri)
 
     def _check_for_errors(self, uri: str) -> None:
-        """Show the errors with the warnings that were there, and check with the linter when all is quiet."""
+        """Show the errors with the former warnings, and run the linter after a pause in the edits."""
         found = [each for each in self._found(uri, linted=False) if each.severity == _Severity.Error]
         self._publish(uri, found if found else self._warnings.get(uri, []))
         self._later(IDLE, self.check, uri)
@@ -241,7 +241,7 @@ def serve(source: BinaryIO, target: BinaryIO, version: str) -> None:
 
 
 def _offer_checks(server: LanguageServer, session: Session) -> None:
-    """Check a document while it is edited, and offer what mends it."""
+    """Register the checks of edited documents, and their quick fixes."""
 
     @server.feature(types.TEXT_DOCUMENT_DID_OPEN)
     def opened(params: types.DidOpenTextDocumentParams) -> None:
@@ -270,7 +270,7 @@ def _offer_checks(server: LanguageServer, session: Session) -> None:
 
 
 def _offer_completion(server: LanguageServer, session: Session) -> None:
-    """Complete what is typed, and explain what is pointed at."""
+    """Register completion and hover."""
 
     @server.feature(
         types.TEXT_DOCUMENT_COMPLETION,
@@ -305,7 +305,7 @@ def _offer_completion(server: LanguageServer, session: Session) -> None:
 
 
 def _offer_names(server: LanguageServer, session: Session) -> None:
-    """Find, list and rename what has a name."""
+    """Register definition, references, symbols and rename."""
 
     @server.feature(types.TEXT_DOCUMENT_DEFINITION)
     def definition(params: types.DefinitionParams) -> types.Location | None:

@@ -198,7 +198,7 @@ class PersonAtTerminal(Interrupter):
                 if choice is not None:
                     return choice
                 if said.strip():
-                    self._say(f"{said.strip()!r} is none of them: write a number or the beginning of one")
+                    self._say(f"{said.strip()!r} is not among them: write a number or the beginning of one")
 
     def _say(self, *lines: str) -> None:
         for line in lines:

@@ -24,7 +24,7 @@ STYLED_STATUS_MARKS = {
 
 @dataclass(frozen=True, slots=True)
 class NodeRow:
-    """Node of a tree with its status and what it says."""
+    """Node of a tree with its status and message."""
 
     path: str
     name: str
@@ -38,8 +38,8 @@ class NodeRow:
 def tree_rows(nodes: Sequence[NodeRow], room: int, also: Collection[str] = ()) -> list[Text]:
     """Return a row for each node that runs or has a running parent, and for the paths `also`.
 
-    At most `room` rows are kept: those nearest to the last node of `also` that failed, and those above it;
-    without such a node the running ones, and those nearest to the last of them.
+    At most `room` rows are kept: those nearest to the last failed node of `also`, and its ancestors.
+    Without such a node they are the running ones, and those nearest to the last of them.
     """
     running = {node.path for node in nodes if node.status == "RUNNING"}
     shown = [node for node in nodes if node.path in also or {node.path, _above(node.path)} & {*running, ""}]
@@ -68,7 +68,7 @@ def _row(node: NodeRow) -> Text:
 
 
 def status_text(cause: object, message: str) -> str:
-    """Return what a node says of its status: cause and message, or the message alone."""
+    """Return the text of a node's status: cause and message, or the message alone."""
     return f"{cause}: {message}" if cause else message
 
 

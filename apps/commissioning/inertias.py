@@ -125,7 +125,7 @@ def lightened(
 ) -> tuple[tuple[InertiaFinding, ...], dict[str, gripper_mounting.LinkInertia]]:
     """Return findings and inertias with the guessed densities reduced to a share of theirs, 0 … 1.
 
-    What a motor's rotor adds to an inertia stays.
+    The share of a motor's rotor in an inertia does not change.
     """
     found: list[InertiaFinding] = []
     lighter = dict(inertias)

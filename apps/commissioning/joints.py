@@ -30,7 +30,7 @@ class HandGroup:
 
     palm: str
     drives: tuple[str, ...]
-    """Joints that mimic no other."""
+    """Joints that do not mimic another one."""
     followers: tuple[str, ...]
     """Joints that mimic one of `drives`."""
 
@@ -73,8 +73,8 @@ def find_groups(
             raise UnsuitableUrdf(
                 source,
                 f"the joint {name!r} is {joint.type}: the robot drives, flies or walks",
-                "an arm on a base that stands still",
-                f'make that joint type="fixed" in a copy of the URDF, if {joint.child!r} shall stand still',
+                "an arm on a base that does not move",
+                f'make that joint type="fixed" in a copy of the URDF, if {joint.child!r} does not move',
             )
     hands = tuple(_hands(skeleton))
     if tip is None and len(hands) == 0:
@@ -145,7 +145,7 @@ def _hands(skeleton: urdf_parser.UrdfTree) -> Iterator[HandGroup]:
 
 
 def _is_finger(skeleton: urdf_parser.UrdfTree, name: str) -> bool:
-    """Return whether a joint moves a leaf of the tree, and slides or stands on a moved link."""
+    """Whether a joint moves a leaf of the tree, and slides or is mounted on a moved link."""
     joint = skeleton.joints[name]
     if joint.type not in ("prismatic", "revolute"):
         return False
@@ -357,15 +357,15 @@ MIN_ACCELERATION = 0.5
 """Least acceleration that is proposed for a joint, rad/s²."""
 CONFIGURATION_COUNT = 300
 GRAVITY_RESERVE = 1.5
-"""Torque that a guess gives a joint for gravity, as a multiple of what gravity needs at most."""
+"""Guessed torque of a joint for gravity, as a multiple of the maximum gravity torque."""
 MIN_TORQUE_GUESS = 1.0
-"""Part of a guessed torque for friction and for what inertias leave out, Nm."""
+"""Part of a guessed torque for friction and other loads beyond inertias, Nm."""
 MIN_MASS_SHARE, MASS_SHARE_STEP = 0.3, 0.05
 """Least share of guessed masses, and step of the shares that are tried."""
 PLACEHOLDER_TORQUE = 1.0
-"""Torque that many URDFs give for lack of another, Nm; so do they with 0."""
+"""Placeholder torque of many URDFs, Nm; 0 is another one."""
 MAX_TORQUE, MAX_TORQUE_RATIO = 1000.0, 20.0
-"""A torque of at least so many Nm, and so many times a guess, is not believed."""
+"""Torque, Nm, and ratio to the guess, from which on both a URDF's torque counts as wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -435,16 +435,16 @@ class JointLoads:
     def torques(self, velocity: Array) -> Array:
         """Return torques (n,) that carry the arm and move it, Nm, for joints of these velocities, rad/s.
 
-        They leave what takes each joint to its velocity in MIN_SPEED_UP_TIME.
+        They include the torque that accelerates each joint to its velocity in MIN_SPEED_UP_TIME.
         """
         moving = self.inertia * velocity / MIN_SPEED_UP_TIME / ACCELERATION_TORQUE_SHARE
         return GRAVITY_RESERVE * self.gravity + moving + MIN_TORQUE_GUESS
 
 
 def is_placeholder(effort: float, gravity: float, guess: float) -> bool:
-    """Return whether the URDF's effort of a joint, Nm, cannot be its motor's.
+    """Whether the URDF's effort of a joint, Nm, cannot be its motor's.
 
-    It is 0 or 1, less than 1 and less than gravity needs, or far beyond what the arm needs.
+    It is 0 or 1, less than 1 and less than the gravity torque, or far beyond the torque that the arm needs.
     """
     if effort <= PLACEHOLDER_TORQUE:
         return effort <= 0.0 or effort == PLACEHOLDER_TORQUE or effort < gravity

@@ -29,9 +29,9 @@ MAX_PAD_OFFSET = 0.004
 MAX_OPENING_ERROR = 0.002
 """Greatest difference between the gap of the pads and the opening, m."""
 MAX_FINGER_OVERLAP = 0.01
-"""Greatest way that the URDF may let sliding fingers move beyond where the pads meet, m."""
+"""Greatest motion of sliding fingers beyond the contact of the pads that the URDF may allow, m."""
 MAX_LINKAGE_OVERLAP_SHARE = 0.5
-"""The same for a linkage, as a share of its opening: ranges of its motor often go on where the pads meet."""
+"""Greatest such motion of a linkage, as a share of its opening: ranges of motors often extend further."""
 MAX_SHARE_BESIDE_HAND = 0.05
 """Greatest share of the last two links' points that are further out than the palm."""
 
@@ -45,7 +45,7 @@ class Verdict:
     measured: str
     """Measured values, with units."""
     change: str = ""
-    """Sentence on what to change in which file; empty when the verdict is good."""
+    """Sentence on the necessary change and its file; empty when the verdict is good."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ class RobotUnderTest:
 
 
 def check_model(tested: RobotUnderTest) -> tuple[Verdict, ...]:
-    """Return the verdict of each check, in the order in which a fault explains those after it."""
+    """Return the verdict of each check; a fault may explain the faults after it."""
     return tuple(check(tested) for check in CHECKS)
 
 
@@ -216,7 +216,7 @@ def _fingers(tested: RobotUnderTest) -> Verdict:
 
 
 def _overlap(tested: RobotUnderTest) -> float:
-    """Return how far the URDF lets the fingers move beyond where the pads meet, m; 0: they stop there."""
+    """Return the motion beyond the contact of the pads that the URDF allows, m; 0: they stop there."""
     gripper, joints = tested.description.gripper, tested.skeleton.joints
     if gripper.linkage is None:
         return sum(max(0.0, -(joints[name].lower or 0.0)) for name in gripper.joints)

@@ -62,7 +62,7 @@ class PlanFigures:
     """Simulated time charged for planning, s."""
     quality: PlanQuality
     joint_slides: bool
-    """Whether the joint that comes nearest to one of its limits is a slider."""
+    """Whether the joint nearest to one of its limits is a slider."""
 
     def to_json(self) -> dict[str, object]:
         quality = self.quality
@@ -91,7 +91,7 @@ class PlanFigures:
 
 @dataclass(frozen=True, slots=True)
 class PlanRefusal:
-    """Reason why there is no plan."""
+    """Refusal of a plan with its reason."""
 
     cause: str
     message: str
@@ -100,7 +100,7 @@ class PlanRefusal:
 
     @classmethod
     def of(cls, failure: Failure) -> PlanRefusal:
-        """Return the reason that a failure of the planner gives."""
+        """Return the refusal for a failure of the planner."""
         return cls(failure.cause.name, failure.message, failure.cause.remedy, failure.evidence)
 
 
@@ -114,13 +114,13 @@ class PlanAnswer:
     asked: str
     begins: str
     grasp: str = ""
-    """Grasp of the object that was planned for."""
+    """Grasp of the object in the plan."""
     found: PlanFigures | None = None
     refused: PlanRefusal | None = None
     rejected: tuple[str, ...] = ()
     """Reasons why other grasps of the object were rejected."""
     judged: tuple[str, ...] | None = None
-    """Objections of the verifier to the plan, with --verify; None: it was not asked."""
+    """Objections of the verifier to the plan, with --verify; None: it was not used."""
     picture: str = ""
 
     @property
@@ -144,7 +144,7 @@ class PlanAnswer:
         return "\n".join(lines)
 
     def lines(self) -> list[str]:
-        """Return the figures of the plan, or the reason why there is none."""
+        """Return the figures of the plan, or the reason of its refusal."""
         if self.found is not None:
             return _table(self._figures(self.found))
         return self._why_not(self.refused) if self.refused is not None else []
@@ -186,7 +186,7 @@ def _distance(contact: ContactPair) -> str:
 
 
 def _rows(evidence: Evidence) -> Iterator[tuple[str, str]]:
-    """Return the evidence as rows of a table; empty values give none."""
+    """Return the evidence as rows of a table, without empty values."""
     for key, value in evidence.items():
         name = key.replace("_", " ")
         if isinstance(value, list):
@@ -254,7 +254,7 @@ def plan_picture(
     """Return the picture as RGB (h, w, 3).
 
     `start` is the configuration (n,), rad, `width` the opening of the fingers, m; None: fully open. Without
-    an outcome the arm stands at the start. `time` is shown, s.
+    an outcome the arm is drawn at the start. `time` is shown, s.
     """
     meshes = binary_gltf.link_meshes(world.robot.description.urdf)
     width = world.robot.description.gripper.max_width if width is None else width
@@ -394,7 +394,7 @@ def build(scene: str, robot: str | None, seed: int, *, verify: bool) -> World:
     world = assemble_world(hardware, description, arm, seed, verify=verify)
     for body in hardware.recent_truth():
         if body.present:
-            world.scene.put(_believed(world, body), "believed as it is")
+            world.scene.put(_believed(world, body), "exact belief")
     world.scene.take_changes()
     return world
 

@@ -120,7 +120,7 @@ MAX_OVERHANG = 0.1
 
 
 def opening_advice(gripper: GripperDescription, item: BeliefObject, file: str) -> tuple[str, str] | None:
-    """Return how far a gripper opens for an item, and what to change; None: it opens far enough."""
+    """Return the opening for an item as text, and the necessary change; None: it opens far enough."""
     if grasp_candidates(item, gripper):
         return None
     wider = replace(gripper, max_width=1.0)
@@ -136,7 +136,7 @@ def opening_advice(gripper: GripperDescription, item: BeliefObject, file: str) -
 def reach_advice(
     tested: RobotUnderTest, places: tuple[TargetPlace, ...], file: str
 ) -> tuple[str, str] | None:
-    """Return what was measured of the reach, and what to change; None: each place is within it.
+    """Return the measured reach as text, and the necessary change; None: each place is within it.
 
     The reach is that of the tool pointing down, at the height of the place and in its direction.
     """
@@ -159,7 +159,7 @@ def reach_advice(
 
 
 def _other_base(tested: RobotUnderTest, file: str) -> str:
-    """Return the advice for an arm that is too short, or too high or low, where it stands."""
+    """Return the advice for an arm that is too short, or mounted too high or too low."""
     better = propose_base(tested.model, tested.skeleton, tested.solids)
     if better is None:
         return f"lay out a scene for that reach: no other 'base:' in {file} brings more of this one within it"
@@ -181,7 +181,7 @@ def _span(model: RobotModel, direction: Array, height: float) -> tuple[float, fl
 
 
 def advice(cause: str, message: str, file: str, links: tuple[str, ...], bodies: tuple[str, ...]) -> str:
-    """Return what to change after a failure with that cause and message.
+    """Return the necessary change after a failure with that cause and message.
 
     `links` are the robot's, `bodies` those of the scene.
     """
@@ -224,11 +224,11 @@ _CHANGES: Mapping[str, str] = {
     "control": "look at 'acceleration' and 'torque' under 'joints:', and at 'inertias:' in {file}",
     "perception": "look at 'home' under 'poses:', and at 'base:' in {file}",
 }
-"""Changes by a part of the message, or by the begin of the cause; the more exact one comes first."""
+"""Changes by a part of the message, or by the beginning of the cause; more exact ones come first."""
 
 
 def _names(message: str, name: str) -> bool:
-    """Return whether a message names a body as a word of its own."""
+    """Whether a message names a body as a word of its own."""
     return bool(name) and re.search(rf"(?<![\w/]){re.escape(name)}(?![\w/])", message) is not None
 
 
@@ -238,13 +238,13 @@ REST_TIME = 1.0
 MAX_UNEXPLAINED_SHARE, MIN_UNEXPLAINED = 0.02, 0.3
 """Greatest unexplained effort at rest: share of the joint's torque limit, and Nm."""
 MAX_SAG = 0.002
-"""Greatest distance of a joint from where it is held, rad."""
+"""Greatest distance of a joint from its held position, rad."""
 MAX_TRACKING_ERROR = 0.02
 """Greatest distance of a joint from its set-point on a motion, rad."""
 MAX_BRAKING_TIME = 1.0
 """Longest time in which the arm comes to rest from full speed, s."""
 SHUT_OPENING = 0.003
-"""Distance of closed fingers from where they meet, and of open ones from their full opening, m."""
+"""Tolerance of the opening of closed fingers, and of fully open ones, m."""
 CLOSING_FORCE = 10.0
 """Force with which the empty fingers close, N."""
 
@@ -276,7 +276,7 @@ class Trials:
         self._cell: CellSession | None = None
 
     def all(self) -> tuple[tuple[str, Callable[[CellSession], Verdict]], ...]:
-        """Return the trials with their names, in the order in which a fault explains those after it."""
+        """Return the trials with their names; a fault may explain the faults after it."""
         return (
             ("effort at rest", self._rest),
             ("track", self._track),
@@ -371,7 +371,7 @@ class Trials:
         return worst, speed
 
     def _other_pose(self) -> str:
-        """Return a named pose other than `home`; `home` when there is none."""
+        """Return a named pose other than `home`; `home` without another one."""
         home, named = self._tested.model.named("home"), self._tested.description.named
         others = (name for name in ("observe", "rest") if name in named)
         return next((name for name in others if not np.allclose(named[name], home)), "home")
@@ -427,7 +427,7 @@ class Trials:
         told = ", ".join(f"{name}: the arm hides {100 * share:.0f} %" for name, share in shares.items())
         good = all(share <= MAX_HIDDEN_SHARE for share in shares.values())
         change = (
-            f"choose another 'home' under 'poses:' in {self._tested.file}: its arm stands before the camera, "
+            f"choose another 'home' under 'poses:' in {self._tested.file}: its arm is in the camera's view, "
             "and nothing below it is seen"
         )
         told += " of the items' part of the table"
@@ -435,7 +435,7 @@ class Trials:
 
     def _grasp(self, cell: CellSession, kind: str) -> Verdict:
         """Grasp an item and put it into its bin. After a touch on the way it retreats and tries once more: a
-        hand that leaves a bin may meet what lies there."""
+        hand that leaves a bin may touch the items there."""
         name = f"grasp a {kind}"
         verdict, cause = self._grasped(cell, kind, name)
         if cause == causes.world.DISTURBED.name and cell.run(SafeRetreat()):
@@ -467,7 +467,7 @@ class Trials:
 
 
 _OWN = {"open and close": "'gripper:'", "camera's view": "'home' under 'poses:'"}
-"""Entry of a robot file that the failure of a trial goes back to, whatever its cause is."""
+"""Entry of a robot file that is responsible for a trial's failure, for any cause."""
 
 
 def cell_ticks(cell: CellSession, seconds: float) -> Generator[None]:

@@ -75,7 +75,7 @@ class Registry:
                 self._endpoints[name] = Endpoint(method, _arguments(name, method), is_watch)
 
     def find(self, name: object, *, is_watch: bool) -> Endpoint:
-        """Return the endpoint of a name. Raises PicktreeError when there is none."""
+        """Return the endpoint of a name. Raises PicktreeError for an unknown name."""
         found = self._endpoints.get(name) if isinstance(name, str) else None
         if found is None or found.is_watch is not is_watch:
             shown = name if isinstance(name, str) and len(name) < 80 else "?"
@@ -111,7 +111,7 @@ def error_values(error: PicktreeError) -> dict[str, JsonValue]:
 
 
 def fault_values(fault: Diagnostic) -> dict[str, JsonValue]:
-    """Return a fault of a file: place, message, advice, code and severity."""
+    """Return a fault of a file as JSON: place, message, advice, code and severity."""
     return {
         "file": fault.mark.file,
         "line": fault.mark.line,

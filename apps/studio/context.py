@@ -33,14 +33,14 @@ _KEPT: Final = 16
 
 @dataclass(frozen=True, slots=True)
 class ReadText:
-    """Text as far as it can be read. `whole` is false where a fault of form had to be repaired for it."""
+    """Readable part of a text. `whole` is false when a fault of form had to be repaired."""
 
     source: Source
     whole: bool
 
 
 def read_text(text: str, file: str) -> ReadText | None:
-    """Read a text that is being written; None when nothing of it can be read."""
+    """Read a text that is being edited; None when it cannot be read at all."""
     try:
         return ReadText(source_of(text), True)
     except yaml.YAMLError:
@@ -63,7 +63,7 @@ class MissionContext:
         self.registry = registry
         self.included = included
         self.left_out = left_out
-        """Reason why nodes of plug-ins are missing; empty: none are."""
+        """Reason for missing nodes of plug-ins; empty: none is missing."""
         self._symbols: dict[str, str] = {}
         self._known: dict[str, NodeDeclaration | None] = {}
 

@@ -45,7 +45,7 @@ SLICES: Final[tuple[Callable[[Studio], Slice], ...]] = (
 )
 HOST: Final = "127.0.0.1"
 FIRST_PORT: Final = 8420
-"""Port that is tried first, so that a page finds a server that was started again."""
+"""Preferred port, so that a page finds a restarted server."""
 _PORTS_TRIED: Final = 20
 MAX_VIEWERS: Final = 32
 """Number of pages that may be connected at once."""
@@ -55,7 +55,7 @@ SHOWN: Final = frozenset({".gif", ".html", ".mp4", ".png", ".svg"})
 
 
 def create_app(workspace: Workspace, port: int) -> ASGIApp:
-    """Return the application for a workspace, as it is served on a port of this machine."""
+    """Return the application for a workspace, to be served on a port of this machine."""
     workspace.apply_trust()
     jobs = Jobs(workspace)
     parts = [make(Studio(workspace, jobs)) for make in SLICES]
@@ -178,7 +178,7 @@ def make_server(workspace: Workspace, listening: socket.socket) -> uvicorn.Serve
 def serve(folder: Path, port: int | None, ready: Callable[[str], None]) -> None:
     """Serve a folder until Ctrl-C. `ready` gets the link when the port is taken.
 
-    Raises PicktreeError when the folder is none, or the port is taken by another program.
+    Raises PicktreeError for an invalid folder, or when the port is taken by another program.
     """
     workspace = Workspace(folder)
     with listen(port) as listening:

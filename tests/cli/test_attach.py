@@ -167,7 +167,7 @@ def test_a_script_pauses_steps_looks_and_answers_and_the_run_is_the_same(
             "> foo\nno command 'foo' (`help` lists the commands)\n",
             "> answer yes\nno question waits for an answer\n",
             "Help is wanted: is it there?\n",
-            "> answer\n'' is none of the answers; write a number or one of these: yes, no\n",
+            "> answer\n'' is not among the answers; write a number or one of these: yes, no\n",
         ):
             assert part in said
         assert watching.next("question")["choices"] == ["yes", "no"]
