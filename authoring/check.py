@@ -25,7 +25,7 @@ _CODE = "P240"
 
 
 def check_scene_names(reading: MissionReadResult, known: SceneNames) -> Iterator[Diagnostic]:
-    """Yield an error for each literal, and each default in use, that names nothing of scene or robot.
+    """Yield an error for each literal, and each default in use, with an unknown name of scene or robot.
 
     Trees of other files count only where the mission uses them.
     """
@@ -90,7 +90,7 @@ def _check_expression(
     attributes: Mapping[str, ValueType],
     pointer: references.ExpressionLocator,
 ) -> Iterator[Diagnostic]:
-    """Check an expression that is valid in general, but may not be with the names of this scene."""
+    """Check a valid expression against the names of this scene."""
     if not asked.expression.paths:
         return
     try:

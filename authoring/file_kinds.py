@@ -1,4 +1,4 @@
-"""Kinds of files but plans of batches: their checks, and the schemas of all but missions."""
+"""Kinds of files without plans of batches: their checks, and the schemas of all except missions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from picktree.world import Array
 
 TEST_SCENE = "self_test"
-"""Scene of a robot's self-test, for which a robot file is checked by itself."""
+"""Scene of a robot's self-test, with which a robot file is checked."""
 
 
 def check_cell(document: Document) -> tuple[Diagnostic, ...]:
@@ -61,7 +61,7 @@ def mission_faults(document: Document, files: MissionFiles | None = None) -> Ite
 
 
 def _robot(document: Document) -> Iterable[Diagnostic]:
-    """Check a robot; one that nothing is wrong with also in the scene of its self-test."""
+    """Check a robot, and one without errors also in the scene of its self-test."""
     found = robot_file.check_robot(document)
     if found.value is None:
         return found.faults
@@ -210,7 +210,7 @@ def _faults() -> Schema:
 
 
 def _propose(found: Schema, key: str, names: tuple[str, ...]) -> None:
-    """Add names that a key may have, among others."""
+    """Add proposed names for a key; others are allowed."""
     properties = schema(found["properties"])
     properties[key] = schema(properties[key]) | {"examples": list(names)}
     found["properties"] = properties

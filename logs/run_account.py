@@ -116,8 +116,8 @@ def account_of(log: RunLog, events: Sequence[Stamped[JournalEvent]]) -> RunAccou
     """Return the account of a run from its log and its events.
 
     Outcomes were decided and recorded during the run. The same tracker decides from the ticks the outcomes
-    that the log lacks: all of them in format 2, those that are open at its end, and those in a gap.
-    Raises PicktreeError when the log is damaged.
+    that the log lacks: all of them in format 2, those that are open at its end, and those in a gap. Raises
+    PicktreeError when the log is damaged.
     """
     builder, tracker = VisitBuilder(), EpisodeTracker()
     derived: list[Decision] = []

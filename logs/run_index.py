@@ -186,8 +186,8 @@ class RunIndex:
     def delete(self, row: RunRow) -> None:
         """Delete a run: its folder, or a log with its further files when other things are there, too.
 
-        Other things are there in a folder that no run has made. Raises PicktreeError for a run in progress
-        or of a batch, and when the disk refuses.
+        Other things are there in a folder that no run has made. Raises PicktreeError for a run in progress or
+        of a batch, and when the disk refuses.
         """
         log = self.folder / row.log
         if is_written(log):

@@ -125,7 +125,8 @@ class ImageSequence(Sequence[Stamped[CameraImage]]):
         return next(self._log.images(self.cameras[number], time - _TIME_TOLERANCE, time + _TIME_TOLERANCE))
 
     def before(self, time: float, camera: str | None = None) -> Stamped[CameraImage] | None:
-        """Return the last image at `time` (simulated s) or before, of that camera or of any; None without one."""
+        """Return the last image at `time` (simulated s) or before, of that camera or any; None without
+        one."""
         for number in range(bisect.bisect_right(self.times, time + _TIME_TOLERANCE) - 1, -1, -1):
             if camera is None or self.cameras[number] == camera:
                 return self[number]

@@ -255,8 +255,8 @@ class Execution:
             self.pass_time()
 
     def let_items_rest(self) -> None:
-        """Pass time until no item moves, except those on belts: the score of an ended run is that of
-        items at rest."""
+        """Pass time until no item moves, except those on belts: the score of an ended run is that of items at
+        rest."""
         scene = self.recipe.scene
         belts = [scene.fixture(belt.id) for belt in scene.belts]
         for _ in range(_MAX_SETTLING_TICKS):

@@ -81,8 +81,8 @@ _UNIT_SPACE = re.compile(r"(?<=\b[xy]) (?=-?\d)|(?<=\d) (?=(?:s|m|cm|mm|N)\b)")
 Confidence: TypeAlias = Literal["likely", "possible", "the log does not tell"]
 """Confidence in a cause.
 
-`likely`: measured, or seen in the ground truth. `possible`: fits the log, as other causes may.
-`the log does not tell`: only the failure's own message, because the log has no evidence of a cause.
+`likely`: measured, or seen in the ground truth. `possible`: fits the log, as other causes may. `the log does
+not tell`: only the failure's own message, because the log has no evidence of a cause.
 """
 CONFIDENCES: tuple[Confidence, ...] = ("likely", "possible", "the log does not tell")
 """Stated confidences, the surest first."""

@@ -206,10 +206,10 @@ class Cell(CellSession):
             cell.run(Observe(camera="overhead"))
             cell.run(Grasp(object=cell.belief.find(colour="red").id))
 
-    `scene` is a shipped scene or a scene file; `robot` a robot or robot file instead of the scene's;
-    `faults` a faults file. `backend` is `physics`, or `kinematic`, which is fast: objects follow the gripper,
-    sensors have no noise. The same calls with the same seed give the same run. Raises PicktreeError for files
-    that cannot be used.
+    `scene` is a shipped scene or a scene file; `robot` a robot or robot file instead of the scene's; `faults`
+    a faults file. `backend` is `physics`, or `kinematic`, which is fast: objects follow the gripper, sensors
+    have no noise. The same calls with the same seed give the same run. Raises PicktreeError for files that
+    cannot be used.
     """
 
     @property

@@ -173,8 +173,8 @@ class Batch:
     def run(self, executor: Executor, onlooker: BatchWatcher) -> bool:
         """Run all open jobs, each seed with all variants. Return False when stopped before the end.
 
-        A stopped batch then has the same seeds of each variant, but for the last.
-        Raises PicktreeError when results cannot be written, or the disk is full; --resume continues.
+        A stopped batch then has the same seeds of each variant, but for the last. Raises PicktreeError when
+        results cannot be written, or the disk is full; --resume continues.
         """
         self._take_in()
         to_do, tried = self.store.to_do(), self.store.lost_tries()

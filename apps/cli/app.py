@@ -71,8 +71,8 @@ HELP_GROUPS: Mapping[str, HelpGroups] = {"run": run_command.HELP_GROUPS}
 
 
 class _Group(TyperGroup):
-    """Group that builds only the called command: all commands would take as long as the
-    rest of the start. For its help, and to find the nearest name, it has commands without options."""
+    """Group that builds only the called command: all commands would take as long as the rest of the start.
+    For its help, and to find the nearest name, it has commands without options."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)

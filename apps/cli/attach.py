@@ -23,8 +23,8 @@ def attach(
 ) -> None:
     """Watch and steer a run in another process: pause, step, look, set breakpoints, answer.
 
-    `help` lists the commands. Ctrl-D leaves; a stopped run then continues. Exit code 1: the run's
-    process died.
+    `help` lists the commands. Ctrl-D leaves; a stopped run then continues. Exit code 1: the run's process
+    died.
     """
     from picktree.logs import log_files
     from picktree.session import attach_socket

@@ -228,8 +228,8 @@ def test(
     """Test a robot in physics: its model, motions, gripper, and three grasps.
 
     The tests: masses, limits, home, fingers, tool frame; effort at rest, tracking, braking, a soft retreat,
-    the gripper, the camera's view. Then a block, a can and a flat plate are grasped.
-    A failed test names the change and the file. Exit code 0: all tests are passed; 1: one failed.
+    the gripper, the camera's view. Then a block, a can and a flat plate are grasped. A failed test names the
+    change and the file. Exit code 0: all tests are passed; 1: one failed.
     """
     answer = keep_stdout() if json else None
     result = _tested(name, page)

@@ -89,8 +89,8 @@ STARTERS: Final[Mapping[StartKind, StarterFiles]] = {
 def write_start(kind: StartKind, folder: Path) -> tuple[StarterFile, ...]:
     """Write the files of a starter into the folder, which is created if missing; return those written.
 
-    Existing schemas are not changed. Raises PicktreeError, without writing anything, when another file
-    exists already or one cannot be written.
+    Existing schemas are not changed. Raises PicktreeError, without writing anything, when another file exists
+    already or one cannot be written.
     """
     for part in STARTERS[kind].parts:
         if not part.made and os.path.lexists(folder / part.name):

@@ -42,8 +42,8 @@ def whatif(
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print both outcomes as one JSON object.")] = False,
 ) -> None:
-    """Resume a recorded run from a checkpoint with changes, and compare. Exit code 0: the goal
-    is reached; 1: it is missed."""
+    """Resume a recorded run from a checkpoint with changes, and compare. Exit code 0: the goal is reached; 1:
+    it is missed."""
     answer = keep_stdout() if json else None
     settings = parse_parameters(set_ or ())
     from picktree.files import PicktreeError

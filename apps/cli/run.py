@@ -147,8 +147,8 @@ def run(
     profile: ProfileFile = None,
     json: JsonResult = False,
 ) -> None:
-    """Run a mission in simulation, or resume an unfinished run. Exit code 0: the goal is
-    reached; 1: it is missed, or the run is paused because the mission asks for help."""
+    """Run a mission in simulation, or resume an unfinished run. Exit code 0: the goal is reached; 1: it is
+    missed, or the run is paused because the mission asks for help."""
     refuse_contradictions(context)
     answer = keep_stdout() if json else None
     parameters = parse_parameters(set_ or ())

@@ -38,8 +38,8 @@ class NodeRow:
 def tree_rows(nodes: Sequence[NodeRow], room: int, also: Collection[str] = ()) -> list[Text]:
     """Return a row for each node that runs or has a running parent, and for the paths `also`.
 
-    At most `room` rows are kept: those nearest to the last failed node of `also`, and its ancestors.
-    Without such a node they are the running ones, and those nearest to the last of them.
+    At most `room` rows are kept: those nearest to the last failed node of `also`, and its ancestors. Without
+    such a node they are the running ones, and those nearest to the last of them.
     """
     running = {node.path for node in nodes if node.status == "RUNNING"}
     shown = [node for node in nodes if node.path in also or {node.path, _above(node.path)} & {*running, ""}]

@@ -2,8 +2,8 @@
 
 As MoveIt's Setup Assistant does it, configurations are drawn evenly within the joints' limits, and each pair
 of links is counted as colliding or not. Adjacent pairs, and those that always or never collide, need no
-check. The planner takes each mesh as its hull. Neighbours of which only the hulls collide, as those of an
-arm that folds into its own hollow, need no check either. Coleman et al., "Reducing the Barrier to Entry of
+check. The planner takes each mesh as its hull. Neighbours of which only the hulls collide, as those of an arm
+that folds into its own hollow, need no check either. Coleman et al., "Reducing the Barrier to Entry of
 Complex Robotic Software: a MoveIt! Case Study", 2014.
 """
 

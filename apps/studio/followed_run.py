@@ -1,6 +1,4 @@
-"""Run in another process that the studio follows: its picture, and one connection for all
-viewers.
-"""
+"""Run in another process that the studio follows: its picture, and one connection for all viewers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Outline of a mission's text: its trees as a picture shows them, also while the text has faults.
+"""Outline of a mission's text: its trees for a picture, even while the text has faults.
 
 A tree is read once while its text stays the same. Places of its nodes are therefore places in the tree's
 text, which begins with its name.
@@ -20,12 +20,12 @@ from .syntax import Source, Syntax
 
 OutlineKind: TypeAlias = Literal["unknown"] | Kind
 Declarations: TypeAlias = Callable[[str], NodeDeclaration | None]
-"""Declaration of a node or sub-tree by its ID; None where nothing is known of it."""
+"""Declaration of a node or sub-tree by its ID; None for an unknown ID."""
 
 
 @dataclass(frozen=True, slots=True)
 class OutlinePort:
-    """Key of a node with its value as the text has it."""
+    """Key of a node with its value in the text."""
 
     key: str
     text: str
@@ -36,10 +36,10 @@ class OutlinePort:
 
 @dataclass(slots=True)
 class OutlineNode:
-    """One node of a tree; places count in code points from the beginning of the tree's text."""
+    """Node of a tree; places count in code points from the beginning of the tree's text."""
 
     id: str
-    """Path in its tree, as logs, faults and rehearsals have it."""
+    """Path in its tree, as in logs, faults and rehearsals."""
     loc: Location
     identity: str
     name: str
@@ -47,9 +47,9 @@ class OutlineNode:
     start: int
     end: int
     body: Location | None = None
-    """Location of what stands under its ID; None for a bare ID or list."""
+    """Location of the content under its ID; None for a bare ID or list."""
     slot: str = ""
-    """Slot of the parent in which it stands."""
+    """Slot of the parent that contains it."""
     label: str = ""
     """Key in the slot's table."""
     shown: str = ""
@@ -57,7 +57,7 @@ class OutlineNode:
     listed: bool = False
     """Whether it is a Sequence that is written as a bare list."""
     aliased: bool = False
-    """Whether its text stands elsewhere, at an anchor."""
+    """Whether its text is at an anchor elsewhere."""
     direct: bool = False
     """Whether it is a key beside the ports of its parent: `Inverter: {Condition: …}`, and a tree's root."""
     ports: tuple[OutlinePort, ...] = ()
@@ -79,12 +79,12 @@ class TreeBody:
     doc: str
     ports: tuple[OutlinePort, ...]
     root: OutlineNode | None
-    """None where no node is written."""
+    """Root node; None for a tree without a node."""
 
 
 @dataclass(frozen=True, slots=True)
 class OutlineTree:
-    """One tree of the text; its places count in code points from the beginning of the text."""
+    """Tree of the text; its places count in code points from the beginning of the text."""
 
     name: str
     start: int
@@ -114,7 +114,7 @@ _bodies: OrderedDict[tuple[Declarations, frozenset[str], str], TreeBody] = Order
 
 @lru_cache(maxsize=8)
 def outline(source: Source, known: Declarations) -> Outline:
-    """Return the outline of a text, made once. `known` need not know the trees of the text itself."""
+    """Return the outline of a text, made once. `known` may lack the trees of the text itself."""
     root = source.root
     trees = root.child("trees")
     body = trees.value if trees is not None else None
@@ -149,7 +149,7 @@ def _word(node: Syntax, key: str) -> str:
 
 
 class _OutlineReader:
-    """Reader of nodes by the rules of the grammar; whatever these refuse is kept as far as it goes."""
+    """Reader of nodes by the rules of the grammar; refused nodes are kept as far as possible."""
 
     def __init__(self, source: Source, known: Declarations, trees: frozenset[str], start: int) -> None:
         self._source, self._known, self._trees = source, known, trees
@@ -309,7 +309,7 @@ class _OutlineReader:
     def _list(
         self, node: Syntax, at: Location, above: str, names: ChildNames, label: str, *, aliased: bool = False
     ) -> OutlineNode:
-        """Read a list where one node is wanted: a Sequence with the name of its slot."""
+        """Read a list in the place of one node: a Sequence with the name of its slot."""
         value = node.value
         identity = Sequence.declaration.id
         name = names.take(label or identity)
@@ -325,7 +325,7 @@ class _OutlineReader:
         return found
 
     def _unknown_body(self, found: OutlineNode, body: Syntax, at: Location, aliased: bool) -> None:
-        """Read the children of a node of which nothing is known: those of a list, or under `do`."""
+        """Read the children of an unknown node: those of a list, or under `do`."""
         inner, place = (body.child("do"), (*at, "do")) if body.kind == "mapping" else (body, at)
         found.ports = self._ports(body, ("do",))
         names = ChildNames()

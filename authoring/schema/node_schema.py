@@ -222,8 +222,8 @@ class NodeIds:
             pattern = f"^(?!(?:{'|'.join(map(escaped, self.needing))}){_END})[A-Za-z_]{_WORD}{_END}"
         else:
             pattern = ID_PATTERN
-        said = "no node of this name can stand without ports or children"
-        return {"pattern": pattern, "patternErrorMessage": said}
+        message = "no node of this name is valid without ports or children"
+        return {"pattern": pattern, "patternErrorMessage": message}
 
     def only_child(self, owner: str, keys: list[str]) -> Schema:
         """Return the rule for a mapping without `do`, in which a key other than the owner's `keys` is the
@@ -305,7 +305,7 @@ _AUTOREMAP_DOC = "true: keys and ports of the sub-tree that this call does not n
 
 
 def tree_schema(name: str, ports: tuple[PortDeclaration, ...], known: ProposedNames, doc: str = "") -> Schema:
-    """Return the schema of the body of a sub-tree's call; `doc`: what the tree says of itself."""
+    """Return the schema of the body of a sub-tree's call; `doc`: the tree's description."""
     ports = tuple(port for port in ports if not port.remapped)
     required = [p.key for p in ports if p.required]
     properties: dict[str, Schema] = {port.key: port_schema(port, known) for port in ports}

@@ -88,7 +88,7 @@ def _with_null(found: Schema) -> Schema:
 
 
 Schema: TypeAlias = dict[str, object]
-"""A JSON Schema, or a part of one."""
+"""JSON Schema, or a part of one."""
 
 DRAFT: Final = "http://json-schema.org/draft-07/schema#"
 _END = r"(?![\s\S])"
@@ -131,7 +131,7 @@ def header(kind: str) -> dict[str, Schema]:
     """Return the schema of the two keys at the top of every file."""
     return {
         "picktree": {"const": FORMAT, "description": "The version of the format of the file."},
-        "kind": {"const": kind, "description": f"What the file is: {', '.join(KINDS[:-1])} or {KINDS[-1]}."},
+        "kind": {"const": kind, "description": f"Kind of the file: {', '.join(KINDS[:-1])} or {KINDS[-1]}."},
     }
 
 

@@ -1,4 +1,4 @@
-"""Places for the comments behind the last part of a list, a tree or the file."""
+"""Export of a mission as BehaviorTree.CPP XML, with its comments."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from .scripts import NotExpressible, assignments_script, constant_script, expres
 def with_loose_comments(
     trees: tuple[Element, ...], comments: Iterable[LooseComment]
 ) -> tuple[tuple[Element, ...], tuple[str, ...]]:
-    """Return the trees with the comments as far as they belong to one, and those below all trees.
+    """Return the trees with their comments, and the comments below all trees.
 
     A comment belongs to the innermost element before it that is indented less.
     """
@@ -52,7 +52,8 @@ def with_loose_comments(
 
 
 def _placed(element: Element, comment: LooseComment) -> Element | None:
-    """Return the element with the comment in it, or in one below it; None when it stands outside."""
+    """Return the element with the comment in it, or in one below it; None when it is outside of the
+    element."""
     before = [index for index, child in enumerate(element.children) if 0 < child.mark.line < comment.line]
     if not before:
         return None
@@ -76,13 +77,13 @@ TRUTH_LABELS: Final = {"true": "1", "false": "0"}
 
 
 class TruthSwitches:
-    """Finder of the Switches of a mission that a truth value decides."""
+    """Finder of the mission's Switches over truth values."""
 
     def __init__(self, mission: Mission) -> None:
         self._mission = mission
 
     def decides(self, spec: NodeSpec) -> bool | None:
-        """Return whether a truth value decides a Switch; None where it may be one, or something else."""
+        """Return whether the value of a Switch is a truth value; None when it may also have another type."""
         bound = spec.ports["variable"]
         if isinstance(bound, references.Constant):
             return isinstance(bound.value, bool)
@@ -108,7 +109,7 @@ _DELETE = "\x7f"
 
 
 def mission_to_xml(mission: Mission) -> str:
-    """Return the mission as XML text. Raises FileError with everything that cannot be expressed there."""
+    """Return the mission as XML text. Raises FileError with all parts that XML cannot express."""
     exporter = XmlExporter(mission)
     root = exporter.root()
     if exporter.faults:
@@ -387,7 +388,8 @@ class XmlExporter:
     # Conditions.
 
     def _conditioned(self, spec: NodeSpec, element: Element) -> Element:
-        """Return the element with conditions as attributes, or in a Guarded where scripts cannot say them."""
+        """Return the element with conditions as attributes, or in a Guarded where scripts cannot express
+        them."""
         after = {key: spec.postconditions[key] for key in POSTCONDITIONS if key in spec.postconditions}
         if not spec.preconditions and not after:
             return element

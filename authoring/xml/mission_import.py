@@ -1,4 +1,4 @@
-"""Labels of Switches that truth values decide, which are numbers in BehaviorTree.CPP."""
+"""Import of missions from BehaviorTree.CPP XML, with checks; labels of Switches over truth values."""
 
 from __future__ import annotations
 
@@ -71,13 +71,13 @@ class ImportOptions:
     strict: bool = False
     """Whether everything without a meaning for a run is an error."""
     main: str = ""
-    """ID of the first tree; empty: what the files say."""
+    """ID of the first tree; empty: the one that the files name."""
     plugins: tuple[str, ...] = ()
-    """Further plug-ins, as the mission names them."""
+    """Further plug-ins, by their names in the mission."""
     folder: Path | None = None
     """Folder of the mission, from which its plug-ins count; None: that of the first file."""
     stubs: str = ""
-    """Name of the plug-in with stubs, as the mission names it; empty: unknown nodes are an error."""
+    """Name of the plug-in with stubs in the mission; empty: unknown nodes are an error."""
     enums: Mapping[str, int] = field(default_factory=dict[str, int])
     """Numbers by their names in scripts, as a program registers enums."""
 
@@ -99,7 +99,7 @@ def import_xml(
 
 
 def check_xml(text: str, path: Path) -> tuple[Diagnostic, ...]:
-    """Return everything that is wrong with an XML file, as the check of a mission does."""
+    """Return all faults of an XML file, as the check of a mission does."""
     try:
         return _Importer([XmlText(text, path)], NodeRegistry(), ImportOptions()).checked()
     except FileError as error:
@@ -137,7 +137,7 @@ class _Importer:
         return (*found, *check_mission(self._document_of(whole), self._registry).faults)
 
     def _read(self) -> tuple[MarkedValue, MissionReadResult, tuple[StubNode, ...]]:
-        """Return the mission's content, what the loader makes of it, and the stubs. Raises FileError."""
+        """Return the mission's content, the loaded mission, and the stubs. Raises FileError."""
         self._load_plugins()
         if self._options.stubs or self._options.plugins:
             stub_missing_trees(self._source, self._faults)
@@ -208,7 +208,7 @@ class _Importer:
         return whole
 
     def _doc(self, name: str, element: Element) -> str:
-        """Return what a tree says of itself, in its model or in the attribute of Groot2."""
+        """Return the description of a tree, from its model or the attribute of Groot2."""
         model = self._source.models.get(name)
         said = model.get("description") if model is not None else ""
         return said or one_line(element.get(btcpp_vocabulary.DESCRIPTION))

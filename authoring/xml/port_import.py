@@ -22,7 +22,7 @@ _PORTS: Mapping[str, Literal["in", "out"]] = {"input_port": "in", "output_port":
 
 @dataclass(frozen=True, slots=True)
 class TreePort:
-    """Port as the mission declares it."""
+    """Port in the mission's declaration."""
 
     key: str
     mark: Mark
@@ -35,7 +35,7 @@ class TreePort:
     unit: str = ""
     choices: MarkedValue | None = None
     initial: MarkedValue | None = None
-    """Value with which an output begins where a call does not wire it."""
+    """Initial value of an output that a call does not wire."""
 
     @property
     def kind(self) -> PortType:
@@ -59,7 +59,7 @@ class TreePort:
 
 
 def fill_in_wires(source: XmlSource) -> None:
-    """Write the keys of callers that models of trees name as defaults into the calls without a wire.
+    """Write the defaults of the tree models that are keys of callers into the calls without a wire.
 
     BehaviorTree.CPP does the same.
     """
@@ -183,7 +183,7 @@ class PortsOfTrees:
     # From calls and uses.
 
     def _inferred(self, tree: str, calls: list[Element], known: Mapping[str, TreePort]) -> Iterator[TreePort]:
-        """Yield the ports that calls give and no model declares; those that no node uses are left out."""
+        """Yield the ports in calls that no model declares; unused ones are left out."""
         used = {*self._flow.reads(tree), *self._flow.writes(tree)}
         seen: set[str] = set(known)
         for call in calls:
@@ -221,7 +221,7 @@ class PortsOfTrees:
         return port
 
     def _of_the_program(self, tree: str, known: set[str]) -> Iterator[TreePort]:
-        """Yield a port for each key that a tree reads, which no tree calls, and that nothing writes."""
+        """Yield a port for each key that an uncalled tree reads and no node writes."""
         for key, mark in self._flow.reads(tree).items():
             written = key in world_facts.FACTS or self._flow.group(tree, key).written
             if written or key in known or key in self._flow.watched or key.startswith("_"):

@@ -58,7 +58,7 @@ PYTHON_TYPES = {
     "string": str, "int": int, "float": float, "bool": bool, "object": ObjectId, "any": object,
 }  # fmt: skip
 _QUESTION = re.compile(r"(?:Is|Are|Has|Would|Can|Should)[A-Z]")
-"""Beginning of the names of conditions, where nothing says what a node is."""
+"""Beginning of the names of conditions, for a node of unknown kind."""
 _NO_PORT = ("ID", *COMMON_KEYS)
 
 
@@ -69,7 +69,7 @@ class StubPort:
     name: str
     declared: PortDeclaration
     remapped: str = ""
-    """Reference that stands where a use leaves the port out; empty: none."""
+    """Reference for uses that leave the port out; empty: none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ class StubNode:
 
 
 class StubFinder:
-    """Finder of the unknown nodes of a source, with what is known of their ports."""
+    """Finder of the unknown nodes of a source, with the known properties of their ports."""
 
     def __init__(
         self,
@@ -140,7 +140,7 @@ class StubFinder:
         return found, KeyFlow(self._source.trees, declared, self._source.main, self._enums)
 
     def port_use(self, element: Element, key: str) -> PortUse | None:
-        """Return what is known of a port before the stubs are made."""
+        """Return the known properties of a port before the stubs are made."""
         identity = element.identity
         if identity in self._elements:
             if key in _NO_PORT or key.startswith("_"):
@@ -184,7 +184,7 @@ class StubFinder:
         return names <= set(declaration.keys) and bool(element.children) == bool(declaration.slots)
 
     def _misfits(self, registry: NodeRegistry) -> frozenset[str]:
-        """Return the IDs of nodes of picktree's own that some use cannot mean."""
+        """Return the IDs of picktree's own nodes that do not fit all of their uses."""
         found: set[str] = set()
         for element in (each for tree in self._source.trees.values() for each in tree.iterate()):
             node = None if element.identity in btcpp_vocabulary.BUILT_IN else registry.find(element.identity)
@@ -286,7 +286,7 @@ def _attribute(key: str) -> str:
 
 
 def stub_missing_trees(source: XmlSource, faults: ImportFaults) -> None:
-    """Take calls of trees that no file has for nodes, which stubs or a plug-in stand for."""
+    """Treat calls of missing trees as nodes, for which stubs or a plug-in are used."""
     missing: set[str] = set()
 
     def replaced(element: Element) -> Element:
@@ -322,7 +322,7 @@ def _type_of(literals: list[str], uses: int) -> PortType:
 
 
 def _named_direction(port: str) -> Direction | None:
-    """Return the direction that the name of a port says, as `input_pose`; None where it says none."""
+    """Return the direction in the name of a port, as `input_pose`; None without one."""
     words = port.lower().split("_")
     if {"out", "output"} & {words[0], words[-1]}:
         return "out"
@@ -338,7 +338,7 @@ def _reads(text: str, kind: PortType) -> bool:
 
 
 def stub_class(stub: StubNode) -> type[Node]:
-    """Return the node class of a stub, as the text of the plug-in defines it."""
+    """Return the node class of a stub, equal to that in the text of the plug-in."""
     base, members = _BASES[stub.kind]
     body: dict[str, object] = {
         "__doc__": stub.doc,

@@ -34,7 +34,8 @@ def test_a_place_that_fails_leaves_it_in_the_hand() -> None:
         f"4:25 Recover/Sequence/Grasp: {SAYS}, when Grasp or Place fails {HINT}"
     ]
     assert held(f"ForceSuccess: {{Sequence: [{PICK}]}}") == [
-        f"4:36 ForceSuccess/Sequence/Grasp: {SAYS}, when Grasp or Place fails and the mission goes on {HINT}"
+        f"4:36 ForceSuccess/Sequence/Grasp: {SAYS}, when Grasp or Place fails and the mission continues "
+        f"{HINT}"
     ]
 
 
