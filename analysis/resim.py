@@ -261,10 +261,10 @@ class Resimulation:
             what += " up to where the recorded run was cut off"
         elif self.until is not None:
             what += f" up to tick {self.last_tick}"
-        said = f"{what}: {self.ticks} ticks, {self.seconds:.2f} simulated s"
+        text = f"{what}: {self.ticks} ticks, {self.seconds:.2f} simulated s"
         if self.changes:
-            return said
-        return f"{said}, digest {self.digest[:16]}" if self.exact else f"{said}, in all that this log tells"
+            return text
+        return f"{text}, digest {self.digest[:16]}" if self.exact else f"{text}, in all that this log tells"
 
     def _why(self) -> Iterator[str]:
         first = "besides" if self.changes else "likely why"
@@ -467,9 +467,9 @@ def _run_in_process(order: ResimOrder, progress: Callable[[float], None]) -> Res
     )
     answer: ResimAnswer | None = None
     try:
-        given, answers = cast("IO[bytes]", process.stdin), cast("IO[bytes]", process.stdout)
-        with given:
-            given.write(ORDER.dump_json(order))
+        order_stream, answers = cast("IO[bytes]", process.stdin), cast("IO[bytes]", process.stdout)
+        with order_stream:
+            order_stream.write(ORDER.dump_json(order))
         for line in answers:
             answer = ANSWER.validate_json(line)
             if answer.at is not None:

@@ -125,13 +125,12 @@ class Continuation:
         moment = f"tick {self.at_tick} ({self.at:.2f} s)"
         if not self.checkpoint:
             return f"from the beginning: there is no checkpoint at or before {moment}"
-        asked = f"the last checkpoint before {moment}"
+        requested = f"the last checkpoint before {moment}"
         if self.start_tick == self.at_tick:
-            asked = "the tick that was asked for"
+            requested = "the tick that was asked for"
         name = self.checkpoint.removesuffix(".json")
-        return (
-            f"from {name}, {asked}: tick {self.start_tick}, {self.start:.2f} s, {self.items_done} items done"
-        )
+        start = f"tick {self.start_tick}, {self.start:.2f} s, {self.items_done} items done"
+        return f"from {name}, {requested}: {start}"
 
     def _node_transfer_lines(self) -> Iterator[str]:
         nodes = self.nodes

@@ -86,9 +86,9 @@ def _hidden_items(
         return  # a model of which no run can be made: `picktree robot test` says why
     if min(shares.values(), default=0.0) <= MAX_HIDDEN_SHARE:
         return
-    told = ", ".join(f"{100 * share:.0f} % from {camera}" for camera, share in shares.items())
+    shares_text = ", ".join(f"{100 * share:.0f} % from {camera}" for camera, share in shares.items())
     of = f" of the scene {scene.name!r}" if document.kind == "robot" else ""
-    message = f"the arm of {robot.name!r} at 'home' hides where the items{of} are: {told}"
+    message = f"the arm of {robot.name!r} at 'home' hides where the items{of} are: {shares_text}"
     hint = (
         f"choose another 'home' under 'poses:' in {Path(robot.source).name}, or move the camera; at most "
         f"{100 * MAX_HIDDEN_SHARE:.0f} % may be hidden"

@@ -90,15 +90,17 @@ def _shared_values(kinds: Iterable[type[JournalEvent]]) -> dict[str, dict[str, o
     for kind in kinds:
         for each in event_fields(kind):
             found.setdefault(each.name, []).append(value_schema(_recorded_type(kind, each)))
-    alike = {name: said[0] for name, said in found.items() if all(each == said[0] for each in said)}
-    return {name: said for name, said in alike.items() if is_viewable(said)}
+    alike = {
+        name: schemas[0] for name, schemas in found.items() if all(each == schemas[0] for each in schemas)
+    }
+    return {name: schemas for name, schemas in alike.items() if is_viewable(schemas)}
 
 
 def _recorded_type(kind: type[JournalEvent], value: RecordField) -> object:
     """Return the type of a recorded value. One whose default is None is left out while it is None."""
-    given = [arm for arm in get_args(value.hint) if arm is not types.NoneType]
+    arms = [arm for arm in get_args(value.hint) if arm is not types.NoneType]
     left_out = value.default is None and kind.data is JournalEvent.data
-    return given[0] if left_out and len(given) == 1 else value.hint
+    return arms[0] if left_out and len(arms) == 1 else value.hint
 
 
 def _body(value: object) -> BodyRecord | None:

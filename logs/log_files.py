@@ -117,8 +117,8 @@ class JoinedLog:
         except PicktreeError:
             self.close()
             raise
-        told = [part.reading.recovered for part in self._parts if part.reading.recovered]
-        self.recovered = "; ".join((*told, *gaps))
+        losses = [part.reading.recovered for part in self._parts if part.reading.recovered]
+        self.recovered = "; ".join((*losses, *gaps))
 
     def close(self) -> None:
         for part in self._parts:
@@ -260,8 +260,8 @@ class JoinedLog:
             return False
         if part.metadata.get("picktree") != self._parts[0].metadata.get("picktree"):
             return False
-        told = before.metadata.get(NEXT_METADATA)
-        return not adjacent or told is None or told.get("digest") == part.info.digest
+        link = before.metadata.get(NEXT_METADATA)
+        return not adjacent or link is None or link.get("digest") == part.info.digest
 
 
 LOG_NAME = "log.mcap"

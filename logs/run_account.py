@@ -128,12 +128,12 @@ def account_of(log: RunLog, events: Sequence[Stamped[JournalEvent]]) -> RunAccou
             tracker.follow(tree.nodes)
         builder.take(at.time, at.record)
         last = at.time
-        told: list[JournalEvent] = []
+        records: list[JournalEvent] = []
         while coming and coming[0].time <= at.time + 1e-9:
-            told.append(coming.popleft().record)
+            records.append(coming.popleft().record)
         if number == 0:
             tracker.begun(at.time, under_way(at.record))
-        derived += tracker.take(at.time, at.record.edges, told)
+        derived += tracker.take(at.time, at.record.edges, records)
     derived += tracker.finish(log.end)
     decisions = _completed([at.record for at in events if isinstance(at.record, Decision)], derived)
     decided = {

@@ -208,14 +208,14 @@ class RunIndex:
     def _row(self, log: str, written: float, size: int, before: RunRow | None) -> RunRow:
         """Return the row of a log. During the run, values that were read once stay."""
         if not file_system.is_utf8(log):
-            told = f"{file_system.shown(log)}: the name is not UTF-8; rename it"
+            message = f"{file_system.shown(log)}: the name is not UTF-8; rename it"
             return RunRow(
                 file_system.shown(Path(log).parent),
                 file_system.shown(log),
                 written,
                 size,
                 "unreadable",
-                message=told,
+                message=message,
             )
         path = self.folder / log
         goes_on = is_written(path)

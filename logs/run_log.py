@@ -195,16 +195,16 @@ def lacking_topics(names: Sequence[str]) -> str:
 
 def lacks(file: JoinedLog, metadata: Mapping[str, object], gaps: Sequence[Gap]) -> str:
     """Return the content that another program has left out of a log, as clauses; empty when none is known."""
-    told = [gap.text() for gap in gaps]
+    clauses = [gap.text() for gap in gaps]
     known = {channel.topic for channel in file.channels if channel.messages}
     dropped = [topic.name for topic in _ALWAYS_RECORDED if topic.name not in known]
     if dropped and file.end > file.start:
-        told.append(lacking_topics(dropped))
+        clauses.append(lacking_topics(dropped))
     if SETTINGS not in metadata:
-        told.append("it lacks its metadata: settings and result of the run are unknown")
+        clauses.append("it lacks its metadata: settings and result of the run are unknown")
     if not file.attachments:
-        told.append("it lacks its files: mission, scene and robot are unknown")
-    return "; ".join(told)
+        clauses.append("it lacks its files: mission, scene and robot are unknown")
+    return "; ".join(clauses)
 
 
 R = TypeVar("R")
@@ -265,10 +265,10 @@ class RunLog:
             self.format = log_format(self.metadata, first.data if first else None, self.path)
             if self._file.is_rewritten:
                 self.gaps = self._gaps()
-                told = lacks(self._file, self.metadata, () if self.recovered else self.gaps)
-                self.lacks_something = bool(self.recovered or told)
-                told = told if self.recovered or not told else f"{self.path}: {told}"
-                self.recovered = "; ".join(filter(None, (self.recovered, told)))
+                losses = lacks(self._file, self.metadata, () if self.recovered else self.gaps)
+                self.lacks_something = bool(self.recovered or losses)
+                losses = losses if self.recovered or not losses else f"{self.path}: {losses}"
+                self.recovered = "; ".join(filter(None, (self.recovered, losses)))
         except PicktreeError:
             self._file.close()
             raise

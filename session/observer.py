@@ -102,11 +102,11 @@ class PresetAnswers(Interrupter):
         """Return the next answer. Raises PicktreeError for one that is not among the question's choices."""
         if not self._left:
             return None
-        said = self._left.popleft()
-        choice = question.choice(said)
+        text = self._left.popleft()
+        choice = question.choice(text)
         if choice is None:
             known = ", ".join(question.choices)
-            raise PicktreeError(f"--answer {said}: {question.node} asks, and takes one of these: {known}")
+            raise PicktreeError(f"--answer {text}: {question.node} asks, and takes one of these: {known}")
         return choice
 
 

@@ -235,9 +235,9 @@ class RecordedOperator(Interrupter):
 
     def answer(self, question: operator_desk.OperatorQuestion) -> str | None:
         if self._answers:
-            node, said = self._answers.popleft()
-            if node == question.node and said in question.choices:
-                return said
+            node, recorded = self._answers.popleft()
+            if node == question.node and recorded in question.choices:
+                return recorded
             self._answers.clear()
         return None
 

@@ -103,11 +103,11 @@ def _last_state(run: RunRecord) -> _Last:
         if not messages:
             continue
         try:
-            told = [read_state(message.data) for message in messages]
-            whole = max((n for n, state in enumerate(told) if state.whole), default=None)
+            states = [read_state(message.data) for message in messages]
+            whole = max((n for n, state in enumerate(states) if state.whole), default=None)
             if whole is None:
                 continue
-            state = fold_states(told[whole:])
+            state = fold_states(states[whole:])
             assert state is not None
             faults = _FAULTS.validate_python(state.pop("faults", ()))
             bias = tuple(float(value) for value in state.pop("wrist_bias", ()))
@@ -232,10 +232,10 @@ class Resumption:
             _refuse_finished(run, limit)
             recorded = RecordedRun(run)
             stack.enter_context(recorded.folder)
-            recipe, told, knows = (recipe_from_truth if as_it_stands else _from_checkpoint)(recorded)
+            recipe, text, knows = (recipe_from_truth if as_it_stands else _from_checkpoint)(recorded)
             if limit is not None:
                 recipe = replace(recipe, limit=limit)
-            return recipe, told, (recorded.edits(knows), recorded.operator(_since(recipe)))
+            return recipe, text, (recorded.edits(knows), recorded.operator(_since(recipe)))
 
 
 def _from_checkpoint(recorded: RecordedRun) -> tuple[Recipe, str, float]:
@@ -243,18 +243,18 @@ def _from_checkpoint(recorded: RecordedRun) -> tuple[Recipe, str, float]:
     run = recorded.run
     found = recorded.last_checkpoint(run.end)
     if found is None:
-        recipe, told, _ = _from_start(recorded, "has no checkpoint")
+        recipe, text, _ = _from_start(recorded, "has no checkpoint")
     else:
         name, state = found
         recipe = recorded.from_checkpoint(name, state)
-        told = (
+        text = (
             f"resuming {run.path} from {name.removesuffix('.json')}: {state.time:.2f} s, "
             f"{_done(state.items_done)}"
         )
     departed = arithmetic_record.arithmetic_difference(run.info.arithmetic, arithmetic())
     if departed:
-        told = f"{told}\n{departed}"
-    return recipe, told, _since(recipe)
+        text = f"{text}\n{departed}"
+    return recipe, text, _since(recipe)
 
 
 def _since(recipe: Recipe) -> float:
@@ -269,11 +269,11 @@ def _from_start(recorded: RecordedRun, why: str) -> tuple[Recipe, str, float]:
     before = recipe.start
     if before is None:
         return recipe, f"{run.path} {why}: the run begins anew", _NEVER_WRITTEN
-    told = (
+    text = (
         f"{run.path} {why} of its own: it resumes where that run did, at {before.state.time:.2f} s, "
         f"{_done(before.state.items_done)}"
     )
-    return recipe, told, before.state.time
+    return recipe, text, before.state.time
 
 
 def _done(items: int) -> str:

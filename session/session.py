@@ -100,7 +100,7 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
     if status == "success" and not verdict.reached(goal):
         status = "incomplete"
     tally.finish(now)
-    asked = desk.pending if status == "paused" else None
+    question = desk.pending if status == "paused" else None
     return RunResult(
         status=status,
         seed=recipe.seed,
@@ -116,7 +116,7 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
         wall_seconds=timer.wall_seconds(),
         log=log.absolute(),
         folder=log.parent.absolute(),
-        message=asked.reason if asked else _message(run, status),
+        message=question.reason if question else _message(run, status),
         thinking_charged=scene.thinking.collision_check > 0.0 and scene.thinking.image > 0.0,
         disagreements=run.disagreements if recipe.verify else None,
         holes=tuple(
@@ -128,7 +128,7 @@ def summarise(run: Execution, timer: RunTimer, status: RunStatus, digest: str, l
             if body.crushed > 0.0 and (limit := scene.entry(body.kind).force_limit) is not None
         ),
         feed=FeedCount(tally.deliveries, tally.exchanges, tally.set_aside) if scene.deliveries else None,
-        asked=asked,
+        asked=question,
     )
 
 
@@ -144,12 +144,12 @@ def _hidden(run: Execution, status: RunStatus) -> str:
     if not unseen or run.tally.tried:
         return ""
     shares = hidden_shares(run.world.robot, run.world.description, run.world.control.state.position)
-    told = [f"{100 * share:.0f} % from {name}" for name, share in shares.items() if share > MAX_HIDDEN_SHARE]
-    if not told:
+    parts = [f"{100 * share:.0f} % from {name}" for name, share in shares.items() if share > MAX_HIDDEN_SHARE]
+    if not parts:
         return ""
     file = Path(run.recipe.robot.source).name
     return (
-        f"the arm hides where the items are, {', '.join(told)}, and nothing was grasped; move 'home' under "
+        f"the arm hides where the items are, {', '.join(parts)}, and nothing was grasped; move 'home' under "
         f"'poses:' in {file} out of the cameras' view (`picktree robot test` measures it)"
     )
 

@@ -168,8 +168,8 @@ def true_states(log: RunLog) -> Iterator[tuple[float, Mapping[str, Any]]]:
         change = read_state(message.data)
         if state is None and not change.whole:
             continue
-        told = [change] if state is None or change.whole else [log_records.TrueState(True, state), change]
-        state = fold_states(told)
+        messages = [change] if state is None or change.whole else [log_records.TrueState(True, state), change]
+        state = fold_states(messages)
         if state is not None:
             yield message.time / 1e9, state
 

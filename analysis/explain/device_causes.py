@@ -85,7 +85,7 @@ MIN_HEIGHT = 0.1
 """Height above an item's top from which a body in the image hides the item, m."""
 
 
-def hidden_by_arm(case: Investigation, true: str) -> Finding | None:
+def explain_hidden_by_arm(case: Investigation, true: str) -> Finding | None:
     """Return the finding that the arm hid an item from the fixed cameras in all images of its place."""
     cameras = {c.name: c for c in case.scene.cameras} if case.scene else {}
     found: list[tuple[Stamped[CameraImage], float]] = []
@@ -225,7 +225,7 @@ def cameras_off(case: Investigation) -> tuple[DeviceFinding, ...]:
     return tuple(camera_off(case))
 
 
-def seen_displaced(case: Investigation, item: str, time: float) -> Finding | None:
+def explain_displaced_camera(case: Investigation, item: str, time: float) -> Finding | None:
     """Return the finding about a displaced camera whose image was the last of the item before that time."""
     seen = [each for each in case.identities.by_item.get(item, ()) if each.time <= time + 1e-6]
     if not seen or math.hypot(*seen[-1].off) < MIN_OFFSET:
@@ -490,14 +490,14 @@ def gripper_faulty(case: Investigation) -> Iterator[DeviceFinding]:
     for failure in case.failures:
         if failure.cause != "control.gripper":
             continue
-        told, pressed = number(failure, "told"), number(failure, "force") or 0.0
+        commanded, pressed = number(failure, "told"), number(failure, "force") or 0.0
         moved, width = number(failure, "moved") or 0.0, 1000 * (number(failure, "width") or 0.0)
         start = case.visit(failure).start
         cause, placing = "gripper.jammed", "place.*"
         title = f"the fingers are stuck at {width:.0f} mm: they did not follow the command"
-        if told is not None and moved > 2e-3:
+        if commanded is not None and moved > 2e-3:
             cause, placing = "gripper.weak", "place.missed"
-            felt = f"{force(pressed)} instead of {force(told)}"
+            felt = f"{force(pressed)} instead of {force(commanded)}"
             title = f"the gripper is too weak: its fingers press with {felt}"
         yield DeviceFinding(
             Finding(cause, "gripper", title, (failure.message,), "", failure.time),
@@ -513,11 +513,11 @@ def fingers_stuck(case: Investigation) -> Iterator[DeviceFinding]:
     times = np.array([s.time for s in states])
     width = np.interp(times, gripper.times, gripper.widths)
     before = np.interp(times - 0.2, gripper.times, gripper.widths)
-    told = np.array([s.told_width for s in states])
-    stuck = (told > width + MIN_JAM) & (np.abs(width - before) < 5e-4)
+    commanded = np.array([s.told_width for s in states])
+    stuck = (commanded > width + MIN_JAM) & (np.abs(width - before) < 5e-4)
     spans = _lasting(_spans(times, stuck))
     if spans:
-        at, wanted = float(width[stuck][0]), float(told[stuck][0])
+        at, wanted = float(width[stuck][0]), float(commanded[stuck][0])
         title = f"the fingers are stuck at {1000 * at:.0f} mm: they did not follow the command"
         reasons = (f"the command was {1000 * wanted:.0f} mm, and they did not move {listed_spans(spans)}",)
         yield DeviceFinding(
@@ -540,14 +540,14 @@ def fingers_press_too_little(case: Investigation) -> Iterator[DeviceFinding]:
     width = np.interp(times, gripper.times, gripper.widths)
     pressed = np.interp(times, gripper.times, gripper.forces)
     before = np.interp(times - 0.2, gripper.times, gripper.widths)
-    told = np.array([s.told_force for s in states])
+    commanded = np.array([s.told_force for s in states])
     closing = width > np.array([s.told_width for s in states]) + 0.004
     resting = closing & (np.abs(width - before) < 5e-4) & (width > 0.004)
     moved = width < float(gripper.widths.max()) - 0.004
-    weak = resting & moved & (pressed < WEAK_SHARE * told)
+    weak = resting & moved & (pressed < WEAK_SHARE * commanded)
     spans = _lasting(_spans(times, weak))
     if spans:
-        most = float(np.median(pressed[weak] / told[weak]))
+        most = float(np.median(pressed[weak] / commanded[weak]))
         title = f"the gripper presses with {100 * most:.0f} % of the commanded force"
         reasons = (f"its fingers rested on something with that force {listed_spans(spans)}",)
         yield DeviceFinding(
@@ -564,10 +564,10 @@ SAME_PLACE = 0.2
 
 def planner_refuses(case: Investigation) -> Iterator[DeviceFinding]:
     """Find planner refusals: no path, and no body that blocks it."""
-    asked: dict[str, list[tuple[float, bool, tuple[float, ...], int]]] = defaultdict(list)
+    answers_by_request: dict[str, list[tuple[float, bool, tuple[float, ...], int]]] = defaultdict(list)
     for at in case.run.plans:
         plan = at.record
-        asked[re.sub(r"[\d.]+", "#", plan.request)].append(
+        answers_by_request[re.sub(r"[\d.]+", "#", plan.request)].append(
             (at.time, plan.outcome == "found", plan.start, plan.version)
         )
     times: list[float] = []
@@ -580,7 +580,7 @@ def planner_refuses(case: Investigation) -> Iterator[DeviceFinding]:
     again = [
         at.time
         for at in refused
-        for time, found, start, _ in asked[re.sub(r"[\d.]+", "#", at.record.request)]
+        for time, found, start, _ in answers_by_request[re.sub(r"[\d.]+", "#", at.record.request)]
         if found and time > at.time and start and len(start) == len(at.record.start)
         and float(np.abs(np.subtract(start, at.record.start)).max()) < SAME_PLACE
     ]  # fmt: skip

@@ -41,8 +41,8 @@ def recovery_lines(found: Episodes, paint: Paint) -> Iterator[str]:
         yield f"  {'cause':<{width}}  seen  cured  tries   s lost  by"
         for each in found.causes:
             total, tries = each.total, each.total.tries_a_cure
-            said = "" if tries is None else f"{tries:.1f}"
-            numbers = f"{total.seen:>4}  {total.cured:>5}  {said:>5}  {total.seconds:>7.1f}"
+            attempts = "" if tries is None else f"{tries:.1f}"
+            numbers = f"{total.seen:>4}  {total.cured:>5}  {attempts:>5}  {total.seconds:>7.1f}"
             row = f"  {each.cause:<{width}}  {numbers}  "
             first, *rest = wrapped(_by(each), " " * len(row))
             yield row + first.strip()
@@ -56,10 +56,10 @@ def recovery_lines(found: Episodes, paint: Paint) -> Iterator[str]:
 
 
 def _title(found: Episodes) -> str:
-    ends = [(said, sum(e.end == end for e in found.episodes)) for end, said in item_episodes.ENDS.items()]
-    told = ", ".join(f"{number} {said}" for said, number in ends if number)
+    ends = [(label, sum(e.end == end for e in found.episodes)) for end, label in item_episodes.ENDS.items()]
+    outcomes = ", ".join(f"{number} {label}" for label, number in ends if number)
     lost = sum(e.seconds for e in found.episodes)
-    return f"Recovery ({counted(len(found.episodes), 'episode')}: {told}; {lost:.1f} s lost)"
+    return f"Recovery ({counted(len(found.episodes), 'episode')}: {outcomes}; {lost:.1f} s lost)"
 
 
 def _by(found: episode_counts.CauseCount) -> str:
@@ -117,14 +117,14 @@ def _has_details(choice: CandidateChoice, story: FailureStory) -> bool:
 
 def _choice(choice: CandidateChoice) -> str:
     if any(r.stage for r in choice.rejections):
-        asked = counted(dict(choice.stages).get(pick_candidates.RANKED_STAGE, 0), "candidate")
+        candidates = counted(dict(choice.stages).get(pick_candidates.RANKED_STAGE, 0), "candidate")
         counts = _few([f"{r.count} {r.reason}" for r in choice.rejections])
-        return f"Grasps at {seconds(choice.time)}: {asked}: {'; '.join(counts)}."
+        return f"Grasps at {seconds(choice.time)}: {candidates}: {'; '.join(counts)}."
     stages = ", ".join(f"{count} {name}" for name, count in choice.stages)
     what = "Plans" if choice.purpose == "plan" else f"Grasps at {seconds(choice.time)}"
-    told = f"{what}: {stages}."
+    text = f"{what}: {stages}."
     refused = [f"{r.reason} ({r.count})" if r.count > 1 else r.reason for r in choice.rejections]
-    return f"{told} Refused: {'; '.join(_few(refused))}." if refused else told
+    return f"{text} Refused: {'; '.join(_few(refused))}." if refused else text
 
 
 def _few(words: Sequence[str], most: int = 4) -> list[str]:
@@ -175,8 +175,8 @@ class ExplanationText:
     def _outcome(self) -> list[str]:
         outcome = self._found.outcome
         first, *rest = wrapped(f"{outcome.status}: {outcome.sentence}", "")
-        word, _, told = first.partition(":")
-        return [f"{self._paint(word, 'hint' if outcome.status == 'success' else 'error')}:{told}", *rest]
+        word, _, sentence = first.partition(":")
+        return [f"{self._paint(word, 'hint' if outcome.status == 'success' else 'error')}:{sentence}", *rest]
 
     def _title(self, text: str) -> str:
         return self._paint(text, "place")
@@ -217,13 +217,13 @@ class ExplanationText:
                 "The run got over it" if status in ("success", "incomplete") else "It did not end the run"
             )
         cost = f" ({listed(list(cause.items), 4)})" if cause.items and cause.ended_run else ""
-        told = f"[{cause.cause}] {cause.confidence[0].upper()}{cause.confidence[1:]}. {weight}{cost}"
+        text = f"[{cause.cause}] {cause.confidence[0].upper()}{cause.confidence[1:]}. {weight}{cost}"
         if not failures:
-            return f"{told}." if self._found.failures else f"{told}, and nothing failed."
+            return f"{text}." if self._found.failures else f"{text}, and nothing failed."
         lost = cause.seconds_lost
         times = listed([seconds(f.time) for f in failures], 4)
         took = f", {lost:.1f} s lost" if lost >= 0.05 else ""
-        return f"{told}: {counted(len(failures), 'failure')} at {times}{took}."
+        return f"{text}: {counted(len(failures), 'failure')} at {times}{took}."
 
     def _failures(self, everything: bool) -> Iterator[str]:
         """Yield the failures. Many failures are grouped unless `everything` is set."""
@@ -282,23 +282,23 @@ class ExplanationText:
         by = self._names.get(story.fate_by, story.fate_by)
         match story.fate:
             case "cured":
-                told = f"Cured{self._cure(story)}: {by} continued at {seconds(story.fate_at or 0.0)}"
-                told += f"; {story.seconds_lost:.1f} s lost." if story.seconds_lost else "."
+                outcome = f"Cured{self._cure(story)}: {by} continued at {seconds(story.fate_at or 0.0)}"
+                outcome += f"; {story.seconds_lost:.1f} s lost." if story.seconds_lost else "."
             case "done_instead":
-                told = f"{by} did that instead of the branch, as the mission asks."
+                outcome = f"{by} did that instead of the branch, as the mission asks."
             case "passed_over":
-                told = f"Passed over by {by} at {seconds(story.fate_at or 0.0)}"
+                outcome = f"Passed over by {by} at {seconds(story.fate_at or 0.0)}"
                 after = story.made_good_at
-                told += f"; the item was placed after all at {seconds(after)}." if after else "."
+                outcome += f"; the item was placed after all at {seconds(after)}." if after else "."
             case "branched":
-                told = f"{by} went another way at {seconds(story.fate_at or 0.0)}, as the mission says."
+                outcome = f"{by} went another way at {seconds(story.fate_at or 0.0)}, as the mission says."
             case "ended":
-                told = (
+                outcome = (
                     f"It reached the root, and the mission ended with it at {seconds(story.fate_at or 0.0)}."
                 )
             case _:
-                told = "The log ends before it was decided."
-        return " ".join([*parts, told])
+                outcome = "The log ends before it was decided."
+        return " ".join([*parts, outcome])
 
     def _cure(self, story: FailureStory) -> str:
         """Return ` by LookAgain after 2 tries`; empty when the handler is unknown."""
@@ -342,20 +342,20 @@ class ExplanationText:
         for look in looks:
             yield from wrapped(f"{look.time:7.2f} s  {look.why}", "  ", " " * 13)
         first = looks[0].time
-        for told, command in (
+        for title, command in (
             ("step through it", f"replay {self._log} --at {first:.2f}"),
             ("see it", f"snapshot {self._log} --at {first:.2f} -o moment.png"),
             ("the whole run", f"report {self._log} -o report.html"),
         ):
-            yield f"  {told:<16} {self._program} {command}"
+            yield f"  {title:<16} {self._program} {command}"
 
 
 def _timeline(item: ItemStory, width: int, everything: bool) -> str:
     done = item.state == "done" and all(e.failure is None for e in item.events)
-    told = [f"{e.time:.2f} s {_DETAILS.sub('', e.what) if done else e.what}" for e in item.events]
-    if len(told) > MAX_EVENTS and not everything:
-        told = [*told[: MAX_EVENTS - 3], f"… {len(told) - MAX_EVENTS + 1} more", *told[-2:]]
-    events = "; ".join(told)
+    parts = [f"{e.time:.2f} s {_DETAILS.sub('', e.what) if done else e.what}" for e in item.events]
+    if len(parts) > MAX_EVENTS and not everything:
+        parts = [*parts[: MAX_EVENTS - 3], f"… {len(parts) - MAX_EVENTS + 1} more", *parts[-2:]]
+    events = "; ".join(parts)
     truth = f" ({item.truth})" if item.truth else ""
     return f"{item.id:<{width}}  {item.state:<5} {events}{truth}"
 
@@ -428,8 +428,8 @@ def notes_on(run: Run) -> tuple[str, ...]:
         notes.append(f"the log begins at {origin.time:.2f} s, at a checkpoint{of}; it lacks what was before")
     edits = [at.time for at in run.events if at.record.kind == "mission_edited"]
     if edits:
-        told = ", ".join(f"{time:.2f} s" for time in edits)
-        notes.append(f"the mission was edited while it ran, at {told}; nodes are those of their time")
+        times = ", ".join(f"{time:.2f} s" for time in edits)
+        notes.append(f"the mission was edited while it ran, at {times}; nodes are those of their time")
     for at in run.events:
         if isinstance(at.record, event_types.BlackboardSetEvent):
             notes.append(f"{at.time:.2f} s: {at.record.message}")

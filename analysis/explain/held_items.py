@@ -11,7 +11,7 @@ from picktree.logs import log_records
 from picktree.world import GRAVITY, Array, extents
 
 from .case import Investigation
-from .device_causes import seen_displaced
+from .device_causes import explain_displaced_camera
 from .explanation import (
     Confidence,
     FailureStory,
@@ -214,7 +214,7 @@ def explain_drop(case: Investigation, failure: FailureStory) -> Finding | None:
         return _let_go(case, failure, period)
     if failure.time - period.end > LOSS_TIME or _seen_since(case, true, period.end, failure.time):
         return None
-    return why_it_left(case, period)
+    return explain_departure(case, period)
 
 
 LOSS_TIME = 10.0
@@ -278,7 +278,7 @@ def pressed_from_below(failure: FailureStory) -> bool:
     return failure.cause == "grasp.slipped" and (width or 0.0) > EMPTY_WIDTH and (load or 0.0) < -MIN_PUSH
 
 
-def why_it_left(case: Investigation, period: HeldPeriod) -> Finding | None:
+def explain_departure(case: Investigation, period: HeldPeriod) -> Finding | None:
     """Return why an item left the fingers; None where it was taken away."""
     item, true = period.item, period.true
     assert period.left is not None
@@ -288,19 +288,19 @@ def why_it_left(case: Investigation, period: HeldPeriod) -> Finding | None:
         return None
     lies = case.truth.tracks[true].before(end + 1.0)
     where = "" if lies is None else f"; it came to lie at {place(lies.pose.position)}"
-    told = f"truly it left the fingers {between(start, end)}{where}"
+    departure = f"truly it left the fingers {between(start, end)}{where}"
     until = [f"the robot believed that it held it until {seconds(period.end)}"] * (period.end - end > 1.0)
     found = _item_deviation(case, item, true, end) or _weak_grip(case, period)
     if found is not None:
-        return Finding(found.cause, found.about, found.title, (*found.reasons, told, *until), item, start,
-                       found.confidence)  # fmt: skip
+        reasons = (*found.reasons, departure, *until)
+        return Finding(found.cause, found.about, found.title, reasons, item, start, found.confidence)
     others = [p for p in case.once(held_periods) if p.true == true and p.left is None and p is not period]
     well = [f"it was held well at {listed_times([p.start for p in others])}"] if others else []
     if period.flung:
         title = f"{item} was knocked out of the hand {between(start, end)}"
-        reasons = (told, "it left faster than it can fall", *well, *until)
+        reasons = (departure, "it left faster than it can fall", *well, *until)
         return Finding("item.struck", true, title, reasons, item, start)
-    if (camera := seen_displaced(case, item, period.start)) is not None:
+    if (camera := explain_displaced_camera(case, item, period.start)) is not None:
         return camera  # it was gripped beside its middle
     sure: Confidence = "likely" if case.devices else "possible"
     title = f"{item} slid out of the fingers {between(start, end)}"
@@ -308,7 +308,7 @@ def why_it_left(case: Investigation, period: HeldPeriod) -> Finding | None:
     against = (
         ("how fast it left is not in the log: something may have knocked it out",) if period.unclear else ()
     )
-    return Finding("item.slipped", true, title, (told, *well, *until), item, start, sure, against)
+    return Finding("item.slipped", true, title, (departure, *well, *until), item, start, sure, against)
 
 
 def _item_deviation(case: Investigation, item: str, true: str, time: float) -> Finding | None:

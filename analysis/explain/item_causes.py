@@ -13,7 +13,7 @@ from picktree.world.scene import CameraDescription
 
 from .body_tracks import horizontal_distance
 from .case import Investigation
-from .device_causes import seen_displaced
+from .device_causes import explain_displaced_camera
 from .explanation import FailureStory, Finding, between, counted, distance, force, number, place, seconds
 from .held_items import EMPTY_WIDTH, grip_within, held_periods
 
@@ -49,7 +49,7 @@ class ItemDisplacement:
     """Distance from the place where it was last seen to its place in the end, m."""
 
 
-def wrong_location_cause(case: Investigation, failure: FailureStory) -> Finding | None:
+def explain_wrong_place(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding that the item was not at its believed place when the hand needed it; else None."""
     if failure.cause not in SEEK_FAILURES or not failure.item:
         return None
@@ -92,7 +92,7 @@ def _moved(
     now = None if moving is None else case.truth.tracks[true].before(max(moving.end, reached))
     if moving is None or now is None or horizontal_distance(now, believed) < MIN_ERROR:
         return None
-    pushed, told = by_the_arm(case, true, moving)
+    pushed, evidence = moved_by_arm(case, true, moving)
     verb = "the arm pushed it" if pushed else "it had moved"
     title = (
         f"{item} was not where it was believed to be: {verb} by {distance(moving.way)} "
@@ -105,7 +105,7 @@ def _moved(
     reasons.append(
         f"truly it was at {place(now.pose.position)}, {distance(horizontal_distance(now, believed))} away"
     )
-    reasons.append(told)
+    reasons.append(evidence)
     reasons += _felt_nothing(failure)
     cause = "item.pushed_by_arm" if pushed else "item.moved"
     lay = case.truth.tracks[true].before(moving.start)
@@ -144,7 +144,7 @@ def displacement_since(case: Investigation, true: str, seen: float, until: float
     return ItemDisplacement(rested, max(begun, rested), max(way, far))
 
 
-def by_the_arm(case: Investigation, true: str, moving: ItemDisplacement) -> tuple[bool, str]:
+def moved_by_arm(case: Investigation, true: str, moving: ItemDisplacement) -> tuple[bool, str]:
     """Return whether the arm moved the item, and the evidence for it."""
     track = case.truth.tracks[true]
     body, after = track.before(moving.start) or track.first, track.after(moving.end) or track.bodies[-1]
@@ -172,7 +172,7 @@ def by_the_arm(case: Investigation, true: str, moving: ItemDisplacement) -> tupl
     return True, f"the hand was {distance(nearest)} from it then, and felt {force(felt)}"
 
 
-def misjudged(case: Investigation, failure: FailureStory) -> Finding | None:
+def explain_misjudged_place(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding that a resting item was believed elsewhere all the time; else None."""
     true = case.pairs.get(failure.item)
     if true is None or failure.cause not in SEEK_FAILURES or failure.cause == "grasp.slipped":
@@ -186,7 +186,7 @@ def misjudged(case: Investigation, failure: FailureStory) -> Finding | None:
         or horizontal_distance(body, believed) < MIN_ERROR
     ):
         return None
-    if (camera := seen_displaced(case, failure.item, reached)) is not None:
+    if (camera := explain_displaced_camera(case, failure.item, reached)) is not None:
         return camera
     settled = _settled(case, failure.item, reached)
     reasons = (f"believed at {place(believed.pose.position)}, truly at {place(body.pose.position)}",)
@@ -219,7 +219,7 @@ def _seen_empty(case: Investigation, item: str, since: float) -> list[str]:
     return []
 
 
-def never_seen(case: Investigation, true: str) -> Finding:
+def explain_never_seen(case: Investigation, true: str) -> Finding:
     """Return the finding about a true item that was never believed to be there."""
     body = case.truth.tracks[true].first
     cameras = [c for c in case.scene.cameras if c.on == "world"] if case.scene else []
@@ -263,7 +263,7 @@ def size_of(case: Investigation, true: str, time: float) -> float:
     return float(np.median((high - low) / np.maximum(most - least, 1e-6)))
 
 
-def too_wide(case: Investigation, failure: FailureStory) -> Finding | None:
+def explain_too_wide(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding that the hand does not open wide enough for an item; else None."""
     if failure.cause != "grasp.no_candidate" or number(failure, "candidates") != 0:
         return None
@@ -286,7 +286,7 @@ def _least_width(shape: Shape, pose: Pose) -> float:
     return float(np.ptp(outline @ across.T, axis=0).min())
 
 
-def larger(case: Investigation, failure: FailureStory) -> Finding | None:
+def explain_wrong_size(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding that the item, or one in the way of its grasp, differs in size from its kind."""
     if failure.cause.startswith(SIZE_INDEPENDENT_CAUSES):
         return None
@@ -301,7 +301,7 @@ def larger(case: Investigation, failure: FailureStory) -> Finding | None:
     return None
 
 
-def another_size(case: Investigation, true: str) -> Finding | None:
+def explain_unrecognised_size(case: Investigation, true: str) -> Finding | None:
     """Return the finding that an item was not recognised because its size differs from its kind."""
     cameras = [camera for camera in case.scene.cameras if camera.on == "world"] if case.scene else []
     if not any(in_picture(camera, case.truth.tracks[true].first) for camera in cameras):
@@ -325,7 +325,7 @@ def _another_size(case: Investigation, true: str, item: str, factor: float) -> F
     return Finding("item.larger", true, title, tuple(reasons), item, None)
 
 
-def nothing_there(case: Investigation, failure: FailureStory) -> Finding | None:
+def explain_missing_item(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding that the failure's item, or one that it touched, never existed; else None."""
     phantoms = case.identities.phantoms
     if failure.cause.startswith(SIZE_INDEPENDENT_CAUSES):
@@ -359,7 +359,7 @@ def nothing_there(case: Investigation, failure: FailureStory) -> Finding | None:
     return Finding("perception.phantom", item, title, reasons, item, seen.time)
 
 
-def appeared(case: Investigation, true: str) -> Finding | None:
+def explain_late_arrival(case: Investigation, true: str) -> Finding | None:
     """Return the finding that a true item appeared after the last look, without the feed; else None."""
     first = case.truth.tracks[true].times[0]
     if first <= case.truth.times[0] + 1e-6 or case.believed.get(true):

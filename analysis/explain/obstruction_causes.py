@@ -46,7 +46,7 @@ ITEM_RANGE = 0.08
 """Distance from the hand within which an item was touched rather than an unknown obstacle next to it, m."""
 
 
-def touched(case: Investigation, failure: FailureStory) -> Finding | None:
+def explain_contact(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding about the body near the stopped hand; None when the cause is no contact."""
     stopped = failure.cause in STOP_FAILURES or pressed_from_below(failure)
     if not stopped and not (failure.cause.startswith("safety.") and case.obstacles_near(failure.time)):
@@ -150,14 +150,16 @@ APPROACH = 0.08
 """Height over a grasp, or a bin, at which the hand's descent begins, m."""
 
 
-def no_way_to_bin(case: Investigation, failure: FailureStory, refused: int, total: int) -> Finding | None:
+def explain_unreachable_bin(
+    case: Investigation, failure: FailureStory, refused: int, total: int
+) -> Finding | None:
     """Return the finding that no grasp leads to the item's bin: it is full, covered, or out of reach."""
     lies = case.last_believed(failure)
     target = case.bins.get(case.destination(lies)) if lies else None
     reasons = (f"from {refused} of {total} grasps {failure.item} {PLACEMENT_REFUSAL}",)
     if lies is None or target is None:
         return None
-    full = full_bin(case, failure, str(target.id), reasons)
+    full = explain_full_bin(case, failure, str(target.id), reasons)
     if full is not None:
         return full
     over = fixture_above(case, target)
@@ -182,7 +184,7 @@ def no_way_to_bin(case: Investigation, failure: FailureStory, refused: int, tota
     return Finding("bin.hemmed_in", str(target.id), title, reasons, failure.item, failure.time)
 
 
-def full_bin(
+def explain_full_bin(
     case: Investigation, failure: FailureStory, bin_id: str, reasons: tuple[str, ...] = ()
 ) -> Finding | None:
     """Return the finding that the believed items leave no free spot in the bin; else None."""
@@ -200,8 +202,11 @@ def full_bin(
         f"{bin_id} was full when {failure.item} was to go there: {counted(len(inside), 'item')} "
         f"{'lies' if len(inside) == 1 else 'lie'} in it, and it measures {size} cm"
     )
-    told = (*reasons, f"in it at {seconds(failure.time)}: {listed([b.id for b in inside], 8) or 'nothing'}")
-    return Finding("bin.full", bin_id, title, told, failure.item, failure.time)
+    evidence = (
+        *reasons,
+        f"in it at {seconds(failure.time)}: {listed([b.id for b in inside], 8) or 'nothing'}",
+    )
+    return Finding("bin.full", bin_id, title, evidence, failure.item, failure.time)
 
 
 def _object(body: log_records.BodyRecord) -> BeliefObject:
@@ -225,14 +230,14 @@ COLLISION_PAIR = re.compile(r"(\S+) (?:only )?[\d.]+ mm (?:deep in|from) (\S+)")
 UNREACHABLE = "is out of reach or in collision"
 
 
-def obstruction_cause(case: Investigation, failure: FailureStory) -> Finding | None:
+def explain_obstruction(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding about a failed plan or choice of grasps; None for other causes, or without
     evidence."""
     match failure.cause:
         case "grasp.no_candidate":
             return _held_another(failure) or _no_grasp(case, failure)
         case "place.full":
-            return full_bin(case, failure, word(failure, "bin"))
+            return explain_full_bin(case, failure, word(failure, "bin"))
         case "place.occupied":
             return _occupied(case, failure)
         case "planning.budget":
@@ -297,7 +302,7 @@ def _no_grasp(case: Investigation, failure: FailureStory) -> Finding | None:
             if rejection.by:
                 hindered[rejection.by] += count
     if nowhere >= max(far, touched.total()):
-        return no_way_to_bin(case, failure, nowhere, total)
+        return explain_unreachable_bin(case, failure, nowhere, total)
     if far >= touched.total():
         return _far(case, failure, choice, far, total, hindered)
     tried = tuple(

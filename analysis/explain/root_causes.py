@@ -1,8 +1,8 @@
-"""Root causes: what the failures, and the items that are not where they belong, ultimately came from.
+"""Root causes of failures, and of items that are not at their destination.
 
-The search begins at the end: with each item that is not where it belongs, and each failure that cost time. Of
-each it asks the same questions in one order (`QUESTIONS`): the first that the log answers is its finding.
-Findings alike are one root cause, ranked by what it cost: items first, then seconds.
+The search begins at the end: with each item that is not at its destination, and each failure that cost time.
+For each it runs the same detectors in one order (`FAILURE_DETECTORS`); the first result is its finding. Equal
+findings are one root cause, ranked by its cost: items first, then seconds.
 """
 
 from __future__ import annotations
@@ -20,10 +20,28 @@ from .case import Investigation
 from .device_causes import device_findings
 from .explanation import ExplainedOutcome, FailureStory, Finding, RootCause, seconds
 from .held_items import explain_drop, explain_overweight, held_periods, pressed_from_below
-from .item_causes import larger, misjudged, nothing_there, too_wide, wrong_location_cause
-from .obstruction_causes import obstruction_cause, touched
-from .run_endings import by_the_mission, goal_missed, out_of_order, run_ended, unacknowledged
-from .unsorted_items import after_wrong_bin, crushed, left_in_tote, placed_at, why_not_sorted
+from .item_causes import (
+    explain_misjudged_place,
+    explain_missing_item,
+    explain_too_wide,
+    explain_wrong_place,
+    explain_wrong_size,
+)
+from .obstruction_causes import explain_contact, explain_obstruction
+from .run_endings import (
+    explain_missed_goal,
+    explain_missing_grasp,
+    explain_mission_error,
+    explain_run_end,
+    explain_unacknowledged_stop,
+)
+from .unsorted_items import (
+    explain_crushed_item,
+    explain_left_in_tote,
+    explain_unsorted,
+    explain_wrong_bin,
+    placed_at,
+)
 
 DISPLACEMENT_CAUSES = frozenset(
     {"item.moved", "item.left_bin", "item.pushed_by_arm", "item.struck",
@@ -38,10 +56,10 @@ RUN_CAUSES = frozenset(
 MIN_SHARE = 0.2
 """Least share of a timed-out run that the failures must have cost to be the reason of the timeout."""
 
-Question: TypeAlias = Callable[[Investigation, FailureStory], Finding | None]
+FailureDetector: TypeAlias = Callable[[Investigation, FailureStory], Finding | None]
 
 
-def device(case: Investigation, failure: FailureStory) -> Finding | None:
+def explain_device_fault(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding about a faulty device that covers the failure: sensor, joint, fingers or planner."""
     return next(
         (
@@ -53,29 +71,33 @@ def device(case: Investigation, failure: FailureStory) -> Finding | None:
     )
 
 
-def pressed(case: Investigation, failure: FailureStory) -> Finding | None:
+def explain_push_from_below(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding about the body that bore the weight of an item reported as slipped; else None."""
-    return touched(case, failure) if pressed_from_below(failure) else None
+    return explain_contact(case, failure) if pressed_from_below(failure) else None
 
 
-QUESTIONS: Final[tuple[Question, ...]] = (
-    device,                # is it common to several failures?
-    left_in_tote,
-    by_the_mission,        # what does the failure say by itself?
-    out_of_order,          # was it the item's turn?
-    larger,                # what was the item truly,
-    too_wide,
+FAILURE_DETECTORS: Final[tuple[FailureDetector, ...]] = (
+    # Device faults, which several failures may share, and failures whose own message names the cause.
+    explain_device_fault,
+    explain_left_in_tote,
+    explain_mission_error,
+    explain_missing_grasp,
+    # True properties of the item, and its true existence.
+    explain_wrong_size,
+    explain_too_wide,
     explain_overweight,
-    nothing_there,         # and what was it believed to be?
-    pressed,               # what was felt?
-    explain_drop,         # did it leave the hand?
-    wrong_location_cause,  # where was it truly, and where did truth and belief part?
-    after_wrong_bin,
-    obstruction_cause,     # what was in the way?
-    misjudged,
-    unacknowledged,
-    touched,
-)  # fmt: skip
+    explain_missing_item,
+    # Forces, and the loss of the item from the hand.
+    explain_push_from_below,
+    explain_drop,
+    # True and believed place, obstructions, contacts.
+    explain_wrong_place,
+    explain_wrong_bin,
+    explain_obstruction,
+    explain_misjudged_place,
+    explain_unacknowledged_stop,
+    explain_contact,
+)
 """Detectors of a failure's cause, in this order; the first finding counts."""
 
 
@@ -111,7 +133,7 @@ def root_causes_of(
         finding = _why_unsorted(case, true, by_failure)
         if finding is not None:
             group(finding).items[true] = None
-    ending = run_ended(case, outcome) or (goal_missed(case, outcome) if not groups else None)
+    ending = explain_run_end(case, outcome) or (explain_missed_goal(case, outcome) if not groups else None)
     if ending is not None:
         group(ending)
     costs = _costs(case, by_failure)
@@ -132,7 +154,7 @@ def _findings_by_failure(case: Investigation) -> Mapping[int, Finding]:
         if failure.because_of is not None and failure.because_of not in case.once(_answered_instead):
             finding = found[failure.because_of]
         else:
-            answers = (question(case, failure) for question in QUESTIONS)
+            answers = (detect(case, failure) for detect in FAILURE_DETECTORS)
             finding = next(
                 (answer for answer in answers if answer is not None), _failure_message_finding(failure)
             )
@@ -204,11 +226,11 @@ SETTLING_TIME = 0.4
 
 def _why_unsorted(case: Investigation, true: str, by_failure: Mapping[int, Finding]) -> Finding | None:
     """Return the finding about an item that is not at its destination, by its last placement or failure."""
-    if (broken := crushed(case, true)) is not None:
+    if (broken := explain_crushed_item(case, true)) is not None:
         return _why_crushed(case, true, broken, by_failure)
     names = case.believed.get(true, ())
     done = placed_at(case, true)
-    if done is not None and (answer := why_not_sorted(case, true)) is not None:
+    if done is not None and (answer := explain_unsorted(case, true)) is not None:
         after = [f for f in case.failures if f.item in names and f.fate != "cured" and f.time > done]
         if not after or answer.cause in ("mission.wrong_bin", "perception.mistaken"):
             return answer
@@ -219,10 +241,10 @@ def _why_unsorted(case: Investigation, true: str, by_failure: Mapping[int, Findi
     ]
     sure = [finding for finding, _ in to_blame if finding.confidence != "the log does not tell"]
     unsure = [finding for finding, answered in to_blame if not answered]
-    answer = next(reversed(sure or unsure), None) or why_not_sorted(case, true)
+    answer = next(reversed(sure or unsure), None) or explain_unsorted(case, true)
     if answer is not None and answer.cause == "mission.not_tried":  # a stop may have taken its time
         stopped = [f for f in case.failures if f.cause == "tree.timeout" and f.fate != "cured"]
-        return by_failure[stopped[-1].number] if stopped else why_not_sorted(case, true)
+        return by_failure[stopped[-1].number] if stopped else explain_unsorted(case, true)
     return _unseen(case, answer) if answer is not None and answer.cause == "item.never_seen" else answer
 
 
@@ -285,7 +307,7 @@ def _root(
     missed = outcome.status == "incomplete" and (bool(group.items) or first.cause.startswith("goal."))
     alike = [f for f in group.findings if f.item and f.item != first.item and f.item not in first.title]
     others = list(dict.fromkeys(f.item for f in alike))
-    broken = (crushed(case, true) for true in group.items if first.cause != "item.crushed")
+    broken = (explain_crushed_item(case, true) for true in group.items if first.cause != "item.crushed")
     harm = [each.title for each in broken if each is not None]
     also = [f"so it was with {', '.join(others)}, too"] if others else []
     return RootCause(

@@ -16,12 +16,12 @@ from .explanation import ExplainedOutcome, FailureStory, Finding, counted, numbe
 from .held_items import held_periods
 
 
-def run_ended(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
+def explain_run_end(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
     """Return the finding about a run's end that the mission did not decide; else None."""
     match outcome.status:
         case "timeout":
             running = [v for v in case.family.visits if v.outcome == "RUNNING"]
-            hung = next((found for v in _leaves(case, running) if (found := hang(case, v))), None)
+            hung = next((found for v in _leaves(case, running) if (found := explain_hang(case, v))), None)
             title = f"the run was ended at its limit of simulated time, {seconds(outcome.end)}"
             return hung or Finding("run.limit", "", title, _under_way(case), "", outcome.end)
         case "interrupted":
@@ -57,7 +57,7 @@ def _goal(case: Investigation) -> str:
     return "" if goal is None else str(goal.value)
 
 
-def goal_missed(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
+def explain_missed_goal(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
     """Return the finding that the goal is missed although every item is at its destination; else None."""
     if outcome.status != "incomplete":
         return None
@@ -69,7 +69,7 @@ def goal_missed(case: Investigation, outcome: ExplainedOutcome) -> Finding | Non
     )
 
 
-def by_the_mission(case: Investigation, failure: FailureStory) -> Finding | None:
+def explain_mission_error(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding about a failure that the mission, or the program, caused by itself; else None."""
     match failure.cause:
         case "tree.timeout":
@@ -96,7 +96,7 @@ def _end_of_trace(failure: FailureStory) -> tuple[str, ...]:
     return tuple(line.strip() for line in trace[max(last, 0) :] if line.strip(" ^~"))
 
 
-def out_of_order(case: Investigation, failure: FailureStory) -> Finding | None:
+def explain_missing_grasp(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding that a node was to place an item that no node had grasped; else None."""
     if failure.cause != "grasp.slipped" or failure.evidence.get("held", "") is not None:
         return None
@@ -127,8 +127,8 @@ def _under_way(case: Investigation) -> tuple[str, ...]:
     last = case.run.log.tick_at(case.run.last_tick)
     messages = {} if last is None else {node.path: node.message for node in last.record.nodes}
     spans = {v.number: [f"for {v.duration:.1f} s", messages.get(v.path, "")] for v in running}
-    told = [f"{v.name_and_item} ({', '.join(filter(None, spans[v.number]))})" for v in running]
-    return (*reasons, f"what ran then: {listed(told, 5)}") if told else tuple(reasons)
+    nodes = [f"{v.name_and_item} ({', '.join(filter(None, spans[v.number]))})" for v in running]
+    return (*reasons, f"what ran then: {listed(nodes, 5)}") if nodes else tuple(reasons)
 
 
 def _pending_question(case: Investigation) -> tuple[str, ...]:
@@ -136,10 +136,10 @@ def _pending_question(case: Investigation) -> tuple[str, ...]:
     result = case.run.result
     if result is None or result.asked is None:
         return ()
-    asked = result.asked
+    question = result.asked
     return (
-        f"{asked.node} asks: {asked.reason}",
-        f"it takes one of these answers: {', '.join(asked.choices)}",
+        f"{question.node} asks: {question.reason}",
+        f"it takes one of these answers: {', '.join(question.choices)}",
         f"continue with: {result.goes_on()}",
     )
 
@@ -160,8 +160,8 @@ def _condition(case: Investigation) -> Finding | None:
             break
         visit = below[-1]
     ports = case.ports(visit.path)
-    asked = ports.get("if", "") or visit.message or visit.name
-    title = f"a condition did not hold, and the mission ends there: {asked}"
+    condition = ports.get("if", "") or visit.message or visit.name
+    title = f"a condition did not hold, and the mission ends there: {condition}"
     reasons = (f"{visit.path} was asked at {seconds(visit.end)}",)
     return Finding("tree.condition", visit.path, title, reasons, visit.item, visit.end)
 
@@ -174,7 +174,7 @@ MIN_MOTION = 1e-3
 """Least motion of a joint within a tick that counts as activity, rad or m."""
 
 
-def hang(case: Investigation, visit: node_visits.Visit) -> Finding | None:
+def explain_hang(case: Investigation, visit: node_visits.Visit) -> Finding | None:
     """Return the finding that a skill showed no activity long before it was halted; else None."""
     if visit.id in WAIT_SKILLS or case.family.children(visit) or visit.duration < HANG_TIME:
         return None
@@ -215,7 +215,7 @@ def _timeout(case: Investigation, failure: FailureStory) -> Finding:
         if v.outcome == node_visits.HALTED and v.last == visit.last and case.family.within(v, visit)
     ]
     leaves = _leaves(case, halted) or [visit]
-    hung = next((found for leaf in leaves if (found := hang(case, leaf)) is not None), None)
+    hung = next((found for leaf in leaves if (found := explain_hang(case, leaf)) is not None), None)
     if hung is not None:
         return hung
     allowed = number(failure, "seconds")
@@ -247,7 +247,7 @@ def _timeout(case: Investigation, failure: FailureStory) -> Finding:
     return Finding("tree.timeout", visit.path, title, tuple(reasons), failure.item, failure.time)
 
 
-def unacknowledged(case: Investigation, failure: FailureStory) -> Finding | None:
+def explain_unacknowledged_stop(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding that an unacknowledged safety stop blocked a motion; else None."""
     stops = case.events(event_types.SafetyStopEvent, end=failure.time)
     if failure.cause != "safety.stop" or not stops:

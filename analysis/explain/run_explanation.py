@@ -137,13 +137,13 @@ def _belief(case: Investigation, failure: FailureStory) -> list[str]:
     if believed is None:
         return [f"belief: {failure.item} is not known"]
     where = "in the hand" if believed.attached else f"at {place(believed.pose.position)}"
-    told = [f"belief: {failure.item} {where}, last seen at {seconds(believed.last_seen)}"]
+    sentences = [f"belief: {failure.item} {where}, last seen at {seconds(believed.last_seen)}"]
     if true is not None and _gone(case, failure, true):
-        told.append(f"truth: {failure.item} is nowhere any more")
+        sentences.append(f"truth: {failure.item} is nowhere any more")
     elif really is not None and horizontal_distance(really, believed) > MIN_ERROR:
         off = distance(horizontal_distance(really, believed))
-        told.append(f"truth: {failure.item} at {place(really.pose.position)}, {off} from the belief")
-    return told
+        sentences.append(f"truth: {failure.item} at {place(really.pose.position)}, {off} from the belief")
+    return sentences
 
 
 def _really(case: Investigation, failure: FailureStory, true: str) -> log_records.BodyRecord | None:
@@ -161,8 +161,8 @@ def _gone(case: Investigation, failure: FailureStory, true: str) -> bool:
 
 def _hand(case: Investigation, failure: FailureStory) -> list[str]:
     gripper = case.run.gripper
-    told = number(failure, "width") is not None or not failure.cause.startswith(_IN_MOTION)
-    if told or not len(gripper.times):
+    known = number(failure, "width") is not None or not failure.cause.startswith(_IN_MOTION)
+    if known or not len(gripper.times):
         return []
     at = max(int((gripper.times <= failure.time + 1e-6).sum()) - 1, 0)
     width = float(gripper.widths[at])
@@ -442,13 +442,13 @@ def _happened(at: Stamped[JournalEvent], known_as: str) -> list[ItemEvent]:
         case event_types.PickEvent() if event.held:
             return [ItemEvent(at.time, f"held{known_as}{_felt(event)}", event.node)]
         case event_types.ItemDoneEvent():
-            told = f"placed into {event.into}" if event.into else "put down"
-            return [ItemEvent(at.time, f"{told}{known_as}", event.node)]
+            text = f"placed into {event.into}" if event.into else "put down"
+            return [ItemEvent(at.time, f"{text}{known_as}", event.node)]
         case event_types.SetAsideEvent():
             return [ItemEvent(at.time, "set aside: left where it lies", event.node)]
         case BeliefEvent():
-            told = _change(event)
-            return [ItemEvent(at.time, f"{told}{known_as}")] if told else []
+            text = _change(event)
+            return [ItemEvent(at.time, f"{text}{known_as}")] if text else []
         case _:
             return []
 
@@ -491,10 +491,10 @@ def outcome_of(case: Investigation, visits: Sequence[node_visits.Visit]) -> Expl
         counts += f", {items.left} left"
     aside = {at.record.object for at in case.events(event_types.SetAsideEvent)}
     elsewhere = {at.record.object for at in case.events(event_types.ItemDoneEvent) if not at.record.into}
-    told = [f"{len(aside)} set aside"] * bool(aside) + [f"{len(elsewhere)} put down elsewhere"] * bool(
+    others = [f"{len(aside)} set aside"] * bool(aside) + [f"{len(elsewhere)} put down elsewhere"] * bool(
         elsewhere
     )
-    counts += f" (the robot: {', '.join(told)})" if told else ""
+    counts += f" (the robot: {', '.join(others)})" if others else ""
     sentence = {
         "success": f"the mission succeeded and its goal is reached: {counts}",
         "incomplete": f"the mission ended in SUCCESS, but its goal is missed: {counts}",
@@ -595,9 +595,9 @@ def key_moments(
     for cause in causes:
         first = failures[cause.failures[0]] if cause.failures else None
         watch = HINTS.get(cause.cause, "")
-        told = f"{cause.item}: {watch}" if watch and cause.item else watch
+        title = f"{cause.item}: {watch}" if watch and cause.item else watch
         if cause.time is not None and cause.time > 0.0:
-            add(KeyMoment(cause.time, told or cause.title, first.number if first else None))
+            add(KeyMoment(cause.time, title or cause.title, first.number if first else None))
         if first is not None:
             add(KeyMoment(first.time, f"{first.name_and_item} fails: {first.cause}", first.number))
     for failure in failures:

@@ -14,10 +14,16 @@ from picktree.world import Pose, event_types, extents, grasp, heap_geometry
 from picktree.world.scene import Bin, destinations
 
 from .case import Investigation
-from .device_causes import hidden_by_arm
+from .device_causes import explain_hidden_by_arm
 from .explanation import FailureStory, Finding, between, counted, distance, place, seconds, times
 from .held_items import held_periods
-from .item_causes import ABSENCE_TEXT, another_size, appeared, displacement_since, never_seen
+from .item_causes import (
+    ABSENCE_TEXT,
+    displacement_since,
+    explain_late_arrival,
+    explain_never_seen,
+    explain_unrecognised_size,
+)
 
 THING_RADIUS = 0.035
 """Distance from a thing's centre within which grasps and failed closings belong to it, m."""
@@ -48,7 +54,7 @@ class Remainder:
         return f"{self.name} at {self.at}: {self.state}; {self.tried}"
 
 
-def left_in_tote(case: Investigation, failure: FailureStory) -> Finding | None:
+def explain_left_in_tote(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return what was left in the tote when the last search for grasps in it failed, before it was exchanged.
 
     None when the failure is no such search.
@@ -58,7 +64,7 @@ def left_in_tote(case: Investigation, failure: FailureStory) -> Finding | None:
     return case.once(_left_in_totes).get(_delivery(case, failure))
 
 
-def why_left(case: Investigation, true: str) -> Finding | None:
+def explain_left_thing(case: Investigation, true: str) -> Finding | None:
     """Return the finding about a thing left in a tote, from the last search for grasps there."""
     found = reversed(case.once(_left_in_totes).values())
     return next((one for one in found if any(f"({true})" in reason for reason in one.reasons)), None)
@@ -194,16 +200,16 @@ PUSH_RANGE = 0.35
 """Greatest distance of an item pushed out of a bin one second later, m."""
 
 
-def why_not_sorted(case: Investigation, true: str) -> Finding | None:
+def explain_unsorted(case: Investigation, true: str) -> Finding | None:
     """Return the finding about an item that the scorer calls left or misplaced; None without evidence."""
     if not case.believed.get(true):
         return (
             _gone_before_seen(case, true)
-            or why_left(case, true)
-            or appeared(case, true)
-            or another_size(case, true)
-            or hidden_by_arm(case, true)
-            or never_seen(case, true)
+            or explain_left_thing(case, true)
+            or explain_late_arrival(case, true)
+            or explain_unrecognised_size(case, true)
+            or explain_hidden_by_arm(case, true)
+            or explain_never_seen(case, true)
         )
     done = _placed(case, true)
     if done is None:
@@ -223,7 +229,7 @@ def why_not_sorted(case: Investigation, true: str) -> Finding | None:
     )
 
 
-def crushed(case: Investigation, true: str) -> Finding | None:
+def explain_crushed_item(case: Investigation, true: str) -> Finding | None:
     """Return the finding that a finger crushed an item, which is lost at any place; else None."""
     found = [at.record for at in case.events(event_types.CrushedEvent) if at.record.object == true]
     if not found:
@@ -239,7 +245,7 @@ def crushed(case: Investigation, true: str) -> Finding | None:
     return Finding("item.crushed", true, title, reasons, item, first.time)
 
 
-def after_wrong_bin(case: Investigation, failure: FailureStory) -> Finding | None:
+def explain_wrong_bin(case: Investigation, failure: FailureStory) -> Finding | None:
     """Return the finding that the item was placed in a wrong bin before the failure; else None."""
     true = case.pairs.get(failure.item)
     done = None if true is None else _placed(case, true, failure.time)
@@ -293,9 +299,9 @@ def _put_elsewhere(case: Investigation, true: str, item: str, node: str, time: f
     belongs = case.destination(case.truth.tracks[true].last)
     lies = place(case.truth.tracks[true].last.pose.position)
     title = f"the mission puts {item} down at {lies}, and it belongs into {belongs or 'no bin'}"
-    told = case.ports(node)
+    ports = case.ports(node)
     reasons = (
-        (f"{node} has at: {told['at']}",) if "at" in told else (f"{node} put it down at {seconds(time)}",)
+        (f"{node} has at: {ports['at']}",) if "at" in ports else (f"{node} put it down at {seconds(time)}",)
     )
     return Finding("mission.put_elsewhere", node, title, reasons, item, time)
 
@@ -312,8 +318,8 @@ def _set_aside(case: Investigation, true: str) -> Finding | None:
 
 def _wrong_bin(case: Investigation, true: str, item: str, into: str, node: str) -> Finding | None:
     real = case.truth.tracks[true].bodies[-1]
-    told = case.ports(node).get("into", "")
-    believed = _believed_for(case, item, into if "{" in told else "")
+    into_port = case.ports(node).get("into", "")
+    believed = _believed_for(case, item, into if "{" in into_port else "")
     belongs = case.destination(real)
     if not into or not belongs or destinations.is_at(into, belongs):
         return None
@@ -337,7 +343,7 @@ def _wrong_bin(case: Investigation, true: str, item: str, into: str, node: str) 
     name = node.rsplit("/", 1)[-1]
     title = f"the mission takes items into {into} that belong into {belongs}: {name} of {item} says so"
     reasons = (
-        f"{node} has into: {told}" if told else f"{node} placed it into {into}",
+        f"{node} has into: {into_port}" if into_port else f"{node} placed it into {into}",
         f"by the scene's rules a {real.colour} {real.kind} belongs into {belongs}",
     )
     return Finding("mission.wrong_bin", node, title, reasons, item, None)

@@ -197,13 +197,13 @@ class RunRow:
 
 def run_rows(run: Run) -> Iterator[RunRow]:
     """Yield the settings of the run and its result."""
-    told = asdict(run.info)
+    settings = asdict(run.info)
     groups = {"parameter": "parameters", "physics": "physics", "version": "versions"}
-    for key, value in told.items():
+    for key, value in settings.items():
         if key not in groups.values():
             yield RunRow(key, str(value))
     for prefix, group in groups.items():
-        for key, value in told[group].items():
+        for key, value in settings[group].items():
             yield RunRow(f"{prefix}.{key}", str(value))
     yield RunRow("format", str(run.log.format))
     yield RunRow("end", repr(run.end))
@@ -350,11 +350,11 @@ def wrenches(run: Run) -> Iterator[WrenchRow]:
 
 def controls(run: Run) -> Iterator[ControlRow]:
     for at in run.log.controls():
-        told = at.record
+        control = at.record
         for k, joint in enumerate(run.joints.names[: run.controls.references.shape[1]]):
-            reference = told.reference[k] if told.reference else None
+            reference = control.reference[k] if control.reference else None
             yield ControlRow(
-                at.time, told.controller, joint, reference, told.error[k] if told.error else None
+                at.time, control.controller, joint, reference, control.error[k] if control.error else None
             )
 
 

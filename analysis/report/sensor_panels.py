@@ -165,10 +165,10 @@ def pack_plots(run: Run) -> Section:
 def plots_of(run: Run) -> tuple[CurvePlot, ...]:
     """Return all plots in full; without data in the log, a plot has no curves."""
     arm, fingers = run.joint_names
-    joints, told = run.joints, run.controls
+    joints, controls = run.joints, run.controls
     return (
         *_joint_plots(joints, arm),
-        _tracking(joints, told),
+        _tracking(joints, controls),
         *_wrench_plots(run.wrenches),
         *_gripper_plots(joints, fingers),
     )

@@ -182,12 +182,12 @@ class Batch:
         waiting = deque((job, 1 + tried.get(job.id, 0)) for job in jobs if job.id in to_do)
         onlooker.started(len(self.jobs), self.store.recorded(), executor.slots)
         under_way: dict[str, JobOrder] = {}
-        told: Stop = "no"
+        reported: Stop = "no"
         while waiting or under_way:
-            if self._stop != told:
-                told = self._stop
+            if self._stop != reported:
+                reported = self._stop
                 onlooker.stopping(len(under_way))
-                if told == "now":
+                if reported == "now":
                     executor.stop()
             while self._stop == "no" and waiting and len(under_way) < executor.slots:
                 if not self._room():
@@ -197,7 +197,7 @@ class Batch:
                 job, attempt = waiting.popleft()
                 under_way[job.id] = order = self._begun(job, attempt)
                 executor.submit(order)
-            if not under_way and told != "no":
+            if not under_way and reported != "no":
                 break
             for event in executor.wait(_STOP_CHECK_PERIOD):
                 order = under_way.pop(event.order.job)

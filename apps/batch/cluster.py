@@ -252,5 +252,7 @@ def reason(error: RayError, node: ClusterNode) -> str:
     if "its node has died" in str(error):
         return f"the node {node.address} is gone"
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    told = next((line for line in lines if line.startswith(("ModuleNotFoundError", "ImportError"))), "")
-    return told or f"its worker on the node {node.address} is gone"
+    import_error = next(
+        (line for line in lines if line.startswith(("ModuleNotFoundError", "ImportError"))), ""
+    )
+    return import_error or f"its worker on the node {node.address} is gone"

@@ -338,13 +338,13 @@ async def _serve(batch: Connection, settings: ClusterSettings) -> None:
     gone = asyncio.Event()
     loop = asyncio.get_running_loop()
 
-    def hear(said: Said | None) -> None:
-        if said is None:
+    def hear(message: Said | None) -> None:
+        if message is None:
             gone.set()
-        elif said == STOP:
+        elif message == STOP:
             crew.stop()
         else:
-            crew.give(said)
+            crew.give(message)
 
     threading.Thread(target=_listen, args=(batch, loop, hear), daemon=True).start()
     service = asyncio.create_task(_work(crew))
@@ -366,12 +366,12 @@ def _listen(batch: Connection, loop: asyncio.AbstractEventLoop, hear: Callable[[
     """Wait for messages of the batch, in a separate thread."""
     while True:
         try:
-            said: Said | None = batch.recv()
+            message: Said | None = batch.recv()
         except (EOFError, OSError):
-            said = None
+            message = None
         with suppress(RuntimeError):  # the loop is over
-            loop.call_soon_threadsafe(hear, said)
-        if said is None:
+            loop.call_soon_threadsafe(hear, message)
+        if message is None:
             threading.Timer(_LEAVE_TIME_LIMIT, os._exit, (1,)).start()
             return
 

@@ -102,8 +102,8 @@ def last_place(folder: Path) -> str:
             text = file.read().decode(errors="replace")
     except OSError:
         return ""
-    _, fault, said = text.rpartition("Fatal Python error: ")
-    frames = list(_FRAME.finditer(said)) if fault else []
+    _, fault, report = text.rpartition("Fatal Python error: ")
+    frames = list(_FRAME.finditer(report)) if fault else []
     if not frames:
         return ""
     return _named([(frame["file"], frame["line"], frame["name"]) for frame in frames])
@@ -204,9 +204,9 @@ def run_attempt(order: JobOrder) -> Event:
         return JobFailed(order, _one_line(str(error)))
     except BaseException as error:  # noqa: BLE001 - one job's fault must not cost another
         traceback.print_exc(file=sys.stderr)
-        said = _one_line(str(error))
+        message = _one_line(str(error))
         place = place_of(error)
-        return JobFailed(order, f"{type(error).__name__}{f': {said}' if said else ''}, at {place}")
+        return JobFailed(order, f"{type(error).__name__}{f': {message}' if message else ''}, at {place}")
     return JobFinished(order)
 
 
@@ -282,9 +282,9 @@ class JobProcess:
                 self._kill(signal.SIGKILL)
         how = self._how()
         self._clear()  # before listening: what is left holds the other end, too
-        said = self._said()
-        if said is not None:
-            return said
+        message = self._said()
+        if message is not None:
+            return message
         place = last_place(self._order.folder)
         return JobFailed(self._order, f"{reason or how}, at {place}" if place else reason or how)
 

@@ -198,12 +198,12 @@ class LocalExecutor:
         """Return the events of a worker's message, or of its loss."""
         with suppress(EOFError, OSError):
             if worker.orders.poll():
-                said: Event | str = worker.orders.recv()
-                if isinstance(said, str):
-                    assert said == READY
+                message: Event | str = worker.orders.recv()
+                if isinstance(message, str):
+                    assert message == READY
                     return []
                 worker.order = None
-                return [said]
+                return [message]
         return [] if worker.process.exitcode is None else self._gone(worker, worker.process.exitcode)
 
     def _kill_overdue(self) -> None:

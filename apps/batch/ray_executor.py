@@ -243,9 +243,9 @@ class RayExecutor:
             )
         return Connection(ours.detach()), process
 
-    def _say(self, said: Said | ClusterSettings) -> None:
+    def _say(self, message: Said | ClusterSettings) -> None:
         with suppress(OSError):  # `wait` finds out
-            self._batch.send(said)
+            self._batch.send(message)
 
     def _heard(self, seconds: float) -> News | None:
         """Return the next message; None: none within that time. Raises PicktreeError when the cluster is

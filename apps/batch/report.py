@@ -135,14 +135,14 @@ def _case(job: Job, row: JobRow | None) -> JunitCase:
     label, name = job.variant.label or job.variant.mission.stem, f"seed {job.seed}"
     if row is None:
         return JunitCase(label, name, outcome="skipped", message="the job has not run")
-    told = [f"job {job.id}: {row.status}" + (f": {row.message}" if row.message else "")]
+    lines = [f"job {job.id}: {row.status}" + (f": {row.message}" if row.message else "")]
     if row.sim_seconds is not None:
         items = f"{row.items_sorted} of {row.items_total} items sorted"
-        told.append(f"{items} in {row.sim_seconds:g} simulated s")
+        lines.append(f"{items} in {row.sim_seconds:g} simulated s")
     pointers = (("root cause", row.root_cause), ("look at", row.look_at), ("run", row.folder))
-    told += [f"{what}: {value}" for what, value in pointers if value]
+    lines += [f"{what}: {value}" for what, value in pointers if value]
     outcome = _OUTCOMES.get(row.status, "failure")
-    text, passed = "\n".join(told), outcome == "passed"
+    text, passed = "\n".join(lines), outcome == "passed"
     return JunitCase(
         label,
         name,

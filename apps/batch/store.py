@@ -112,20 +112,20 @@ def _connection(path: Path) -> sqlite3.Connection:
 
 def _error_words(error: Exception) -> str:
     """Return the error's text, with the nearest valid name for an unknown table or column."""
-    said = str(error)
-    missing, _, name = said.partition(": ")
+    message = str(error)
+    missing, _, name = message.partition(": ")
     match missing:
         case "no such table":
             known = [*(table.name for table in TABLES), *(view.name for view in VIEWS)]
-            return f"{said} ({suggest_name(name, known)})"
+            return f"{message} ({suggest_name(name, known)})"
         case "no such column":
             columns = sorted({column.name for table in TABLES for column in table.columns})
             hint = suggest_name(name.rpartition(".")[2], columns)
-            return f"{said} ({hint})" if hint.startswith("did") else said  # there are too many to list
+            return f"{message} ({hint})" if hint.startswith("did") else message  # there are too many to list
         case "attempt to write a readonly database":
             return "it would change the results; a query only reads them"
         case _:
-            return said
+            return message
 
 
 def _plain(value: object) -> object:
@@ -348,8 +348,8 @@ class ExportedTables:
 
     def to_json_text(self) -> str:
         tables = {path.stem: count for path, count in self.rows.items()}
-        said = {"to": self.form, "output": str(self.output.absolute()), "tables": tables}
-        return json.dumps(said, ensure_ascii=False, indent=2) + "\n"
+        values = {"to": self.form, "output": str(self.output.absolute()), "tables": tables}
+        return json.dumps(values, ensure_ascii=False, indent=2) + "\n"
 
 
 def export(store: Store, form: table_files.TableForm, output: Path) -> ExportedTables:

@@ -334,13 +334,13 @@ def video(
 
 def _film_progress(line: StatusLine) -> Callable[[int, int], None]:
     """Return a function that shows the number of frames and the remaining time."""
-    began = said = time.monotonic()
+    began = last_report = time.monotonic()
 
     def tell(done: int, count: int) -> None:
-        nonlocal said
+        nonlocal last_report
         now = time.monotonic()
-        if now - said > 0.3 and done < count:
-            said = now
+        if now - last_report > 0.3 and done < count:
+            last_report = now
             line.say(f"frame {done} of {count}, {(now - began) / done * (count - done):.0f} s left")
 
     return tell

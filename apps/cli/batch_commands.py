@@ -136,7 +136,7 @@ def run(
             _carry_out(resumed, hands, answer, junit)
         return
     if plan is not None:
-        asked = load_plan(plan)
+        batch_plan = load_plan(plan)
     else:
         options = {
             "scenes": scene,
@@ -150,9 +150,9 @@ def run(
             "disk": disk,
             "keep": keep,
         }
-        asked = plan_of(_matrix(mission or [], faults or [], set_ or [], options))
+        batch_plan = plan_of(_matrix(mission or [], faults or [], set_ or [], options))
     with _executor(executor, workers, address) as hands:
-        _carry_out(Batch.create(out or _new_folder(asked), asked), hands, answer, junit)
+        _carry_out(Batch.create(out or _new_folder(batch_plan), batch_plan), hands, answer, junit)
 
 
 def _require_one_source(
@@ -246,12 +246,12 @@ def _stopped_by_signals(made: Batch) -> Generator[None]:
 
     The loss of the terminal finishes running jobs, too; under nohup it has no effect.
     """
-    heard = {signal.SIGINT: made.stop, signal.SIGTERM: made.break_off, signal.SIGHUP: made.finish}
+    handlers = {signal.SIGINT: made.stop, signal.SIGTERM: made.break_off, signal.SIGHUP: made.finish}
 
     def hear(number: int, frame: FrameType | None) -> None:
-        heard[signal.Signals(number)]()
+        handlers[signal.Signals(number)]()
 
-    before = {number: signal.getsignal(number) for number in heard}
+    before = {number: signal.getsignal(number) for number in handlers}
     for number, handler in before.items():
         if number != signal.SIGHUP or handler != signal.SIG_IGN:
             signal.signal(number, hear)

@@ -77,11 +77,11 @@ class CommandPrompt:
         word, _, rest = line.lstrip().partition(" ")
         if not rest and not line.endswith(" "):
             return [f"{name} " for name in self._commands if name.startswith(word)]
-        meant = self._meant(word)
-        if len(meant) != 1:
+        commands = self._meant(word)
+        if len(commands) != 1:
             return []
         last = rest.split(" ")[-1]
-        return sorted(text for text in self.arguments(meant[0]) if text.startswith(last))
+        return sorted(text for text in self.arguments(commands[0]) if text.startswith(last))
 
     def arguments(self, command: str) -> Iterable[str]:
         return self._commands if command == "help" else ()

@@ -71,11 +71,11 @@ def calibrate(
     from .progress import run_display
 
     place = parse_place(at) if at else None
-    asked = CalibrationRequest(
+    request = CalibrationRequest(
         scene, tuple(camera or ()), tcp, target, place, robot, seed, views, output, replace, out
     )
     with run_display() as view:
-        found = calibrated(asked, (view,))
+        found = calibrated(request, (view,))
     print_answer(answer, lambda: found.to_text(program()), found.to_json_text)
     end_with(found.output is not None, found.status)
 

@@ -57,15 +57,15 @@ def convert(
         if len(files) > 1:
             raise PicktreeError("stdin (-) is read alone, without other files")
         stdin = Path("<stdin>")
-        given = [
+        values = [
             XmlText(file_text.decoded(sys.stdin.buffer.read(file_text.MAX_BYTES + 1), str(stdin)), stdin)
         ]
     else:
-        given = read_files([Path(name) if Path(name).is_dir() else mission_file(name) for name in files])
-    sources = [file.path for file in given if file.path.exists()]
+        values = read_files([Path(name) if Path(name).is_dir() else mission_file(name) for name in files])
+    sources = [file.path for file in values if file.path.exists()]
     if out is not None and out.exists() and any(map(out.samefile, sources)):
         raise PicktreeError(f"{out} is the file that is read; give another one with -o")
-    folder = out.parent if out is not None else given[0].path.parent
+    folder = out.parent if out is not None else values[0].path.parent
     options = ImportOptions(
         strict=strict,
         main=main,
@@ -76,7 +76,7 @@ def convert(
     )
     if stubs is not None and stubs.exists():
         raise PicktreeError(f"{stubs} is there already; move it away, or use it with --plugin {stubs}")
-    converted = convert_all(given, options)
+    converted = convert_all(values, options)
     print_warnings(converted.notes)
     if stubs is not None and converted.stubs:
         _write(stubs, converted.stubs)

@@ -79,15 +79,15 @@ def tree_lines(nodes: Iterable[NodeRow], top: str = "", marked: str = "") -> Ite
         if not top or node.path == top or node.path.startswith(f"{top}/"):
             name = node.name if node.name.split("#")[0] == node.id else f"{node.id} {node.name}"
             margin = ("→ " if node.path == marked else "  ") + "  " * (node.path.count("/") - indent)
-            said = f"  {node.message}" if node.message else ""
-            yield f"{margin}{STYLED_STATUS_MARKS[node.status][0]} {name}{said}"
+            message = f"  {node.message}" if node.message else ""
+            yield f"{margin}{STYLED_STATUS_MARKS[node.status][0]} {name}{message}"
 
 
 def where_lines(nodes: Iterable[NodeRow], end: str) -> Iterator[str]:
     for node in nodes:
         if node.path == end or end.startswith(f"{node.path}/"):
-            said = f": {node.message}" if node.message else ""
-            yield f"{STYLED_STATUS_MARKS[node.status][0]} {node.path} is {node.status}{said}"
+            message = f": {node.message}" if node.message else ""
+            yield f"{STYLED_STATUS_MARKS[node.status][0]} {node.path} is {node.status}{message}"
 
 
 def failure_lines(origin: str, cause: object, message: str, evidence: Mapping[str, object]) -> Iterator[str]:

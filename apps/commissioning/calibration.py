@@ -339,26 +339,28 @@ class CalibrationRequest:
     out: Path | None = None
 
 
-def calibrate(asked: CalibrationRequest, observers: Sequence[Observer] = ()) -> CalibrationAnswer:
+def calibrate(request: CalibrationRequest, observers: Sequence[Observer] = ()) -> CalibrationAnswer:
     """Run the calibration and write the corrected scene.
 
     Raises PicktreeError for an unknown scene, robot, camera or target, and when the file must not be replaced
     or cannot be written. An answer without a file gives the reason.
     """
-    output = output_file(asked.scene, asked.output, replace=asked.replace)
-    scene = calibration_scene(asked.scene, asked.place)
-    target = _target(scene, asked.target)
-    cameras = _cameras(scene, asked.cameras)
-    if not cameras and not asked.touch:
-        raise PicktreeError(f"{asked.scene} has no camera: with --no-tcp there is nothing to calibrate")
-    beside = Path.cwd() if asked.robot else Path(scene.source).parent
-    robot = load_robot(asked.robot or scene.robot, beside)
-    text = mission_text(target.name, cameras, asked.views, touch=asked.touch, all_of_them=not asked.cameras)
+    output = output_file(request.scene, request.output, replace=request.replace)
+    scene = calibration_scene(request.scene, request.place)
+    target = _target(scene, request.target)
+    cameras = _cameras(scene, request.cameras)
+    if not cameras and not request.touch:
+        raise PicktreeError(f"{request.scene} has no camera: with --no-tcp there is nothing to calibrate")
+    beside = Path.cwd() if request.robot else Path(scene.source).parent
+    robot = load_robot(request.robot or scene.robot, beside)
+    text = mission_text(
+        target.name, cameras, request.views, touch=request.touch, all_of_them=not request.cameras
+    )
     mission = parse_mission(text, Path("calibrate.yaml"), NodeRegistry())
-    recipe = run_recipe.Recipe(mission, scene, robot, asked.seed)
-    result = Session(recipe, record=run_recipe.Recording(asked.out), observers=observers).run()
+    recipe = run_recipe.Recipe(mission, scene, robot, request.seed)
+    result = Session(recipe, record=run_recipe.Recording(request.out), observers=observers).run()
     found = _record(result)
-    answer = CalibrationAnswer(asked.scene, asked.seed, result.status, result.folder, found.skipped)
+    answer = CalibrationAnswer(request.scene, request.seed, result.status, result.folder, found.skipped)
     if result.status != "success":
         return replace(answer, why_not=result.message or f"the run ended as {result.status}")
     evidence = observations.CalibrationData(
@@ -371,7 +373,9 @@ def calibrate(asked: CalibrationRequest, observers: Sequence[Observer] = ()) -> 
     except PicktreeError as error:
         return replace(answer, why_not=str(error))
     when = datetime.now().strftime("%Y-%m-%d %H:%M")
-    write(output, asked.scene, asked.robot, scene, known, when, f"picktree calibrate, {result.folder.name}")
+    write(
+        output, request.scene, request.robot, scene, known, when, f"picktree calibrate, {result.folder.name}"
+    )
     target_off = known.target.distance(target.pose), known.target.angle(target.pose)
     return replace(answer, known=known, target_off=target_off, output=output)
 

@@ -462,7 +462,7 @@ class GripperMeter:
         reach = max(tips) - float(shift[2])
         sliders = self._sliders(closed, opened, widths)
         per_move = abs(widths[-1] - widths[0]) / abs(opened - closed) / 2
-        force, told, guessed = self._force(per_move)
+        force, force_comment, guessed = self._force(per_move)
         joint = self._skeleton.joints[self.drive]
         speed = min((joint.velocity or 0.1) * per_move, MAX_FINGER_SPEED)
         static = [self._motion.static(link) @ axes - shift for link in self._behind if link in self._solids]
@@ -497,7 +497,7 @@ class GripperMeter:
             min_width=widths[0],
             max_width=widths[-1],
             max_force=force,
-            force_comment=told,
+            force_comment=force_comment,
             force_guessed=guessed,
             speed=max(speed, 0.01),
             pads=pads,
@@ -538,11 +538,11 @@ class GripperMeter:
         if self._skeleton.joints[self.drive].type == "prismatic":
             force = effort
         if force < MIN_GRIP_FORCE:
-            told = f"The URDF's effort would be {force:g} N: a guess, see the data sheet"
-            return DEFAULT_GRIP_FORCE, told, True
+            comment = f"The URDF's effort would be {force:g} N: a guess, see the data sheet"
+            return DEFAULT_GRIP_FORCE, comment, True
         if force > MAX_GRIP_FORCE:
-            told = f"The URDF's effort would be {force:.0f} N: not believed, see the data sheet"
-            return MAX_GRIP_FORCE, told, True
+            comment = f"The URDF's effort would be {force:.0f} N: not believed, see the data sheet"
+            return MAX_GRIP_FORCE, comment, True
         return force, "From the URDF's effort", False
 
     def _pad(self, n: int, axes: Array, drive: float, side: float) -> tuple[Box, Pose]:

@@ -239,11 +239,13 @@ def _only_chain(source: str, skeleton: urdf_parser.UrdfTree, base: str | None) -
     apart = [chain for chain in limbs if not set(chain[: len(chain) - 1]) <= set(longest)]
     if apart:
         ends = [skeleton.joints[chain[-1]].child for chain in limbs]
-        told = ", ".join(f"{len(chain)} joints to {end}" for chain, end in zip(limbs, ends, strict=True))
+        chains_text = ", ".join(
+            f"{len(chain)} joints to {end}" for chain, end in zip(limbs, ends, strict=True)
+        )
         what = "legs, or arms without grippers" if len(longest) < MIN_ARM_JOINTS else "arms or legs"
         raise UnsuitableUrdf(
             source,
-            f"{len(limbs)} limbs of about the same length ({what}): {told}",
+            f"{len(limbs)} limbs of about the same length ({what}): {chains_text}",
             "one arm with a gripper",
             "--base LINK --tip LINK choose one of them, --gripper URDF:LINK --mount LINK gives it a gripper"
             if len(longest) >= MIN_ARM_JOINTS
@@ -269,10 +271,11 @@ def _refuse_mimics(source: str, skeleton: urdf_parser.UrdfTree, arm: ArmGroup) -
     """Raise UnsuitableUrdf when a joint between the links of the arm follows another one."""
     inside = skeleton.joints_between(arm.base, arm.tip) or arm.joints
     mimics = [(name, mimic) for name in inside if (mimic := skeleton.joints[name].mimic) is not None]
-    if told := [f"{name} mimics {mimic.joint}" for name, mimic in mimics]:
+    if sentences := [f"{name} mimics {mimic.joint}" for name, mimic in mimics]:
         raise UnsuitableUrdf(
             source,
-            f"an arm of {len(arm.joints)} joints that move on their own, and in it {_listed(tuple(told))}",
+            f"an arm of {len(arm.joints)} joints that move on their own, and in it "
+            f"{_listed(tuple(sentences))}",
             "an arm without <mimic>: each of its joints has a motor of its own",
             f"remove <mimic> from {mimics[0][0]} if a motor turns it; a parallelogram cannot be planned for",
         )
@@ -384,33 +387,33 @@ def propose_limits(skeleton: urdf_parser.UrdfTree, joints: tuple[str, ...]) -> t
 
 
 def _proposed(name: str, joint: urdf_parser.UrdfJoint) -> ProposedLimits:
-    told: list[str] = []
+    comments: list[str] = []
     if joint.soft_lower is not None and joint.soft_upper is not None and joint.soft_lower < joint.soft_upper:
         lower, upper = joint.soft_lower, joint.soft_upper
-        told.append("soft limits of the URDF")
+        comments.append("soft limits of the URDF")
     elif joint.type == "continuous" or joint.lower is None or joint.upper is None:
         lower, upper = -CONTINUOUS_RANGE, CONTINUOUS_RANGE
-        told.append("turns without end: one turn to either side, for the cables")
+        comments.append("turns without end: one turn to either side, for the cables")
     else:
         reserve = min(LIMIT_RESERVE, RESERVE_SHARE * (joint.upper - joint.lower))
         lower, upper = joint.lower + reserve, joint.upper - reserve
-        told.append(f"the URDF's limits less {math.degrees(reserve):.1f} deg")
+        comments.append(f"the URDF's limits less {math.degrees(reserve):.1f} deg")
     if lower < -CONTINUOUS_RANGE or upper > CONTINUOUS_RANGE:
         lower, upper = max(lower, -CONTINUOUS_RANGE), min(upper, CONTINUOUS_RANGE)
-        told.append("at most one turn to either side")
+        comments.append("at most one turn to either side")
     velocity = joint.velocity or 0.0
     if velocity <= 0.0:
         velocity = DEFAULT_VELOCITY
-        told.append("no velocity in the URDF: slow")
+        comments.append("no velocity in the URDF: slow")
     elif velocity < MIN_VELOCITY:
-        told.append(f"the URDF's {velocity:g} rad/s are not believed: slow")
+        comments.append(f"the URDF's {velocity:g} rad/s are not believed: slow")
         velocity = DEFAULT_VELOCITY
     elif velocity > MAX_VELOCITY:
-        told.append(f"the URDF's {velocity:g} rad/s are not believed")
+        comments.append(f"the URDF's {velocity:g} rad/s are not believed")
         velocity = MAX_VELOCITY
     torque = joint.effort or 0.0
     return ProposedLimits(
-        round(lower, 5), round(upper, 5), velocity, MIN_ACCELERATION, torque, name, "; ".join(told)
+        round(lower, 5), round(upper, 5), velocity, MIN_ACCELERATION, torque, name, "; ".join(comments)
     )
 
 

@@ -154,7 +154,7 @@ def _lines(draft: RobotDraft) -> Iterator[str]:
 
 
 def _inertias(draft: RobotDraft) -> Iterator[str]:
-    told = {finding.link: finding for finding in draft.findings}
+    findings = {finding.link: finding for finding in draft.findings}
     for finding in draft.findings:
         if finding.instead is None:
             yield f"# Look at {finding.link}: {finding.sentence}."
@@ -164,8 +164,8 @@ def _inertias(draft: RobotDraft) -> Iterator[str]:
     yield "# Instead of what the URDF says of these links:"
     yield "inertias:"
     for link, inertia in draft.inertias.items():
-        if link in told and told[link].instead is not None:
-            yield f"  # {link}: {told[link].sentence}."
+        if link in findings and findings[link].instead is not None:
+            yield f"  # {link}: {findings[link].sentence}."
         else:
             yield f"  # {link}: heavier to turn, by what the motor's rotor adds through its gear."
         yield from _inertia(link, inertia)
@@ -617,10 +617,10 @@ def _parsed(text: str, wish: ProposalRequest) -> RobotDescription:
     try:
         return parse_robot(text, wish.file)
     except FileError as error:
-        told = "; ".join(fault.message for fault in error.faults[:3])
+        messages = "; ".join(fault.message for fault in error.faults[:3])
         raise UnsuitableUrdf(
             wish.urdf,
-            f"an arm and a gripper, but the robot file made of them is refused: {told}",
+            f"an arm and a gripper, but the robot file made of them is refused: {messages}",
             "a URDF that the checker takes",
             "mend what it says in a copy of the URDF",
         ) from None

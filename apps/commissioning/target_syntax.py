@@ -148,6 +148,6 @@ def _unknown(world: World, text: str) -> str:
         ("objects", [str(o.id) for o in world.scene.objects]),
     )
     close = get_close_matches(text, [name for _, names in groups for name in names], n=1)
-    meant = f"; did you mean {close[0]!r}?" if close else ""
+    suggestion = f"; did you mean {close[0]!r}?" if close else ""
     lists = "".join(f"\n  {what}: {', '.join(names)}" for what, names in groups if names)
-    return f"--to {text}: there is no such pose, bin or object{meant}{lists}"
+    return f"--to {text}: there is no such pose, bin or object{suggestion}{lists}"

@@ -216,8 +216,8 @@ _WORDS: Final = frozenset({"true", "false", "null", "yes", "no", "on", "off"})
 def form_of(text: str) -> Mapping[str, JsonValue]:
     """Return the keys of a plan with their values. Raises FileError for a text that is no YAML."""
     value = read(text, "plan").root.value
-    given = value if isinstance(value, dict) else {}
-    return {key: given[key] for key in KEYS if key in given}  # type: ignore[misc]
+    entries = value if isinstance(value, dict) else {}
+    return {key: entries[key] for key in KEYS if key in entries}  # type: ignore[misc]
 
 
 def with_key(text: str, key: str, value: JsonValue) -> str:
@@ -342,12 +342,12 @@ class BatchSlice(Slice):
     @watch("batches.index")
     async def index(self) -> AsyncIterator[JsonValue]:
         """Yield the batches of the folder with their progress, the last written first, when one changes."""
-        told: list[object] | None = None
+        last: list[object] | None = None
         while True:
             batches = await asyncio.to_thread(lambda: list(newest_first(batch_folders(self._workspace))))
             stamps: list[object] = [(str(each.place), each.stamp()) for each in batches]
-            if stamps != told:
-                told = stamps
+            if stamps != last:
+                last = stamps
                 yield await asyncio.to_thread(self._rows_of, batches)
             await asyncio.sleep(3 * _PERIOD)
 
@@ -369,11 +369,11 @@ class BatchSlice(Slice):
     @watch("batches.progress")
     async def progress(self, id: str) -> AsyncIterator[JsonValue]:
         """Yield the progress of a batch whenever a job ends, or its process begins or ends."""
-        batch, told = self._batch(id), None
+        batch, last = self._batch(id), None
         while True:
             stamp = await asyncio.to_thread(batch.stamp)
-            if stamp != told:
-                told = stamp
+            if stamp != last:
+                last = stamp
                 yield {"id": id, **await asyncio.to_thread(batch.progress)}
             await asyncio.sleep(_PERIOD)
 

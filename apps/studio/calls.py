@@ -92,10 +92,10 @@ def _arguments(name: str, method: Callable[..., object]) -> type[BaseModel]:
     return create_model(name, __config__=ConfigDict(extra="forbid", strict=True), **fields)
 
 
-def checked(endpoint: Endpoint, given: object) -> Mapping[str, Any]:
+def checked(endpoint: Endpoint, arguments: object) -> Mapping[str, Any]:
     """Return the arguments of a call. Raises PicktreeError that names each argument that does not fit."""
     try:
-        model = endpoint.arguments.model_validate_json(json.dumps({} if given is None else given))
+        model = endpoint.arguments.model_validate_json(json.dumps({} if arguments is None else arguments))
     except ValidationError as error:
         parts = (f"{'.'.join(str(part) for part in each['loc'])}: {each['msg']}" for each in error.errors())
         raise PicktreeError("; ".join(parts)) from None

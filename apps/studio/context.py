@@ -115,9 +115,11 @@ class MissionContexts:
         documents = _included(path, included)
         named = [(plugin, path.parent) for plugin in plugins]
         for document in documents:
-            given = document.data.get("plugins")
-            if isinstance(given, list):
-                named += [(plugin, document.path.parent) for plugin in given if isinstance(plugin, str)]
+            plugin_names = document.data.get("plugins")
+            if isinstance(plugin_names, list):
+                named += [
+                    (plugin, document.path.parent) for plugin in plugin_names if isinstance(plugin, str)
+                ]
         for plugin, folder in named:
             try:
                 registry.add_plugin(plugin, folder)

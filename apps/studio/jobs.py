@@ -179,8 +179,8 @@ async def command_answer(
                 os.killpg(process.pid, signal.SIGKILL)
             await process.wait()
     if process.returncode not in codes:
-        said = errors.decode("utf-8", "replace").strip()[-2000:]
-        raise PicktreeError(said or f"picktree {name} failed")
+        message = errors.decode("utf-8", "replace").strip()[-2000:]
+        raise PicktreeError(message or f"picktree {name} failed")
     return out
 
 

@@ -305,23 +305,23 @@ class RunSlice(Slice):
         count: Count = 100,
     ) -> AsyncIterator[JsonValue]:
         """Yield the number of runs and the first rows, again whenever they change."""
-        query, told = Query(where, text, sort, descending), None
+        query, last = Query(where, text, sort, descending), None
         self._table.enter()
         try:
             while True:
                 snapshot = self._table.snapshot
-                if told != snapshot.version and (snapshot.rows or snapshot.complete):
-                    told = snapshot.version
+                if last != snapshot.version and (snapshot.rows or snapshot.complete):
+                    last = snapshot.version
                     rows = await asyncio.to_thread(self._table.select, query)
                     yield {
-                        "version": told,
+                        "version": last,
                         "total": len(snapshot.rows),
                         "matched": len(rows),
                         "complete": snapshot.complete,
                         "problem": self._table.problem,
                         "rows": [self._row(row) for row in rows[:count]],
                     }
-                await asyncio.sleep(_PERIOD if told else 0.02)
+                await asyncio.sleep(_PERIOD if last else 0.02)
         finally:
             self._table.leave()
 

@@ -179,8 +179,8 @@ class SceneSlice(Slice):
 def _moved(text: str, fixture: str, x: float, y: float) -> JsonValue:
     source = Source(text)
     fixtures = source.root.child("fixtures")
-    given = fixtures.child(fixture) if fixtures is not None else None
-    at = given.child("at") if given is not None else None
+    entry = fixtures.child(fixture) if fixtures is not None else None
+    at = entry.child("at") if entry is not None else None
     if at is None or at.kind != "list" or len(at.items) < 2:
         raise NotEditable(f"the file has no place 'at: [x, y, z]' for {fixture!r}: its base file has it")
     new = text

@@ -232,12 +232,16 @@ class Workspace:
                 break
             with suppress(OSError), place.open("rb") as opened:
                 head = opened.read(4000)
-                said = _KIND.search(head)
-                if said is None or b"picktree:" not in head or (kind and said[1].decode() != kind):
+                kind_match = _KIND.search(head)
+                if (
+                    kind_match is None
+                    or b"picktree:" not in head
+                    or (kind and kind_match[1].decode() != kind)
+                ):
                     continue
                 name = _NAME.search(head)
                 text = name[1].decode("utf-8", "replace").split(" #")[0].strip().strip("\"'") if name else ""
-                found.append(ListedFile(self.relative(place), said[1].decode(), text))
+                found.append(ListedFile(self.relative(place), kind_match[1].decode(), text))
         return sorted(found, key=lambda each: each.path)
 
     def _yaml_files(self) -> Iterator[Path]:

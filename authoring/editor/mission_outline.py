@@ -160,19 +160,19 @@ class _OutlineReader:
         loc: Location = ("trees", key.text)
         ports: tuple[OutlinePort, ...] = ()
         doc, root = "", None
-        given = body.value
-        if given.kind == "mapping":
-            declared = given.child("ports")
+        content = body.value
+        if content.kind == "mapping":
+            declared = content.child("ports")
             ports = (
                 tuple(self._port(*entry) for entry in declared.value.entries) if declared is not None else ()
             )
-            doc = _word(given, "doc")
-            nodes = [(name, value) for name, value in given.entries if name.text not in ("ports", "doc")]
+            doc = _word(content, "doc")
+            nodes = [(name, value) for name, value in content.entries if name.text not in ("ports", "doc")]
             if nodes:
                 name, value = nodes[0]
-                root = self._keyed(name, value, loc, key.text, ChildNames(), aliased=body is not given)
+                root = self._keyed(name, value, loc, key.text, ChildNames(), aliased=body is not content)
                 root.direct = True
-        elif not given.empty:
+        elif not content.empty:
             root = self._node(body, loc, key.text, ChildNames())
         return TreeBody(" ".join(doc.split()), ports, root)
 
@@ -208,8 +208,8 @@ class _OutlineReader:
         """Read `ID: body`."""
         identity, body = key.text, node.value
         aliased = aliased or body is not node
-        given = body.child("name") if body.kind == "mapping" else None
-        own = given.value.word if given is not None else None
+        name_value = body.child("name") if body.kind == "mapping" else None
+        own = name_value.value.word if name_value is not None else None
         name = names.take(own if own is not None and NAME_PATTERN.fullmatch(own) else identity[:60])
         path, at = f"{above}/{name}", (*loc, identity)
         start, end = self._at(key.start), self._at(max(node.end, key.end))

@@ -64,12 +64,12 @@ def _key_words(cursor: Cursor, walk: SchemaWalk, place: KeyPlace) -> str:
     lines = [f"Key `{key}` of the tree {tree}."]
     port = next((each for each in every if each.kind == "port"), None)
     if port is not None:
-        said = markdown_of(walk.at(port.path))
+        documentation = markdown_of(walk.at(port.path))
         about: YamlNode | None = cursor.root
         for step in (*port.path, "doc"):
             about = about.child(step) if about is not None else None
         doc = f": {about.value}" if about is not None and isinstance(about.value, str) else ""
-        lines.append(f"Port of the tree{doc}." if doc or said else "Port of the tree.")
+        lines.append(f"Port of the tree{doc}." if doc or documentation else "Port of the tree.")
     for each in every:
         if writes(each, walk):
             owner = next((str(step) for step in reversed(each.path[:-1]) if isinstance(step, str)), tree)

@@ -61,11 +61,11 @@ def needed(declaration: NodeDeclaration, node: type[Node] | None) -> list[tuple[
         one = [slot.key for slot in declaration.slots if slot.arity == "one"]
         key = next((key for key in taken if key in one), (taken or list(choice.keys))[0])
         port = declaration.port(key)
-        given = body.child(key) if body is not None else None
+        value = body.child(key) if body is not None else None
         if port is not None:
             entries.append((key, _value(port, source, body)))
-        elif source is not None and given is not None:
-            entries.append((key, piece_of(source, given)))
+        elif source is not None and value is not None:
+            entries.append((key, piece_of(source, value)))
         else:
             entries.append((key, scalar(PLACEHOLDER)))
     return entries
@@ -80,9 +80,9 @@ def _example(declaration: NodeDeclaration) -> tuple[Source | None, Syntax | None
 
 
 def _value(port: PortDeclaration, source: Source | None, body: Syntax | None) -> Piece:
-    given = body.child(port.key) if body is not None else None
-    if source is not None and given is not None:
-        return piece_of(source, given)
+    present = body.child(port.key) if body is not None else None
+    if source is not None and present is not None:
+        return piece_of(source, present)
     if port.choices:
         return scalar(key_text(str(port.choices[0])))
     return scalar(f'"{{{port.key}}}"')

@@ -103,15 +103,15 @@ Users: TypeAlias = Mapping[Resource, NodeSpec]
 def at_the_same_time(survey: LintModel) -> Iterator[Diagnostic]:
     """P331: two children of a Parallel or ParallelAll that use the same resource."""
     for spec in survey.nodes(ParallelNode):
-        said: set[int] = set()
+        reported: set[int] = set()
         for first, second in combinations(spec.children, 2):
             mine, others = users(survey, first), users(survey, second)
             # Two may use it at once where one of them leaves it to others all the while.
             contested = (one for one in mine if one in others and not _shares(others[one], one))
             shared = next((one for one in contested if not _shares(mine[one], one)), None)
-            if shared is None or id(second) in said:
+            if shared is None or id(second) in reported:
                 continue
-            said.add(id(second))
+            reported.add(id(second))
             message = f"{others[shared].name} and {mine[shared].name} use the {shared} at the same time"
             yield survey.fault(second, message, "one after the other, in a Sequence", code="P331", error=True)
 

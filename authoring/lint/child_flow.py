@@ -139,10 +139,10 @@ class ChildWalk:
             else None
         )
         if isinstance(flow, control_flow.Loop) and isinstance(guard, Expression):
-            asked = self._walk.ask(spec, flow.guard, guard, starts)
-            self._ends.add(control_flow.SUCCESS, asked.no)
-            self._ends.fail(asked.failed)
-            starts = asked.yes
+            answers = self._walk.ask(spec, flow.guard, guard, starts)
+            self._ends.add(control_flow.SUCCESS, answers.no)
+            self._ends.fail(answers.failed)
+            starts = answers.yes
             if not starts:
                 self._walk.unreached(spec.children[0], f"its {flow.guard} never holds")
         return tidy(state.written(self._walk.outputs(spec)) for state in starts)
@@ -298,10 +298,10 @@ class ChildWalk:
         flow, ends, unhidable = self._flow, self._ends, self._walk.unhidable
         if isinstance(flow, control_flow.Loop) and flow.passes_over[0] and reasons is not None:
             key, value = flow.passes_over
-            given = self._walk.literal(self._spec, key)
+            literal = self._walk.literal(self._spec, key)
             # A failure that may not be hidden is passed over once the operator has acknowledged it.
-            ends.add(control_flow.FAILURE, (state,), reasons.only(unhidable) if given == value else reasons)
-            if given is not None and given != value:
+            ends.add(control_flow.FAILURE, (state,), reasons.only(unhidable) if literal == value else reasons)
+            if literal is not None and literal != value:
                 return
             status, lead, reasons = control_flow.SUCCESS, control_flow.AGAIN, None
         if lead is control_flow.AGAIN:

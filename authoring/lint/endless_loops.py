@@ -174,11 +174,11 @@ def _repeat(survey: LintModel, spec: NodeSpec, context: NodeContext) -> Iterator
     constant = isinstance(condition, Expression) and survey.walk.shape(condition).constant
     if condition is None or constant:
         at = "while" if constant else "num_cycles"
-        given = "'while' always holds" if constant else "num_cycles is -1 and there is no 'while'"
+        reason = "'while' always holds" if constant else "num_cycles is -1 and there is no 'while'"
         if child.fails_surely or child.skipped:
-            message = f"it ends only when {part.name} fails: {given}"
+            message = f"it ends only when {part.name} fails: {reason}"
         else:
-            message = f"it never ends: {given}, and {part.name} cannot fail"
+            message = f"it never ends: {reason}, and {part.name} cannot fail"
         yield survey.fault(spec, message, "a number of cycles, a 'while', or a Timeout", code="P321", at=at)
         return
     if not isinstance(condition, Expression) or constant is not None or context.beside:

@@ -262,8 +262,8 @@ class FlowWalk(ABC):
         if not unwritten:
             return state, 0, 0
         # Of what comes behind a read that cannot succeed nothing is told; a loop does not make it succeed.
-        told = state.maybe & bits or self._frame.layout.inputs & bits
-        return state.written(bits) if told else state.in_doubt(), self._missing_input, 0
+        reportable = state.maybe & bits or self._frame.layout.inputs & bits
+        return state.written(bits) if reportable else state.in_doubt(), self._missing_input, 0
 
     def note_read(self, spec: NodeSpec, place: str, key: str, state: FlowState, *, missing: bool) -> None:
         layout, bits = self._frame.layout, self.bits(key)

@@ -57,10 +57,10 @@ def leaf_outcomes(
     if flow is not None and flow.asks:
         expression = walk.literal(spec, flow.asks)
         assert isinstance(expression, Expression)
-        asked = walk.ask(spec, flow.asks, expression, (entry,))
-        ends.add(control_flow.SUCCESS, asked.yes)
-        ends.add(control_flow.FAILURE, asked.no, NO_REPORT)
-        ends.fail(asked.failed)
+        answers = walk.ask(spec, flow.asks, expression, (entry,))
+        ends.add(control_flow.SUCCESS, answers.yes)
+        ends.add(control_flow.FAILURE, answers.no, NO_REPORT)
+        ends.fail(answers.failed)
         return ends.tidied()
     success, otherwise = node.hand_with(spec.ports)
     filler = walk.filler(spec) if "full" in (success, *otherwise) else 0
@@ -262,9 +262,9 @@ class FlowAnalysis(FlowWalk):
         for name in PRECONDITIONS:
             if name not in spec.preconditions:
                 continue
-            asked = self.ask(spec, name, spec.preconditions[name], states)
-            ends.fail(asked.failed)
-            settled, states = (asked.no, asked.yes) if name == "_while" else (asked.yes, asked.no)
+            answers = self.ask(spec, name, spec.preconditions[name], states)
+            ends.fail(answers.failed)
+            settled, states = (answers.no, answers.yes) if name == "_while" else (answers.yes, answers.no)
             ends.add(
                 {"_failureIf": control_flow.FAILURE, "_successIf": control_flow.SUCCESS}.get(
                     name, control_flow.SKIPPED
@@ -284,9 +284,9 @@ class FlowAnalysis(FlowWalk):
                 # Where it no longer holds, the node is halted first.
                 halted = self._assigned_keys(spec, "_onHalted")
                 running = frozenset(state.perhaps(halted) for state in flow.running)
-                asked = self.ask(spec, "_while", spec.preconditions["_while"], running)
-                ends.fail(asked.failed)
-                ends.add(control_flow.SKIPPED, asked.no)
+                answers = self.ask(spec, "_while", spec.preconditions["_while"], running)
+                ends.fail(answers.failed)
+                ends.add(control_flow.SKIPPED, answers.no)
         return self._concluded(spec, ends.tidied()) if spec.postconditions else ends.tidied()
 
     def _concluded(self, spec: NodeSpec, flow: Outcomes) -> Outcomes:
@@ -318,9 +318,9 @@ class FlowAnalysis(FlowWalk):
         for place in places if states else ():
             for assignment in spec.postconditions.get(place, ()):
                 bits = self.bits(assignment.key)
-                asked = self.ask(spec, place, assignment.value, states)
-                states = asked.yes | asked.no
-                ends.fail({state.perhaps(written): reasons for state, reasons in asked.failed.items()})
+                answers = self.ask(spec, place, assignment.value, states)
+                states = answers.yes | answers.no
+                ends.fail({state.perhaps(written): reasons for state, reasons in answers.failed.items()})
                 for state in states if not assignment.new else ():
                     _, *missing = self.read(spec, place, assignment.key, bits, state)
                     ends.add(control_flow.FAILURE, (state.perhaps(written),), self.fails(spec, *missing))

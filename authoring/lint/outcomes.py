@@ -52,11 +52,11 @@ class CauseBits:
             families.setdefault(name.rpartition(".")[0], []).append(name)
         parts: list[str] = []
         for family, names in families.items():
-            given = [name for name in names if mask & self._bits[name]]
-            if len(given) == len(names) > 1:
+            contained = [name for name in names if mask & self._bits[name]]
+            if len(contained) == len(names) > 1:
                 parts.append(f"{family}.*")
             else:
-                parts += given
+                parts += contained
         return ", ".join(parts)
 
 

@@ -62,9 +62,9 @@ def _family(pattern: str, known: Iterable[str]) -> str:
 
 
 def _handler(markdown: str) -> Schema:
-    said: Schema = {"description": markdown.replace("`", ""), "markdownDescription": markdown}
+    docs: Schema = {"description": markdown.replace("`", ""), "markdownDescription": markdown}
     # First, so that the cause is explained and not the node that handles it.
-    return {"allOf": [said, ref("child")]} | said
+    return {"allOf": [docs, ref("child")]} | docs
 
 
 _TYPES = (*NAMES_IN_FILES, *(f"list of {name}" for name in NAMES_IN_FILES))
@@ -175,7 +175,7 @@ def _head(scenes: tuple[str, ...]) -> dict[str, Schema]:
 
 
 def _trees() -> Schema:
-    said = "a tree's ID is a letter or '_', then letters, digits and '_'"
+    message = "a tree's ID is a letter or '_', then letters, digits and '_'"
     return {
         "type": "object",
         "description": "The trees by name. A run ticks 'Main'; the others are used as nodes by their names.",
@@ -183,7 +183,7 @@ def _trees() -> Schema:
             "title": "SubTree",
             "description": "A tree of your own, used as a node by its name.",
             "pattern": ID_PATTERN,
-            "patternErrorMessage": said,
+            "patternErrorMessage": message,
         },
         "properties": {
             MAIN: {

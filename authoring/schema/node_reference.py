@@ -380,8 +380,8 @@ def _slot_text(slot: SlotEntry) -> Iterator[str]:
 
 
 def _cause_lines(cause: CauseEntry, indent: int) -> Iterator[str]:
-    said = f"{cause.sentence} First remedy: {cause.remedy}." if cause.remedy else cause.sentence
-    yield " " * indent + f"{cause.name}: {said}"
+    sentence = f"{cause.sentence} First remedy: {cause.remedy}." if cause.remedy else cause.sentence
+    yield " " * indent + f"{cause.name}: {sentence}"
     for member in cause.members:
         yield from _cause_lines(member, indent + 2)
 
@@ -448,12 +448,12 @@ def _node(node: NodeEntry) -> Iterator[str]:
     if node.causes:
         yield ""
         yield "Fails with " + listed([_linked(cause) for cause in node.causes]) + "."
-    said = [f"Uses {listed(list(node.uses))}."] if node.uses else []
-    said += [node.hand_after] if node.hand_after else []
-    said += [node.limit] if node.limit else []
-    if said:
+    sentences = [f"Uses {listed(list(node.uses))}."] if node.uses else []
+    sentences += [node.hand_after] if node.hand_after else []
+    sentences += [node.limit] if node.limit else []
+    if sentences:
         yield ""
-        yield " ".join(said)
+        yield " ".join(sentences)
     if node.example:
         yield ""
         yield "```yaml"

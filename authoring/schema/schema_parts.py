@@ -36,12 +36,12 @@ def tidy(raw: Schema) -> Schema:
         found |= _tuple([tidy(part) for part in schemas(raw["prefixItems"])])
     if "unit" in raw:
         unit = str(raw["unit"])
-        said = (
+        message = (
             f'in {unit}, or with a unit, as "{quantities.example(unit)}"'
             if unit
             else f"as {quantities.example(unit)}"
         )
-        found |= {"pattern": quantity_pattern(unit), "patternErrorMessage": f"a number {said}"}
+        found |= {"pattern": quantity_pattern(unit), "patternErrorMessage": f"a number {message}"}
     return _with_null(found)
 
 
@@ -205,8 +205,8 @@ def exactly_one(keys: Sequence[str]) -> list[Schema]:
     too_much: Schema = {"type": "null", "errorMessage": f"only one of {named} may be given"}
     found = [one_needed(keys, f"one of {named} is missing")]
     for n, key in enumerate(keys[:-1]):
-        given: Schema = {"required": [key], "properties": {key: _GIVEN}}
-        found.append({"if": given, "then": {"properties": dict.fromkeys(keys[n + 1 :], too_much)}})
+        presence: Schema = {"required": [key], "properties": {key: _GIVEN}}
+        found.append({"if": presence, "then": {"properties": dict.fromkeys(keys[n + 1 :], too_much)}})
     return found
 
 
@@ -218,6 +218,6 @@ def one_needed(keys: Sequence[str], sentence: str) -> Schema:
 
 def belonging(keys: Sequence[str], owner: str, other: str) -> list[Schema]:
     """Return the rule that the keys belong to `owner` and are invalid next to `other`."""
-    given: Schema = {"required": [other], "properties": {other: _GIVEN}}
+    presence: Schema = {"required": [other], "properties": {other: _GIVEN}}
     wrong: Schema = {key: {"type": "null", "errorMessage": f"'{key}' belongs to '{owner}'"} for key in keys}
-    return [{"if": given, "then": {"properties": wrong}}]
+    return [{"if": presence, "then": {"properties": wrong}}]

@@ -198,8 +198,8 @@ class ElementReader(ABC):
             self.fault(element.mark, trail, message, hint, code="P909")
 
     def common(self, element: Element, draft: NodeDraft, trail: str) -> None:
-        said = one_line(element.get(btcpp_vocabulary.DESCRIPTION))
-        draft.comments = (*element.comments, *((said,) if said else ()), *draft.comments)
+        description = one_line(element.get(btcpp_vocabulary.DESCRIPTION))
+        draft.comments = (*element.comments, *((description,) if description else ()), *draft.comments)
         draft.end_comments = (*draft.end_comments, *element.end_comments)
         name = self._name(element, trail)
         entries = draft.body.entries

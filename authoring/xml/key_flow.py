@@ -138,8 +138,8 @@ class KeyFlow:
         for key, text in element.attributes.items():
             mark = element.place(key)
             if not ours and (_SCRIPTS.get(identity) == key or key in (*PRECONDITIONS, *POSTCONDITIONS)):
-                asked = key not in (*POSTCONDITIONS, "code") or identity == "ScriptCondition"
-                self._script(tree, text, mark, asked=asked)
+                is_value_used = key not in (*POSTCONDITIONS, "code") or identity == "ScriptCondition"
+                self._script(tree, text, mark, asked=is_value_used)
             elif identity == "SetBlackboard" and key == "output_key":
                 self._write(tree, text)
                 if is_pointer(element.get("value")):

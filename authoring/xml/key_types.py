@@ -126,9 +126,9 @@ class KeyTypes:
         texts = [(tree.name, port.key, port.default) for port in tree.ports if port.direction == "in"]
         for spec in tree.root.iterate():
             if spec.node is None:
-                given = spec.ports.items()
+                ports = spec.ports.items()
                 texts += [
-                    (spec.id, key, each.value) for key, each in given if isinstance(each, references.Constant)
+                    (spec.id, key, each.value) for key, each in ports if isinstance(each, references.Constant)
                 ]
         for name, key, value in texts:
             if isinstance(value, str) and _stored(value) != _TEXT:

@@ -156,8 +156,10 @@ class XmlExporter:
         self._called = set()
         comments = self._above(tree.mark)
         root = self.node(tree.root, tree.name)
-        said = {btcpp_vocabulary.DESCRIPTION: tree.doc} if tree.doc else {}
-        return Element("BehaviorTree", {"ID": tree.name, **said}, (root,), comments=comments, mark=tree.mark)
+        attributes = {btcpp_vocabulary.DESCRIPTION: tree.doc} if tree.doc else {}
+        return Element(
+            "BehaviorTree", {"ID": tree.name, **attributes}, (root,), comments=comments, mark=tree.mark
+        )
 
     # Models.
 
@@ -277,11 +279,11 @@ class XmlExporter:
         bound = cast("references.Constant", spec.ports["if"])
         expression = cast("Expression", bound.value)
         try:
-            identity, said = "ScriptCondition", {"code": script(expression)}
+            identity, attributes = "ScriptCondition", {"code": script(expression)}
         except NotExpressible:
-            identity, said = btcpp_vocabulary.CHECK, {"if": expression.text}
+            identity, attributes = btcpp_vocabulary.CHECK, {"if": expression.text}
             self._use(identity, tree_nodes_model.check_model)
-        return Element(identity, self._named(spec, identity) | said)
+        return Element(identity, self._named(spec, identity) | attributes)
 
     def _set_blackboard(self, spec: NodeSpec, trail: str) -> Element:
         """Export a SetBlackboard. Numbers and truth values keep their type in a Script only."""
@@ -299,19 +301,19 @@ class XmlExporter:
             text = value_text(value, PortType("any"))
             if text != value:
                 with suppress(NotExpressible):
-                    said = {"code": constant_script(key, value), btcpp_vocabulary.SETS: "true"}
-                    return Element("Script", {**named, **said})
+                    attributes = {"code": constant_script(key, value), btcpp_vocabulary.SETS: "true"}
+                    return Element("Script", {**named, **attributes})
             self._check_text(text, "port 'value'", spec.places.get("value", spec.mark), trail)
         else:
             text = str(bound)
         return Element("SetBlackboard", {**named, "value": text, "output_key": key})
 
     def _script(self, spec: NodeSpec) -> Element:
-        given = spec.postconditions["code"]
+        assignments = spec.postconditions["code"]
         try:
-            identity, code = "Script", assignments_script(given)
+            identity, code = "Script", assignments_script(assignments)
         except NotExpressible:
-            identity, code = btcpp_vocabulary.ASSIGN, _assignments(given)
+            identity, code = btcpp_vocabulary.ASSIGN, _assignments(assignments)
             self._use(identity, tree_nodes_model.assign_model)
         return Element(identity, self._named(spec, identity) | {"code": code})
 
@@ -394,16 +396,18 @@ class XmlExporter:
         if not spec.preconditions and not after:
             return element
         try:
-            said = {key: script(expression) for key, expression in spec.preconditions.items()}
-            said |= {key: assignments_script(given) for key, given in after.items()}
-            return _with(element, said)
+            attributes = {key: script(expression) for key, expression in spec.preconditions.items()}
+            attributes |= {key: assignments_script(assignments) for key, assignments in after.items()}
+            return _with(element, attributes)
         except NotExpressible:
             self._use(btcpp_vocabulary.GUARDED, tree_nodes_model.guarded_model)
             ours = {
                 btcpp_vocabulary.GUARDS[key]: expression.text
                 for key, expression in spec.preconditions.items()
             }
-            ours |= {btcpp_vocabulary.GUARDS[key]: _assignments(given) for key, given in after.items()}
+            ours |= {
+                btcpp_vocabulary.GUARDS[key]: _assignments(assignments) for key, assignments in after.items()
+            }
             return Element(btcpp_vocabulary.GUARDED, ours, (element,))
 
     # Faults.

@@ -110,10 +110,10 @@ class PortsOfTrees:
         called = {call.get("ID") for call in calls}
         for name in found if not (self._ours or self._faults.strict) else ():
             if name == self._source.main or name not in called:
-                given = self._of_the_program(name, {port.key for port in found[name]})
+                external = self._of_the_program(name, {port.key for port in found[name]})
                 # Other trees that call this one know nothing of the program.
                 default = MarkedValue(self._source.root.mark, None) if name in called else None
-                found[name] = (*found[name], *(replace(port, default=default) for port in given))
+                found[name] = (*found[name], *(replace(port, default=default) for port in external))
         return found
 
     def _calls(self) -> Iterator[Element]:

@@ -139,8 +139,8 @@ class _Reader:
     def _read(self, text: str | None, path: Path, trail: tuple[str, ...]) -> None:
         """Read a file; without a text it is one that another file includes."""
         try:
-            given = file_text.read_text(path) if text is None else text
-            read = read_xml(given, str(path), strict=self._faults.strict)
+            content = file_text.read_text(path) if text is None else text
+            read = read_xml(content, str(path), strict=self._faults.strict)
         except FileError as error:
             self._faults.add(*error.faults)
             return

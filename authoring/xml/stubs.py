@@ -191,9 +191,9 @@ class StubFinder:
             if node is None or not node.__module__.startswith("picktree.") or element.identity == "ForEach":
                 continue
             needed = {port.key for port in node.declaration.ports if port.required}
-            given = {key for key in element.attributes if key not in _NO_PORT and key[:1] != "_"}
+            ports = {key for key in element.attributes if key not in _NO_PORT and key[:1] != "_"}
             known = {*node.declaration.keys, *(slot.key for slot in node.declaration.slots)}
-            if needed - given or given - known or bool(element.children) != bool(node.declaration.slots):
+            if needed - ports or ports - known or bool(element.children) != bool(node.declaration.slots):
                 found.add(element.identity)
         return frozenset(found)
 
@@ -215,8 +215,8 @@ class StubFinder:
             found = self._port(name, key, uses, settled.get((name, key)), taken)
             if found is not None:
                 ports.append(found)
-        said = one_line((model.get("description") or model.text) if model is not None else "")
-        doc = said or f"{name} of {uses[0].mark.file.replace(chr(92), '/').rpartition('/')[2]}."
+        description = one_line((model.get("description") or model.text) if model is not None else "")
+        doc = description or f"{name} of {uses[0].mark.file.replace(chr(92), '/').rpartition('/')[2]}."
         return StubNode(name, identity, self._kind(model, uses), doc, tuple(ports), uses[0].mark, len(uses))
 
     def _identity(self, name: str, use: Element) -> str:
@@ -472,20 +472,20 @@ def _class(node: StubNode, name: str) -> Iterator[str]:
 
 def _port(port: PortDeclaration) -> Iterator[str]:
     way = "In" if port.direction == "in" else "Out"
-    given = [_quoted(port.doc)]
+    arguments = [_quoted(port.doc)]
     if port.default is not REQUIRED:
-        given.append(f"default={_value(port.default)}")
+        arguments.append(f"default={_value(port.default)}")
     if port.attribute != port.key:
-        given.append(f"key={_quoted(port.key)}")
+        arguments.append(f"key={_quoted(port.key)}")
     if port.takes == "template":
-        given.append('takes="template"')
+        arguments.append('takes="template"')
     start = f"    {port.attribute}: {way}[{_type(port.type)}] = port("
-    line = f"{start}{', '.join(given)})"
+    line = f"{start}{', '.join(arguments)})"
     if len(line) <= _LINE:
         yield line
     else:
         yield start
-        yield from (f"        {each}," for each in given)
+        yield from (f"        {each}," for each in arguments)
         yield "    )"
 
 

@@ -130,10 +130,10 @@ def _order(rows: Column, by_time: Column) -> Column:
     for topic in np.unique(topics).tolist():
         places = np.flatnonzero(topics[order] == topic)
         mine = order[places]
-        told = mine[np.argsort(numbers[mine], kind="stable")]
-        if (told != mine).any() and np.abs(times[told] - times[mine]).max() <= _MAX_DELAY:
-            times[told] = times[mine]
-            order[places] = told
+        by_number = mine[np.argsort(numbers[mine], kind="stable")]
+        if (by_number != mine).any() and np.abs(times[by_number] - times[mine]).max() <= _MAX_DELAY:
+            times[by_number] = times[mine]
+            order[places] = by_number
     return order
 
 
@@ -373,21 +373,26 @@ def _is_as_written(file: RecordFile, summary: Summary, data_end: int) -> bool:
     Raises one of `DAMAGE_ERRORS` when their check sum is wrong.
     """
     crc = int.from_bytes(file.record(data_end, Opcode.DATA_END)[1][:4], "little")
-    told, chunks = summary.statistics, summary.chunk_indexes
-    if not crc or told is None:
+    statistics, chunks = summary.statistics, summary.chunk_indexes
+    if not crc or statistics is None:
         return False
     if crc != file.crc(0, data_end):
         raise ValueError("wrong check sum of the data")
     listed = (summary.schemas, summary.channels, chunks, summary.attachment_indexes, summary.metadata_indexes)
-    counts = (told.schema_count, told.channel_count, told.chunk_count, told.attachment_count)
-    if tuple(map(len, listed)) != (*counts, told.metadata_count):
+    counts = (
+        statistics.schema_count,
+        statistics.channel_count,
+        statistics.chunk_count,
+        statistics.attachment_count,
+    )
+    if tuple(map(len, listed)) != (*counts, statistics.metadata_count):
         return False
     if any(b.message_start_time < a.message_end_time for a, b in pairwise(chunks)):
         return False
     last = parsed(*file.record(chunks[-1].chunk_start_offset, Opcode.CHUNK)) if chunks else None
     messages = breakup_chunk(last) if isinstance(last, Chunk) else []
     numbers = {each.channel_id: each.sequence for each in messages if isinstance(each, Message)}
-    totals = told.channel_message_counts
+    totals = statistics.channel_message_counts
     return all(number == totals[channel] & 0xFFFFFFFF for channel, number in numbers.items())
 
 

@@ -49,12 +49,12 @@ class StateWriter:
         self._at = now
         full = state(0 if whole else self._departed)
         rest, left = _parted(full)
-        told = dict(full) if whole else _changed(self._before, rest)
+        content = dict(full) if whole else _changed(self._before, rest)
         if left and not whole:
-            told[_DEPARTED_FIELD] = left
+            content[_DEPARTED_FIELD] = left
         self._before = rest
         self._departed = len(left) + (0 if whole else self._departed)
-        data = orjson.dumps({"whole": whole, "state": told})
+        data = orjson.dumps({"whole": whole, "state": content})
         if whole:
             self._whole_at, self._whole_size, self._size = now, len(data), 0
         else:
@@ -64,10 +64,10 @@ class StateWriter:
 
 def read_state(data: bytes) -> log_records.TrueState:
     """Decode a message. Raises ValueError for something else."""
-    said = cast("dict[str, Any]", orjson.loads(data))
-    if not isinstance(said.get("whole"), bool) or not isinstance(said.get("state"), dict):
+    message = cast("dict[str, Any]", orjson.loads(data))
+    if not isinstance(message.get("whole"), bool) or not isinstance(message.get("state"), dict):
         raise ValueError("no state of a simulation")
-    return log_records.TrueState(said["whole"], said["state"])
+    return log_records.TrueState(message["whole"], message["state"])
 
 
 def fold_states(messages: Iterable[log_records.TrueState]) -> dict[str, Any] | None:
@@ -77,18 +77,18 @@ def fold_states(messages: Iterable[log_records.TrueState]) -> dict[str, Any] | N
         if message.whole or state is None:
             state = dict(message.state)
             continue
-        told = dict(message.state)
-        if _ITEMS_FIELD in told:
-            news = {body["id"]: body for body in told.pop(_ITEMS_FIELD)}
-            order = told.pop("item_ids", [body["id"] for body in state[_ITEMS_FIELD]])
+        changes = dict(message.state)
+        if _ITEMS_FIELD in changes:
+            news = {body["id"]: body for body in changes.pop(_ITEMS_FIELD)}
+            order = changes.pop("item_ids", [body["id"] for body in state[_ITEMS_FIELD]])
             known = {body["id"]: body for body in state[_ITEMS_FIELD]} | news
-            told[_ITEMS_FIELD] = [known[name] for name in order]
-        left = [*_parted(state)[1], *told.pop(_DEPARTED_FIELD, ())]
-        inventory = told.get(_INVENTORY_FIELD, state.get(_INVENTORY_FIELD))
+            changes[_ITEMS_FIELD] = [known[name] for name in order]
+        left = [*_parted(state)[1], *changes.pop(_DEPARTED_FIELD, ())]
+        inventory = changes.get(_INVENTORY_FIELD, state.get(_INVENTORY_FIELD))
         if inventory:  # a change of an older log has all that left
-            left = _parted(told)[1] or left
-            told[_INVENTORY_FIELD] = {**inventory, _DEPARTED_FIELD: left}
-        state.update(told)
+            left = _parted(changes)[1] or left
+            changes[_INVENTORY_FIELD] = {**inventory, _DEPARTED_FIELD: left}
+        state.update(changes)
     return state
 
 
@@ -102,11 +102,11 @@ def _parted(state: Mapping[str, Any]) -> tuple[Mapping[str, Any], list[Any]]:
 
 
 def _changed(before: Mapping[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
-    told = {key: value for key, value in state.items() if key not in before or before[key] != value}
-    if _ITEMS_FIELD in told:
+    changes = {key: value for key, value in state.items() if key not in before or before[key] != value}
+    if _ITEMS_FIELD in changes:
         known = {body["id"]: body for body in before[_ITEMS_FIELD]}
-        told[_ITEMS_FIELD] = [body for body in state[_ITEMS_FIELD] if known.get(body["id"]) != body]
+        changes[_ITEMS_FIELD] = [body for body in state[_ITEMS_FIELD] if known.get(body["id"]) != body]
         ids = [body["id"] for body in state[_ITEMS_FIELD]]
         if ids != list(known):
-            told["item_ids"] = ids
-    return told
+            changes["item_ids"] = ids
+    return changes
