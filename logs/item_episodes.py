@@ -259,8 +259,8 @@ class EpisodeTracker:
         self._names = CureNames(known)
         self._leaves = frozenset(node.path for node in known if not node.children)
         giving_up = [node.path for node in known if node.id == _SET_ASIDE]
-        self._giving_up = frozenset(path for each in giving_up for path in self._upwards(each))
-        inert = {node.path for node in known if node.id in _INERT and not node.children}
+        self._giving_up = frozenset(path for each in giving_up for path in self._path_and_ancestors(each))
+        inert = {node.path for node in known if node.id in _INERT_NODES and not node.children}
         for node in reversed(known):  # children come after their parents
             if node.children and inert.issuperset(node.children):
                 inert.add(node.path)
@@ -283,7 +283,7 @@ class EpisodeTracker:
         """
         self._time = round(time, 9)  # as the log has it
         aside = {event.node for event in events if isinstance(event, event_types.SetAsideEvent)}
-        self._notice(events)
+        self._track_place(events)
         for change in changes:
             if change.status == "RUNNING":
                 self._begin(change)
@@ -291,7 +291,7 @@ class EpisodeTracker:
                 self._end(change, change.path in aside or self._ids.get(change.path) == _SET_ASIDE)
         for event in events:
             if isinstance(event, event_types.RecoveryEvent):
-                self._told(event)
+                self._process_announcement(event)
             elif isinstance(event, event_types.ItemDoneEvent):
                 self._progress(event.object)
             elif isinstance(event, event_types.FaultEvent) and event.struck:
@@ -303,7 +303,7 @@ class EpisodeTracker:
         """Return what is open at the end of the run, or of its log, as such."""
         self._time = max(round(time, 9), self._time)
         for node in reversed(list(self._open.values())):
-            self._bear(node)
+            self._charge(node)
         for number in sorted(self._troubles):
             self._decide(number, "open", "open", None)
         for fault in self._waiting:
@@ -330,14 +330,14 @@ class EpisodeTracker:
             self._close(self._open.pop(path), halted=True)
         parent = self._open.get(self._parents.get(path, ""))
         if parent is not None:
-            self._goes_on(parent, path)
+            self._process_child_start(parent, path)
         self._open[path] = RunningNode(path, self._time, change.subject, run=self._time)
         if change.subject and not self._only_helps(path):
-            for around in self._around(path):
+            for around in self._ancestors(path):
                 if self._kind(around) == "choosing" and change.subject not in around.about:
                     around.about.append(change.subject)
 
-    def _goes_on(self, node: RunningNode, child: str) -> None:
+    def _process_child_start(self, node: RunningNode, child: str) -> None:
         """Process a start of a child: the next one, the same again, or a cure."""
         if child == node.failed and node.arrived and self._ids.get(node.path) != "ForEach":
             node.again = node.dealing = True
@@ -354,7 +354,7 @@ class EpisodeTracker:
         elif kind == "" and self._ids.get(node.path) != "Parallel":
             self._settle(node.arrived, node, node)
         if kind == "choosing" or child == node.failed or not node.failed:
-            self._bear(node)
+            self._charge(node)
             node.run, node.borne, node.dealing, node.called = self._time, 0.0, False, ""
             node.failed_about = list(dict.fromkeys((*node.failed_about, *node.about)))
             node.about, node.worked = [], []
@@ -377,13 +377,13 @@ class EpisodeTracker:
             self._close(node, halted=True)
         else:
             if change.status == "SUCCESS" and change.path in self._leaves and not self._only_helps(node.path):
-                for around in self._around(node.path):
+                for around in self._ancestors(node.path):
                     if node.subject in around.failed_about and node.subject not in around.worked:
                         around.worked.append(node.subject)
             self._succeeded(node)
             self._settle(node.arrived, self._open.get(self._parents.get(node.path, "")), node)
         if change.status == "SKIPPED":
-            self._was_no_cure(node)
+            self._drop_skipped_cure(node)
 
     def _succeeded(self, node: RunningNode) -> None:
         """Decide the troubles that a node had taken up, after its success."""
@@ -391,14 +391,14 @@ class EpisodeTracker:
             trouble = self._troubles[number]
             if node.instead and trouble.handler == node.instead:
                 self._decide(number, "done_instead", "branched", node)
-            elif not node.aside and self._got_on(node, trouble):
+            elif not node.aside and self._has_succeeded(node, trouble):
                 self._decide(number, "cured", "branched", node)
             elif not node.aside and (outer := self._handling_around(node.path)) is not None:
                 outer.taken.append(number)  # it ends as what `outer` handles meanwhile
             else:
                 self._decide(number, "given_up", "branched", node)
 
-    def _got_on(self, node: RunningNode, trouble: OpenEpisode) -> bool:
+    def _has_succeeded(self, node: RunningNode, trouble: OpenEpisode) -> bool:
         """Whether the work that had failed then succeeded.
 
         After another run of the same branch it did. Another branch counts only when a skill succeeded on an
@@ -411,7 +411,7 @@ class EpisodeTracker:
 
     def _handling_around(self, path: str) -> RunningNode | None:
         """Return the nearest ancestor that runs a cure for another trouble; None without one."""
-        for node in self._around(path):
+        for node in self._ancestors(path):
             runs_a_cure = node.dealing or self._kind(node) == "choosing"
             if runs_a_cure and any(number in self._troubles for number in node.taken):
                 return node
@@ -419,9 +419,9 @@ class EpisodeTracker:
 
     def _only_helps(self, path: str) -> bool:
         """Whether a node names an item and does none of its work, such as a look."""
-        return self._ids.get(path) in _HELPING
+        return self._ids.get(path) in _HELPER_NODES
 
-    def _notice(self, events: Iterable[JournalEvent]) -> None:
+    def _track_place(self, events: Iterable[JournalEvent]) -> None:
         """Track the items that the mission has put down outside of bins and holes."""
         for event in events:
             if isinstance(event, event_types.ItemDoneEvent) and not event.into:
@@ -438,44 +438,44 @@ class EpisodeTracker:
         """
         failure = [(node.path, self._time)] if by_itself else []
         own = change.origin in ("", node.path)
-        same = self._with(change.cause, (*node.taken, *node.arrived))
+        same = self._last_of_cause(change.cause, (*node.taken, *node.arrived))
         if same is not None and (not own or self._troubles[same].node == node.path):
             self._troubles[same].failures += failure
             return
         if not own and change.cause in node.settled:
             return
-        around = list(self._around(node.path))
-        again = self._answered(change.cause, around)
+        around = list(self._ancestors(node.path))
+        again = self._pending_in_fallback(change.cause, around)
         if again is not None:
             self._troubles[again].times.append(self._time)
             self._troubles[again].failures += failure
             node.arrived.append(again)
             return
         began = self._time if not own or any(other.dealing for other in around) else node.start
-        number = self._arise(node, change.cause, change.origin or node.path, self._time - began)
+        number = self._open_trouble(node, change.cause, change.origin or node.path, self._time - began)
         self._troubles[number].failures = failure
         self._troubles[number].planted, self._waiting = self._waiting, []
         node.arrived.append(number)
 
-    def _arise(self, node: RunningNode, cause: str, origin: str, took: float = 0.0) -> int:
+    def _open_trouble(self, node: RunningNode, cause: str, origin: str, took: float = 0.0) -> int:
         """Return the number of a new trouble at or below the node."""
-        subject = next((n.subject for n in (node, *self._around(node.path)) if n.subject), "")
+        subject = next((n.subject for n in (node, *self._ancestors(node.path)) if n.subject), "")
         self._number += 1
         self._troubles[self._number] = OpenEpisode(cause, origin, subject, [self._time], took)
         return self._number
 
-    def _answered(self, cause: str, around: Iterable[RunningNode]) -> int | None:
+    def _pending_in_fallback(self, cause: str, around: Iterable[RunningNode]) -> int | None:
         """Return the trouble of this cause for which a Fallback above runs its next branch; None without
         one."""
         for node in around:
-            same = self._with(cause, node.taken) if self._kind(node) == "choosing" else None
+            same = self._last_of_cause(cause, node.taken) if self._kind(node) == "choosing" else None
             if same is not None:
                 return same
         return None
 
     def _close(self, node: RunningNode, *, cause: str = "", halted: bool = False) -> None:
         """Pass the undecided troubles of a failed or halted node up to its parent."""
-        self._bear(node)
+        self._charge(node)
         left = [n for n in dict.fromkeys((*node.taken, *node.arrived)) if n in self._troubles]
         parent = self._open.get(self._parents.get(node.path, ""))
         if parent is None:
@@ -486,14 +486,14 @@ class EpisodeTracker:
         handling = self._kind(parent) != ""
         for number in left:
             self._troubles[number].came_up = self._time
-            same = self._with(self._troubles[number].cause, parent.taken) if handling else None
+            same = self._last_of_cause(self._troubles[number].cause, parent.taken) if handling else None
             number = number if same is None else self._join(number, same)
             if number not in parent.arrived:
                 parent.arrived.append(number)
         if halted:
             return
         if not parent.dealing:  # else it was the cure that failed
-            failing = self._with(cause, parent.arrived)
+            failing = self._last_of_cause(cause, parent.arrived)
             parent.failed, parent.dealing = node.path, handling
             parent.failing = parent.failing if failing is None else failing
 
@@ -507,16 +507,16 @@ class EpisodeTracker:
 
     # What is done about it.
 
-    def _told(self, event: event_types.RecoveryEvent) -> None:
+    def _process_announcement(self, event: event_types.RecoveryEvent) -> None:
         """Process the announcement of a handler after a failure of the branch."""
         node = self._open.get(event.node)
         if node is None:
             return
         node.answers = True
-        failing = self._with(event.cause, node.arrived)
+        failing = self._last_of_cause(event.cause, node.arrived)
         if failing is None:  # a condition that does not hold
-            joined = self._with(event.cause, node.taken)
-            failing = self._arise(node, event.cause, event.failed)
+            joined = self._last_of_cause(event.cause, node.taken)
+            failing = self._open_trouble(node, event.cause, event.failed)
             failing = failing if joined is None else self._join(failing, joined)
             node.arrived.append(failing)
         node.failing, node.dealing = failing, True
@@ -549,7 +549,7 @@ class EpisodeTracker:
                 trouble.tried[-1] = self._names.of(child)
         node.called = ""
 
-    def _was_no_cure(self, skipped: RunningNode) -> None:
+    def _drop_skipped_cure(self, skipped: RunningNode) -> None:
         """Take back the cure when the next branch of a Fallback was skipped."""
         parent = self._open.get(self._parents.get(skipped.path, ""))
         if parent is None or self._kind(parent) != "choosing":
@@ -562,7 +562,7 @@ class EpisodeTracker:
 
     def _set_aside(self, node: RunningNode) -> None:
         """Note that the node which handles a trouble has given the item up."""
-        for around in self._around(node.path):
+        for around in self._ancestors(node.path):
             if around.dealing and any(number in self._troubles for number in around.taken):
                 around.aside = not around.instead  # else the item is done with, as the mission asks
                 return
@@ -580,13 +580,13 @@ class EpisodeTracker:
         into.failures += joined.failures
         return other
 
-    def _bear(self, node: RunningNode) -> None:
+    def _charge(self, node: RunningNode) -> None:
         """Charge the last failure of a branch with the time since the start of the run, without inner
         troubles."""
         trouble = self._troubles.get(node.failing)
         if not node.dealing or trouble is None or node.failing not in node.taken:
             return
-        self._add(trouble, self._time - node.run - node.borne, self._around(node.path))
+        self._add(trouble, self._time - node.run - node.borne, self._ancestors(node.path))
         node.run, node.borne = self._time, 0.0
 
     def _add(self, trouble: OpenEpisode, seconds: float, around: Iterable[RunningNode]) -> None:
@@ -610,7 +610,7 @@ class EpisodeTracker:
             if trouble is None or (at is not None and number in at.taken):
                 continue
             if not trouble.tried:
-                self._add(trouble, trouble.took, [] if at is None else [at, *self._around(at.path)])
+                self._add(trouble, trouble.took, [] if at is None else [at, *self._ancestors(at.path)])
             if at is not None:
                 at.settled = list(dict.fromkeys((*at.settled, trouble.cause)))
             self._decide(number, "given_up" if trouble.tried else "unhandled", fate, by, trouble.came_up)
@@ -628,7 +628,7 @@ class EpisodeTracker:
         t = self._troubles.pop(number)
         ended = self._time if time is None else time
         for path, at in t.failures:
-            around = self._upwards(by.path) if by is not None else ()
+            around = self._path_and_ancestors(by.path) if by is not None else ()
             shared = next((above for above in around if f"{path}/".startswith(f"{above}/")), "")
             if end in ("cured", "done_instead", "open"):  # the failures of an episode end as it does
                 own: event_types.Fate = end
@@ -652,7 +652,7 @@ class EpisodeTracker:
             tries=t.tries,
             seconds=round(t.seconds, 6),
         )
-        self._decisions.append(replace(episode, message=_told(episode)))
+        self._decisions.append(replace(episode, message=_episode_text(episode)))
         for fault in t.planted:
             after = round(min(at for at in t.times if at >= fault.time - 1e-9) - fault.time, 6)
             self._decisions.append(_followed(fault, t.cause, after, end))
@@ -663,19 +663,19 @@ class EpisodeTracker:
         kind = _KINDS.get(self._ids.get(node.path, ""), "")
         return "recovering" if node.answers else kind or ("retrying" if node.again else "")
 
-    def _around(self, path: str) -> Iterable[RunningNode]:
+    def _ancestors(self, path: str) -> Iterable[RunningNode]:
         """Return the running ancestors of a node, the nearest first."""
-        for above in self._upwards(self._parents.get(path, "")):
+        for above in self._path_and_ancestors(self._parents.get(path, "")):
             if above in self._open:
                 yield self._open[above]
 
-    def _upwards(self, path: str) -> Iterator[str]:
+    def _path_and_ancestors(self, path: str) -> Iterator[str]:
         """Return the path and those of all ancestors."""
         while path:
             yield path
             path = self._parents.get(path, "")
 
-    def _with(self, cause: str, numbers: Iterable[int]) -> int | None:
+    def _last_of_cause(self, cause: str, numbers: Iterable[int]) -> int | None:
         """Return the last of these troubles with this cause; None without one."""
         found = [n for n in numbers if n in self._troubles and self._troubles[n].cause == cause]
         return found[-1] if found else None
@@ -689,7 +689,7 @@ def _followed(
     )
 
 
-def _told(episode: event_types.EpisodeEvent) -> str:
+def _episode_text(episode: event_types.EpisodeEvent) -> str:
     """Return the episode as text: `grasp.slipped: cured by RetreatAndLook, 12.4 s lost`."""
     by = f" by {episode.cure}" if episode.end == "cured" and episode.cure else ""
     lost = f", {episode.seconds:.1f} s lost" if episode.seconds >= 0.05 else ""
@@ -714,7 +714,7 @@ _KINDS = {
 }
 """Nodes that may take up a failure, with the kind of evidence for it."""
 _SET_ASIDE = "SetAside"
-_HELPING = frozenset({_SET_ASIDE, "Observe", "LookAround", "FreeSpot", "AskForHelp", "Push"})
+_HELPER_NODES = frozenset({_SET_ASIDE, "Observe", "LookAround", "FreeSpot", "AskForHelp", "Push"})
 """Nodes that may name an item and do none of its work: they look, ask, make room or leave it."""
-_INERT = frozenset({"AlwaysSuccess", "Log", "Script", "SetBlackboard"})
+_INERT_NODES = frozenset({"AlwaysSuccess", "Log", "Script", "SetBlackboard"})
 """Nodes that change nothing in the cell: they cure no failure."""

@@ -111,7 +111,7 @@ class JoinedLog:
         try:
             first = self._open(path)
             self._parts.append(first)
-            self.goes_on = first.info
+            self.continued_part = first.info
             """Part information of a log that begins with a later file; None for the beginning of a log."""
             gaps = self._join(path, first) if first.info is None else []
         except PicktreeError:
@@ -232,7 +232,7 @@ class JoinedLog:
                 if number not in beside:
                     raise PicktreeError(f"{file} is missing")
                 part = self._open(beside[number])
-                if not self._goes_on(part, number, adjacent=not lost):
+                if not self._continues(part, number, adjacent=not lost):
                     part.reading.close()
                     raise PicktreeError(f"{file} belongs to another log")
             except PicktreeError as error:
@@ -250,7 +250,7 @@ class JoinedLog:
             gaps.append(f"{lost}: everything after {self.end / 1e9:.2f} s lost")
         return gaps
 
-    def _goes_on(self, part: _Part, number: int, *, adjacent: bool) -> bool:
+    def _continues(self, part: _Part, number: int, *, adjacent: bool) -> bool:
         """Whether this part continues the log, according to the metadata of the files; without any, by its
         times."""
         before = self._parts[-1]

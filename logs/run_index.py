@@ -66,7 +66,7 @@ COLUMNS: Final[Mapping[str, tuple[ValueType, str]]] = {
 """Names of a filter, with their types and meanings."""
 
 _DAY: Final = 86400.0
-_MADE_BY_A_RUN: Final = re.compile(r".+-\d+-\d{8}-\d{6}(-\d+)?")
+_RUN_FOLDER_NAME: Final = re.compile(r".+-\d+-\d{8}-\d{6}(-\d+)?")
 """Name of a folder that a session has made: mission, seed, date and time."""
 _LATER_PART: Final = re.compile(r"(.+)-\d{4,}")
 
@@ -196,7 +196,7 @@ class RunIndex:
         if batch is not None:
             raise PicktreeError(f"{log.parent}: the run belongs to the batch {batch}, whose results name it")
         try:
-            if row.folder != row.log and _MADE_BY_A_RUN.fullmatch(log.parent.name):
+            if row.folder != row.log and _RUN_FOLDER_NAME.fullmatch(log.parent.name):
                 shutil.rmtree(log.parent)
                 return
             for path in (log, *part_paths(log).values()):
@@ -218,16 +218,16 @@ class RunIndex:
                 message=message,
             )
         path = self.folder / log
-        goes_on = is_written(path)
-        if goes_on and before is not None and before.status == "running":
+        in_progress = is_written(path)
+        if in_progress and before is not None and before.status == "running":
             return replace(before, written=written, size=size)
         where = str(Path(log).parent) if path.name == LOG_NAME and log != LOG_NAME else log
-        row = RunRow(where, log, written, size, "running" if goes_on else "killed")
+        row = RunRow(where, log, written, size, "running" if in_progress else "killed")
         try:
             with RunLog(path) as read:
                 return _filled(row, read)
         except PicktreeError as error:
-            return replace(row, message=str(error)) if goes_on else replace(
+            return replace(row, message=str(error)) if in_progress else replace(
                 row, status="unreadable", message=str(error)
             )  # fmt: skip
 

@@ -252,7 +252,7 @@ class RunLog:
         """Spans that the log lacks, in order of time: they are damaged, or another program left them out."""
         self.lacks_something = False
         """Whether the log is known to lack messages, files or metadata."""
-        self.part = self._file.goes_on.number if self._file.goes_on else 1
+        self.part = self._file.continued_part.number if self._file.goes_on else 1
         """Number of the log's first file: 1, or another for a later file of a rotated log, opened by its own
         name.
 
@@ -287,7 +287,7 @@ class RunLog:
         return self._file.is_rewritten
 
     @property
-    def going_on(self) -> bool:
+    def in_progress(self) -> bool:
         """Whether the run's process still writes this log."""
         return any(is_written(path) for path in (self.path, *part_paths(self.path).values()))
 
@@ -535,7 +535,7 @@ class RunLog:
         """Compute the digest of everything simulated in the log. It equals the recorded one when the log is
         whole."""
         digest, start = Digest(), None
-        before, continues = self._file.goes_on, self.run.continues
+        before, continues = self._file.continued_part, self.run.continues
         if before is not None:
             digest, start = Digest(bytes.fromhex(before.digest)), before.start + 1
         elif continues is not None:

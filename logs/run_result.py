@@ -168,7 +168,7 @@ class RunResult:
         here."""
         return f"{program} explain {shlex.quote(str(self.folder))}"
 
-    def goes_on(self, program: str = "picktree") -> str:
+    def resume_command(self, program: str = "picktree") -> str:
         """Return the command that resumes a paused run, with the first of the question's choices as
         answer."""
         answer = f" --answer {shlex.quote(self.asked.choices[0])}" if self.asked else ""
@@ -273,7 +273,7 @@ class RunResult:
         return [
             f"it is so    {self.asked.situation}",
             f"answers     {', '.join(self.asked.choices)}",
-            f"resume with {self.goes_on(program)}",
+            f"resume with {self.resume_command(program)}",
         ]
 
     def _recovered(self) -> list[str]:

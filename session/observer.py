@@ -43,7 +43,7 @@ class Observer:
     def edited(self, run: Execution) -> None:
         """Called when an edited mission has taken over: its tree is ticked from the next tick on."""
 
-    def told(self, now: float, text: str) -> None:
+    def notified(self, now: float, text: str) -> None:
         """Called with a message that is no part of the run, such as the refusal of an edit."""
 
     def recorded(self, topic: Topic, at: int, data: bytes, in_digest: bool) -> None:

@@ -84,7 +84,7 @@ def recipe_from_truth(recorded: RecordedRun) -> tuple[Recipe, str, float]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Last:
+class _LastState:
     """Last recorded state of the simulation."""
 
     time: float
@@ -96,7 +96,7 @@ class _Last:
     """Bias of the wrist sensor, (6,), N and Nm; empty when it was not learnt yet."""
 
 
-def _last_state(run: RunRecord) -> _Last:
+def _last_state(run: RunRecord) -> _LastState:
     topic, end = topics.STATE.name, run.end
     for start in (end - 2 * WHOLE_STATE_PERIOD, None):
         messages = list(run.log.messages([topic], start))
@@ -113,7 +113,7 @@ def _last_state(run: RunRecord) -> _Last:
             bias = tuple(float(value) for value in state.pop("wrist_bias", ()))
         except (ValueError, KeyError, ValidationError) as error:
             raise PicktreeError(f"{run.path}: {topic}: unreadable state: {error}") from None
-        return _Last(messages[-1].time / 1e9, state, faults, bias)
+        return _LastState(messages[-1].time / 1e9, state, faults, bias)
     raise PicktreeError(
         f"{run.path}: the log lacks the state of the simulation, as logs of older versions do; "
         "without --as-it-stands the run resumes from its last checkpoint"
@@ -195,7 +195,7 @@ class Resumption:
     def __init__(self, request: ResumeRequest) -> None:
         self.request = request
         with ExitStack() as stack:
-            self.recipe, self.told, self._recorded = self._read(stack)
+            self.recipe, self.description, self._recorded = self._read(stack)
             self._open = stack.pop_all()
         gc.collect()  # Readers of logs refer to themselves, and a session never frees what exists before it.
 

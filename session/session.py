@@ -349,7 +349,7 @@ class Session:
 
     def _tell(self, text: str) -> None:
         for observer in self._observers:
-            observer.told(self.execution.world.clock.now, text)
+            observer.notified(self.execution.world.clock.now, text)
 
 
 @contextmanager

@@ -46,7 +46,7 @@ ARM_RANGE = 0.15
 """Distance from a link's frame within which the link may touch an obstacle, m."""
 MAX_POSES = 12
 """Maximum number of poses that are tried; they are spread over a longer list."""
-SOLUTIONS = 1
+MAX_IK_SOLUTIONS = 1
 
 
 def reachable(arm: InverseKinematics, poses: Sequence[Pose]) -> bool:
@@ -54,7 +54,7 @@ def reachable(arm: InverseKinematics, poses: Sequence[Pose]) -> bool:
     step = max(len(poses) // MAX_POSES, 1)
     home = arm.model.named("home")
     rng = np.random.default_rng(0)
-    return any(arm.solutions(pose, rng, home, SOLUTIONS) for pose in poses[::step])
+    return any(arm.solutions(pose, rng, home, MAX_IK_SOLUTIONS) for pose in poses[::step])
 
 
 def scene_of(log: RunLog) -> SceneDescription | None:

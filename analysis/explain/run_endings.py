@@ -140,7 +140,7 @@ def _pending_question(case: Investigation) -> tuple[str, ...]:
     return (
         f"{question.node} asks: {question.reason}",
         f"it takes one of these answers: {', '.join(question.choices)}",
-        f"continue with: {result.goes_on()}",
+        f"continue with: {result.resume_command()}",
     )
 
 

@@ -512,7 +512,7 @@ def _status(run: RunRecord) -> str:
         return "crashed"
     if _next_file(run):
         return "continued"
-    if run.log.going_on:
+    if run.log.in_progress:
         return "running"
     return "unknown" if run.log.lacks_result else "killed"
 
@@ -532,7 +532,7 @@ def _cut_off(run: RunRecord, visits: Sequence[node_visits.Visit], end: float) ->
         return f"the run was ended at {end:.2f} s by an error of the program ({ended}){_doing(visits)}"
     if following := _next_file(run):
         return f"this file of the log ends at {end:.2f} s, and {following} goes on{_doing(visits)}"
-    if run.log.going_on:
+    if run.log.in_progress:
         return f"the run is still in progress: its log has come to {end:.2f} s{_doing(visits)}"
     if run.log.lacks_result:
         return f"the log ends at {end:.2f} s, and the result of the run was left out{_doing(visits)}"

@@ -190,18 +190,18 @@ class Batch:
                 if reported == "now":
                     executor.stop()
             while self._stop == "no" and waiting and len(under_way) < executor.slots:
-                if not self._room():
+                if not self._has_disk_space():
                     self._full = True
                     self.finish()
                     break
                 job, attempt = waiting.popleft()
-                under_way[job.id] = order = self._begun(job, attempt)
+                under_way[job.id] = order = self._attempt_order(job, attempt)
                 executor.submit(order)
             if not under_way and reported != "no":
                 break
             for event in executor.wait(_STOP_CHECK_PERIOD):
                 order = under_way.pop(event.order.job)
-                ended = self._dealt_with(event, onlooker)
+                ended = self._record_event(event, onlooker)
                 if ended is not None:
                     onlooker.ended(ended)
                 else:
@@ -215,7 +215,7 @@ class Batch:
             )
         return not waiting
 
-    def _dealt_with(self, event: Event, onlooker: BatchWatcher) -> RecordedJob | None:
+    def _record_event(self, event: Event, onlooker: BatchWatcher) -> RecordedJob | None:
         """Record the result of an event; return None when its job is still to be run."""
         order = event.order
         job = self._by_id[order.job]
@@ -232,9 +232,9 @@ class Batch:
                 reason = f"{order.result}: its result is missing or damaged"
             case JobFailed():
                 reason = event.reason
-        if not self._room():
+        if not self._has_disk_space():
             shutil.rmtree(order.folder, ignore_errors=True)
-            if not self._room():  # it was not this job that filled the disk
+            if not self._has_disk_space():  # it was not this job that filled the disk
                 return None
         crash = lost_attempt(order, reason, self._place, kept=self.plan.keep != "none")
         if order.attempt >= MAX_ATTEMPTS:
@@ -256,11 +256,11 @@ class Batch:
                 shutil.rmtree(try_folder(self._place, job.id, attempt), ignore_errors=True)
         return RecordedJob(job, row, tuple(dict.fromkeys(failure.cause for failure in rows.failures)))
 
-    def _begun(self, job: Job, attempt: int) -> JobOrder:
+    def _attempt_order(self, job: Job, attempt: int) -> JobOrder:
         """Return the order of an attempt; remains of earlier attempts are deleted."""
         order = self._order(job, attempt)
         if attempt == 1:
-            self.store.begin_anew(job.id)
+            self.store.reset_crashed(job.id)
         for later in range(attempt, MAX_ATTEMPTS + 1):
             shutil.rmtree(try_folder(self._place, job.id, later), ignore_errors=True)
         return order
@@ -282,7 +282,7 @@ class Batch:
                     self._record(job, order, rows)
                     break
 
-    def _room(self) -> bool:
+    def _has_disk_space(self) -> bool:
         """Whether the disk has room for another job."""
         return shutil.disk_usage(self.folder).free >= _MIN_FREE_BYTES
 

@@ -473,7 +473,8 @@ def divergence_line(found: Alignment, a: Run) -> str:
     parting = found.parting
     if parting is None:
         return "the runs do not part"
-    text = f"they part at tick {a.ticks.number_at(parting.time)}, {parting.time:.2f} s: {_what(parting)}"
+    place = f"tick {a.ticks.number_at(parting.time)}, {parting.time:.2f} s"
+    text = f"they part at {place}: {_divergence_words(parting)}"
     end = _first_other_end(found) if parting.how not in ("outcome", "cause") else None
     if end is not None:
         time, one, other = end
@@ -485,7 +486,7 @@ def divergence_line(found: Alignment, a: Run) -> str:
     return text
 
 
-def _what(parting: Divergence) -> str:
+def _divergence_words(parting: Divergence) -> str:
     a, b = parting.a, parting.b
     match parting.how:
         case "inputs" if a is not None and b is not None:
@@ -532,7 +533,7 @@ _TITLES = {
     "failures": "failures",
     "seconds_a_pick": "seconds a pick",
 }
-_MOST_CAUSES = 8
+_MAX_NAMED_CAUSES = 8
 
 
 def text_of(found: RecipeComparison, program: str = "picktree") -> str:
@@ -571,10 +572,10 @@ def _lines(found: RecipeComparison, program: str) -> Iterator[str]:
     if found.causes:
         yield ""
         yield _row("failures by cause", "A", "B", "B − A, 95 % interval", "p", "Holm")
-        for change in found.causes[:_MOST_CAUSES]:
+        for change in found.causes[:_MAX_NAMED_CAUSES]:
             yield _difference_row(change.cause, change.difference, change.adjusted)
-        if len(found.causes) > _MOST_CAUSES:
-            yield f"and {len(found.causes) - _MOST_CAUSES} causes more"
+        if len(found.causes) > _MAX_NAMED_CAUSES:
+            yield f"and {len(found.causes) - _MAX_NAMED_CAUSES} causes more"
     if found.changed:
         yield ""
         yield f"{len(found.changed)} seeds changed sides"

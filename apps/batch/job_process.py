@@ -282,7 +282,7 @@ class JobProcess:
                 self._kill(signal.SIGKILL)
         how = self._how()
         self._clear()  # before listening: what is left holds the other end, too
-        message = self._said()
+        message = self._received_message()
         if message is not None:
             return message
         place = last_place(self._order.folder)
@@ -300,7 +300,7 @@ class JobProcess:
         os.close(self._descriptor)
         self._heard.close()
 
-    def _said(self) -> Event | None:
+    def _received_message(self) -> Event | None:
         with suppress(EOFError, OSError, UnpicklingError):
             if self._heard.poll():
                 return self._heard.recv()

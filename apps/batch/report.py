@@ -21,7 +21,7 @@ from .summary import WorstJob, summarise
 from .tables import CELL_SIZE, JobRow
 
 _PAGE = Path(__file__).parent / "page"
-MOST_JOBS = 5_000
+MAX_SHOWN_JOBS = 5_000
 """Maximum number of jobs shown one by one, the first ones of the plan."""
 
 
@@ -67,7 +67,7 @@ def _data(folder: Path, store: Store, output: Path, runs: int) -> dict[str, Any]
 def _jobs(folder: Path, store: Store, output: Path) -> list[dict[str, Any]]:
     rows = store.query(
         "SELECT variant AS label, seed, status, items_sorted AS sorted, items_total AS items, "
-        f"sim_seconds AS seconds, look_at, folder AS report FROM jobs ORDER BY number LIMIT {MOST_JOBS}"
+        f"sim_seconds AS seconds, look_at, folder AS report FROM jobs ORDER BY number LIMIT {MAX_SHOWN_JOBS}"
     )
     return [
         {**row, "report": _link(folder / str(row["report"]) / "report.html", output) if row["report"] else ""}

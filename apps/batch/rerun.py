@@ -153,7 +153,7 @@ def _rerun(store: Store, job: Job, where: str, out: Path | None, executor: Execu
         reason,
         log or kept,
         log is None,
-        () if same or rows is None else tuple(_otherwise(store.versions(job.id), rows.versions)),
+        () if same or rows is None else tuple(_differing_versions(store.versions(job.id), rows.versions)),
     )
 
 
@@ -176,7 +176,7 @@ def _move_run(run: Path, target: Path) -> Path:
     return run.rename(free)
 
 
-def _otherwise(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
+def _differing_versions(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
     departed = arithmetic_record.arithmetic_difference(
         arithmetic_record.Arithmetic.from_words(then), arithmetic_record.Arithmetic.from_words(now)
     )

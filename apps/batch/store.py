@@ -253,7 +253,7 @@ class Store:
         with self._writing():
             self._insert("crashes", CrashRow, job, [crash])
 
-    def begin_anew(self, job: str) -> None:
+    def reset_crashed(self, job: str) -> None:
         """Reset a job that crashed to waiting."""
         with self._writing():
             crashed = self._connection.execute(

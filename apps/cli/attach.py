@@ -126,9 +126,9 @@ class _Conversation:
             case {"run": folder, "time": now}:
                 self._say(f"attached to {folder} at {now:.2f} s" + ("; `help` for help" * self._typed))
                 self._may_send = True
-            case {"reply": text, "goes_on": goes_on}:
+            case {"reply": text, "goes_on": continues}:
                 self._owed -= 1
-                self._may_send = not goes_on
+                self._may_send = not continues
                 self._say(text.rstrip("\n"))
             case {"stop": where}:
                 self._may_send = True

@@ -231,8 +231,8 @@ class AttachPrompt(DebugPrompt):
         """Run a command line; return its output, and whether the run continues."""
         self._debugger, self._stop = debugger, stop
         with self.into(io.StringIO()) as out:
-            goes_on = bool(line.strip()) and self.carry_out(line.strip())
-        return out.getvalue(), goes_on
+            continues = bool(line.strip()) and self.carry_out(line.strip())
+        return out.getvalue(), continues
 
     def _pause(self, _: str) -> bool:
         if self._server.stopped:
@@ -342,7 +342,7 @@ class AttachServer(Interrupter):
         if self._clients:
             self._send_state(now, report, items_done, items_total)
 
-    def told(self, now: float, text: str) -> None:
+    def notified(self, now: float, text: str) -> None:
         self._clients.send_all({"told": text, "time": now})
 
     def recorded(self, topic: Topic, at: int, data: bytes, in_digest: bool) -> None:
@@ -386,8 +386,8 @@ class AttachServer(Interrupter):
         try:
             while self._is_awaited():
                 while self._commands:
-                    goes_on = self._carry_out(stop)
-                    if self._halts or (self._given is not None if self._question else goes_on):
+                    continues = self._carry_out(stop)
+                    if self._halts or (self._given is not None if self._question else continues):
                         return
                 self._exchange(None)
         finally:
@@ -403,15 +403,15 @@ class AttachServer(Interrupter):
         `quit`."""
         client, line = self._commands.popleft()
         try:
-            text, goes_on = self._prompt.respond(self._debugger, stop, line)
+            text, continues = self._prompt.respond(self._debugger, stop, line)
         except KeyboardInterrupt:
             self._clients.send(client, {"reply": "", "goes_on": True})
             raise
-        self._clients.send(client, {"reply": text, "goes_on": goes_on and self._question is None})
+        self._clients.send(client, {"reply": text, "goes_on": continues and self._question is None})
         self._send_breakpoints()
-        if not goes_on:
+        if not continues:
             self._send_standing()
-        return goes_on
+        return continues
 
     # Messages.
 

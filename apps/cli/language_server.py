@@ -37,14 +37,14 @@ from picktree.trees.loading import NodeRegistry
 
 from .file_schemas import CHECKS, file_schema
 
-QUIET: Final = 0.1
+CHECK_DELAY: Final = 0.1
 """Time without a further edit after which a text is checked, s."""
 IDLE: Final = 0.3
 """Time after the errors of a large text until it is checked with the linter, s."""
 LARGE: Final = 15_000
 """Number of characters from which the errors of a mission are shown before the linter has looked at it."""
 _SUFFIXES: Final = (".yaml", ".yml")
-_MOST_FILES: Final = 500
+_MAX_SEARCHED_FILES: Final = 500
 """Number of files of a folder in which uses of a sub-tree are looked for."""
 _SOURCE: Final = "picktree"
 _KINDS: Mapping[ProposalKind, types.CompletionItemKind] = {
@@ -91,7 +91,7 @@ class Session:
     def missions_with(self, word: str, folder: Path) -> list[OpenFile]:
         """Return the open missions, and those in a folder, whose texts contain a word."""
         texts = {path: text for path, text in self._unsaved().items() if path.suffix in _SUFFIXES}
-        for path in sorted(folder.glob("*.y*ml"))[:_MOST_FILES]:
+        for path in sorted(folder.glob("*.y*ml"))[:_MAX_SEARCHED_FILES]:
             if path not in texts and path.suffix in _SUFFIXES:
                 with suppress(PicktreeError):
                     texts[path] = file_text.read_text(path)
@@ -144,7 +144,7 @@ class Session:
 
     def check_soon(self, uri: str) -> None:
         large = len(self.document(uri).source) > LARGE
-        self._later(QUIET, self._check_for_errors if large else self.check, uri)
+        self._later(CHECK_DELAY, self._check_for_errors if large else self.check, uri)
 
     def _later(self, pause: float, action: Callable[[str], None], uri: str) -> None:
         self._forget(uri)

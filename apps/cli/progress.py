@@ -60,7 +60,7 @@ class LinesDisplay(RunDisplay):
     def edited(self, run: Execution) -> None:
         self._leaves = run.tree.leaves
 
-    def told(self, now: float, text: str) -> None:
+    def notified(self, now: float, text: str) -> None:
         self._say(now, text)
 
     def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
@@ -125,7 +125,7 @@ class LiveDisplay(RunDisplay):
     def edited(self, run: Execution) -> None:
         self._structure = run.tree.structure()
 
-    def told(self, now: float, text: str) -> None:
+    def notified(self, now: float, text: str) -> None:
         self._live.console.print(f"{now:8.2f} s  {text}", markup=False, soft_wrap=True)
 
     def finished(self, result: RunResult) -> None:

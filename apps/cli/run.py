@@ -214,7 +214,7 @@ def _resumed_run(
 
     request = ResumeRequest(log, out, limit, rotation, as_it_stands, tuple(answers))
     with Resumption(request) as resumption:
-        print(resumption.told, file=sys.stderr, flush=True)
+        print(resumption.description, file=sys.stderr, flush=True)
         yield resumption.session
 
 

@@ -263,10 +263,10 @@ def _yaml(value: JsonValue) -> str:
     return orjson.dumps(value).decode()
 
 
-PATIENCE: Final = 120.0
+COMMAND_TIMEOUT: Final = 120.0
 """Time limit of a query by a command, wall s."""
 _PERIOD: Final = 0.4
-_AT_ONCE: Final = 2
+_MAX_COMMANDS: Final = 2
 """Maximum number of concurrent query commands."""
 Workers = Annotated[int, Field(ge=1, le=256)]
 
@@ -277,7 +277,7 @@ class BatchSlice(Slice):
     def __init__(self, studio: Studio) -> None:
         self._workspace = studio.workspace
         self._jobs = studio.jobs
-        self._slots = asyncio.Semaphore(_AT_ONCE)
+        self._slots = asyncio.Semaphore(_MAX_COMMANDS)
 
     # Plans.
 
@@ -444,7 +444,9 @@ class BatchSlice(Slice):
     async def _answer(self, words: list[str], text: str = "", codes: tuple[int, ...] = (0,)) -> bytes:
         """Return the output of a command. Raises PicktreeError with its message when it failed."""
         async with self._slots:
-            out = await command_answer(words, PATIENCE, text=text, folder=self._workspace.root, codes=codes)
+            out = await command_answer(
+                words, COMMAND_TIMEOUT, text=text, folder=self._workspace.root, codes=codes
+            )
         if not out.strip():
             raise PicktreeError(f"picktree {' '.join(words[:2])} said nothing")
         return out

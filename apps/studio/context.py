@@ -28,7 +28,7 @@ from picktree.files.yaml import Document, read_document
 from picktree.trees import LIBRARY, MAIN, FilesOnDisk, MissionDiagnostics, NodeDeclaration, path_of
 from picktree.trees.loading import PLUGINS_VARIABLE, IncludeReader, NodeRegistry, TreePorts, installed_entries
 
-_KEPT: Final = 16
+_MAX_CACHED_CONTEXTS: Final = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ class MissionContexts:
         found = self._kept.get(key)
         if found is None:
             found = self._kept[key] = self._made(path, included, plugins)
-            while len(self._kept) > _KEPT:
+            while len(self._kept) > _MAX_CACHED_CONTEXTS:
                 self._kept.popitem(last=False)
         self._kept.move_to_end(key)
         return found

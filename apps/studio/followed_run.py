@@ -247,7 +247,7 @@ class RunPicture:
 
 PERIOD: Final = 0.05
 """Interval between two events for a viewer, wall s."""
-GRACE: Final = 10.0
+DISCONNECT_DELAY: Final = 10.0
 """Time for which the connection stays when the last viewer has left, wall s; a stop lasts as long."""
 HISTORY: Final = 120.0
 """Simulated time before the first viewer that is read completely from the log, s; earlier only lines."""
@@ -331,7 +331,7 @@ class FollowedRun:
         finally:
             self._viewers.remove(viewer)
             if not self._viewers and not self.ended:
-                self._leaving = asyncio.get_running_loop().call_later(GRACE, self.leave)
+                self._leaving = asyncio.get_running_loop().call_later(DISCONNECT_DELAY, self.leave)
 
     async def command(self, line: str) -> str:
         """Carry out a command line of `picktree attach`; return its output.

@@ -193,7 +193,7 @@ MAX_KEPT: Final = 100
 STATUS_VARIABLE: Final = "PICKTREE_STATUS"
 """Environment variable that makes commands write their status line where stderr is no terminal."""
 _JOB_MODULE: Final = f"{__package__}.job_process"
-_GRACE: Final = 20.0
+_STOP_TIMEOUT: Final = 20.0
 """Time for a stopped job to end by itself, wall s."""
 _OUTPUT_SHOWN: Final = 20_000
 _PERIOD: Final = 0.25
@@ -396,7 +396,7 @@ class Jobs:
         job.outcome = "stopped"
         self._records.write(job)
         _signal(job, signal.SIGINT)
-        end = time.monotonic() + _GRACE
+        end = time.monotonic() + _STOP_TIMEOUT
         while self._runs(job) and time.monotonic() < end:
             await asyncio.sleep(0.05)
         if self._runs(job):

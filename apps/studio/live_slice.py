@@ -147,7 +147,7 @@ class LiveSlice(Slice):
         """Yield the folder's runs in progress, again whenever they change."""
         before: list[JsonValue] | None = None
         while True:
-            now = await asyncio.to_thread(self._going_on)
+            now = await asyncio.to_thread(self._runs_in_progress)
             if now != before:
                 yield now
                 before = now
@@ -164,14 +164,14 @@ class LiveSlice(Slice):
 
         Raises PicktreeError with what it wrote when it ends before.
         """
-        if len(await asyncio.to_thread(self._going_on)) >= MAX_RUNS:
+        if len(await asyncio.to_thread(self._runs_in_progress)) >= MAX_RUNS:
             raise PicktreeError(f"{MAX_RUNS} runs are in progress in this folder; wait for one, or halt one")
         runs = self._workspace.root / "runs"
         command = await asyncio.to_thread(run_command, self._workspace, order, runs)
         job = self._jobs.start(f"Run {order.mission}", command, keeps_on=True, finish=_ENDED)
-        return await self._appeared(job)
+        return await self._identity_of(job)
 
-    async def _appeared(self, job: Job) -> str:
+    async def _identity_of(self, job: Job) -> str:
         """Return the identity of the job's run when its socket is there."""
         end = time.monotonic() + _START_TIME
         while time.monotonic() < end:
@@ -225,7 +225,7 @@ class LiveSlice(Slice):
                 self._followed[id] = known
             return known
 
-    def _going_on(self) -> list[JsonValue]:
+    def _runs_in_progress(self) -> list[JsonValue]:
         """Return the runs in progress, newest first."""
         found = [folder for folder in self._sockets() if any(map(is_written, folder.glob("*.mcap")))]
         found.sort(key=_began, reverse=True)

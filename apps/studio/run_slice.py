@@ -32,7 +32,7 @@ from .security import SANDBOXED
 from .slice import Slice, Studio
 from .workspace import Workspace
 
-SORTS: Final[Mapping[str, Callable[[run_index.RunRow], Any]]] = {
+SORT_COLUMNS: Final[Mapping[str, Callable[[run_index.RunRow], Any]]] = {
     "written": lambda row: row.written,
     "status": lambda row: row.status,
     "mission": lambda row: row.mission.lower() or None,
@@ -48,7 +48,7 @@ SORTS: Final[Mapping[str, Callable[[run_index.RunRow], Any]]] = {
 _FIRST_SHOWN: Final = 0.2
 """Interval between displays during the first look at many runs, wall s. It grows by a tenth."""
 _MIN_PERIOD: Final = 1.0
-_SHARE: Final = 20
+_LOOK_INTERVAL_RATIO: Final = 20
 """Wall time between two looks, as a multiple of the time that a look takes."""
 
 
@@ -122,7 +122,7 @@ class RunTable:
             began = time.monotonic()
             await asyncio.to_thread(self.look)
             spent = time.monotonic() - began
-            await asyncio.sleep(max(_MIN_PERIOD, _SHARE * spent))
+            await asyncio.sleep(max(_MIN_PERIOD, _LOOK_INTERVAL_RATIO * spent))
 
     def look(self) -> None:
         """Look at all runs once. During the first look, the rows found so far are shown."""
@@ -160,8 +160,8 @@ class RunTable:
         found = self._answers.get(query)
         if found is not None and found[0] == snapshot.version:
             return found[1]
-        if query.sort not in SORTS:
-            raise PicktreeError(f"there is no column {query.sort!r}; sort by {', '.join(SORTS)}")
+        if query.sort not in SORT_COLUMNS:
+            raise PicktreeError(f"there is no column {query.sort!r}; sort by {', '.join(SORT_COLUMNS)}")
         rows: Sequence[run_index.RunRow] = snapshot.rows
         words = query.text.lower().split()
         if words:
@@ -169,7 +169,7 @@ class RunTable:
         if query.where.strip():
             condition, now = run_index.RunFilter.parse(query.where), time.time()
             rows = [row for row in rows if condition(row, now)]
-        key = cast("Callable[[run_index.RunRow], Any]", SORTS[query.sort])
+        key = cast("Callable[[run_index.RunRow], Any]", SORT_COLUMNS[query.sort])
         known = sorted((row for row in rows if key(row) is not None), key=key, reverse=query.descending)
         answer = (*known, *(row for row in rows if key(row) is None))
         if len(self._answers) > 50:
@@ -190,9 +190,9 @@ class RunTable:
 
 MAX_KEPT: Final = 400_000_000
 """Size of all kept files, bytes. Beyond it those that were used longest ago are deleted."""
-PATIENCE: Final = 900.0
+COMMAND_TIMEOUT: Final = 900.0
 """Time limit of a command, wall s."""
-_AT_ONCE: Final = 2
+_MAX_COMMANDS: Final = 2
 """Maximum number of concurrent commands for such files."""
 
 
@@ -202,7 +202,7 @@ class MadeFiles:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._making: dict[Path, asyncio.Task[None]] = {}
-        self._slots = asyncio.Semaphore(_AT_ONCE)
+        self._slots = asyncio.Semaphore(_MAX_COMMANDS)
 
     def place(self, log: Path, kind: str) -> Path:
         """Return the path of a generated file (`report.html`, `explain.json`) for the present content of a
@@ -242,7 +242,7 @@ class MadeFiles:
         words = [word.replace("{}", str(beside)) for word in command]
         try:
             async with self._slots:
-                out = await command_answer(words, PATIENCE)
+                out = await command_answer(words, COMMAND_TIMEOUT)
         except PicktreeError:
             beside.unlink(missing_ok=True)
             raise

@@ -50,7 +50,7 @@ _PORTS_TRIED: Final = 20
 MAX_VIEWERS: Final = 32
 """Number of pages that may be connected at once."""
 PAGE_FOLDER: Final = Path(__file__).parent / "page"
-SHOWN: Final = frozenset({".gif", ".html", ".mp4", ".png", ".svg"})
+SHOWN_SUFFIXES: Final = frozenset({".gif", ".html", ".mp4", ".png", ".svg"})
 """Suffixes of files below the folder that the page may show."""
 
 
@@ -102,7 +102,7 @@ def _shown_file(workspace: Workspace, path: str) -> Response:
         place = workspace.resolve(path)
     except PicktreeError as error:
         return PlainTextResponse(f"{error}\n", 404)
-    if place.suffix.lower() not in SHOWN or not place.is_file():
+    if place.suffix.lower() not in SHOWN_SUFFIXES or not place.is_file():
         return PlainTextResponse("There is no such picture, film or page.\n", 404)
     kind = mimetypes.guess_type(place.name)[0]
     return FileResponse(place, media_type=kind, headers={"content-security-policy": SANDBOXED})

@@ -108,7 +108,7 @@ class Outline:
         return {node.id: node for tree in self.trees if tree.root for node in tree.root.iterate()}
 
 
-_KEPT: Final = 1024
+_MAX_CACHED_TREES: Final = 1024
 _bodies: OrderedDict[tuple[Declarations, frozenset[str], str], TreeBody] = OrderedDict()
 
 
@@ -137,7 +137,7 @@ def _tree(
     body = _bodies.get(kept)
     if body is None:
         body = _bodies[kept] = reader.tree(key, value)
-        if len(_bodies) > _KEPT:
+        if len(_bodies) > _MAX_CACHED_TREES:
             _bodies.popitem(last=False)
     _bodies.move_to_end(kept)
     return OutlineTree(key.text, start, end, body)

@@ -21,7 +21,7 @@ from picktree.trees import (
 )
 
 from .mission_survey import LintModel
-from .outcomes import EMPTY, FlowState, Outcomes
+from .outcomes import HAND_EMPTY, FlowState, Outcomes
 
 
 def left_in_hand(survey: LintModel) -> Iterator[Diagnostic]:
@@ -49,7 +49,7 @@ def nothing_held(survey: LintModel) -> Iterator[Diagnostic]:
         if spec.node is None or spec.node.hand_before != "full" or not survey.started(spec):
             continue
         entries = survey.entries(spec)
-        if entries and all(state.hand == EMPTY for state in entries):
+        if entries and all(state.hand == HAND_EMPTY for state in entries):
             message = f"the hand holds nothing here: no way to this {spec.name} takes anything before it"
             yield survey.fault(spec, message, "a Grasp before it", code="P333")
 

@@ -16,10 +16,10 @@ from picktree.world import internal
 
 from .flow_walk import FlowWalk
 from .outcomes import (
+    HAND_SHARED,
+    NO_CONCURRENT_EFFECT,
     NO_REPORT,
-    NONE,
-    NOTHING,
-    SHARED,
+    NO_STATES,
     UNREPORTED,
     ConcurrentEffect,
     FailureReasons,
@@ -106,7 +106,7 @@ class ChildWalk:
             self._walk.unreached(self._parts[0], why)
             return ends
         starts: States = frozenset((entry,))
-        seen = NONE if isinstance(flow, control_flow.Recovery) else starts
+        seen = NO_STATES if isinstance(flow, control_flow.Recovery) else starts
         for run in count(1):
             self._again = set()
             ends.take(self._pass(self._parts, Outcomes(skipped=self._begun(starts)), run))
@@ -196,7 +196,7 @@ class ChildWalk:
         chosen = self._chosen if isinstance(flow, control_flow.Choice) else parts[turn : turn + 1]
         self._arriving = [first if any(part is one for one in chosen) else Outcomes() for part in parts]
         self._arriving.append(Outcomes())
-        meanwhile, before = NOTHING, ""
+        meanwhile, before = NO_CONCURRENT_EFFECT, ""
         for index, part in enumerate(parts):
             arrival = self._arriving[index].tidied()
             if not arrival.everywhere:
@@ -395,7 +395,7 @@ class ChildWalk:
                 over = self._pass(self._parts, Outcomes(skipped=frozenset((entry,))), turn=turn)
                 if turn:
                     self._ends.add(control_flow.SUCCESS, over.skipped)
-                    over.skipped = NONE
+                    over.skipped = NO_STATES
                 self._ends.take(over)
         return self._ends.tidied()
 
@@ -411,7 +411,7 @@ class ChildWalk:
             over = self._pass(order, Outcomes(skipped=frozenset((entry,))))
             whole = len(order) == len(parts)
             ends.fail(over.failure)
-            ends.add(control_flow.SKIPPED, over.skipped if whole else NONE)
+            ends.add(control_flow.SKIPPED, over.skipped if whole else NO_STATES)
             if self._runs_on or not whole:
                 ends.add(control_flow.FAILURE, over.skipped, NO_REPORT)
             if wraps and self._runs_on:
@@ -465,7 +465,7 @@ class ParallelWalk:
             self._wanted = self._total - self._tolerated + 1
 
     def outcomes(self) -> Outcomes:
-        effects = [NOTHING] * self._total
+        effects = [NO_CONCURRENT_EFFECT] * self._total
         while True:
             parts = self._started(effects)
             more = [e.with_(p.ends.effect(p.start)) for e, p in zip(effects, parts, strict=True)]
@@ -487,16 +487,16 @@ class ParallelWalk:
             for other, effect in enumerate(effects):
                 start = effect.on(start) if other != index else start
             ends = self._walk.child(child, (start,))
-            if not self._entry.hand & SHARED:
+            if not self._entry.hand & HAND_SHARED:
                 start, ends = start.alone(), ends.mapped(FlowState.alone)
             turns = any(state.hand != start.hand for state in ends.everywhere)
             parts.append(_Part(start, ends, moves=turns or effects[index].hand != 0))
             if not ends.running:
                 over = self._decides(ends)
                 fails = self._tolerated == 1 and not self._waits
-                goes_on = parts[-1].passed | (NONE if fails else ends.failure.keys())
+                leads_on = parts[-1].passed | (NO_STATES if fails else ends.failure.keys())
                 # The next child may rely on what is written by one that ends at once.
-                sure = sure.written(merged(goes_on).sure) if goes_on else sure
+                sure = sure.written(merged(leads_on).sure) if leads_on else sure
         return parts
 
     def _decides(self, ends: Outcomes) -> bool:
@@ -562,7 +562,7 @@ def clean_up_outcomes(
 ) -> Outcomes:
     *tried, last = spec.children
     ends, failed, before = Outcomes(), Outcomes(), ""
-    halted: States = NONE
+    halted: States = NO_STATES
     arriving = Outcomes(skipped=frozenset((entry,)))
     for part in tried:
         if not (arriving.success or arriving.skipped):

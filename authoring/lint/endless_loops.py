@@ -27,8 +27,8 @@ from picktree.world import world_facts
 
 from .mission_survey import LintModel
 
-_BY_ITSELF = "time"
-"""Facts that change without an action of the robot."""
+_CHANGING_FACT = "time"
+"""Fact that changes without an action of the robot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class BranchEffects:
         """Whether the branch may change the value of the expression."""
         facts = {name for name in expression.names if name in world_facts.FACTS}
         by_world = self.acts and bool(facts or expression.paths)
-        return by_world or _BY_ITSELF in facts or bool(self.keys & expression.names)
+        return by_world or _CHANGING_FACT in facts or bool(self.keys & expression.names)
 
 
 NO_EFFECT = BranchEffects(acts=False, keys=frozenset())
@@ -70,7 +70,7 @@ def is_constant(branch: NodeSpec, trees: Mapping[str, TreeSpec], between: Branch
             return False
         for use in data_flow.uses_of(spec, trees):
             (written if use.writes else read).add(use.key)
-    return not between.acts and _BY_ITSELF not in read and not written & read
+    return not between.acts and _CHANGING_FACT not in read and not written & read
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +126,7 @@ def contexts(survey: LintModel) -> Iterator[tuple[NodeSpec, NodeContext]]:
         todo += [(child, around.below(spec, child, survey)) for child in spec.children]
 
 
-def _left_alone(survey: LintModel, *kinds: type[Node]) -> Iterator[tuple[NodeSpec, NodeContext]]:
+def _unhalted_nodes(survey: LintModel, *kinds: type[Node]) -> Iterator[tuple[NodeSpec, NodeContext]]:
     """Yield the nodes of these classes that no other node halts."""
     for spec, context in contexts(survey):
         stopped = context.stopped or "_while" in spec.preconditions
@@ -136,7 +136,7 @@ def _left_alone(survey: LintModel, *kinds: type[Node]) -> Iterator[tuple[NodeSpe
 
 def endless(survey: LintModel) -> Iterator[Diagnostic]:
     """P321, P322: a loop that never ends."""
-    for spec, context in _left_alone(survey, Repeat, RetryUntilSuccessful, KeepRunningUntilFailure):
+    for spec, context in _unhalted_nodes(survey, Repeat, RetryUntilSuccessful, KeepRunningUntilFailure):
         name, child = spec.children[0].name, survey.ends(spec.children[0])
         if spec.node is not None and issubclass(spec.node, Repeat):
             yield from _repeat(survey, spec, context)
@@ -190,14 +190,14 @@ def _repeat(survey: LintModel, spec: NodeSpec, context: NodeContext) -> Iterator
 
 def unbounded_recovery(survey: LintModel) -> Iterator[Diagnostic]:
     """P325: a loop repeats while items are left, and passes over their failures."""
-    for spec, _ in _left_alone(survey, Repeat):
+    for spec, _ in _unhalted_nodes(survey, Repeat):
         condition = survey.walk.literal(spec, "while")
         if survey.walk.number(spec, "num_cycles") != -1 or not isinstance(condition, Expression):
             continue
-        below = tuple(_everything(spec.children[0], survey))
+        below = tuple(_with_descendants(spec.children[0], survey))
         loops = (s for s in below if s.node is not None and issubclass(s.node, ForEach))
         passing = next((s for s in loops if survey.walk.literal(s, "on_failure") == "continue"), None)
-        if passing is None or not _OF_ITEMS & condition.names:
+        if passing is None or not _ITEM_FACTS & condition.names:
             continue
         flows = (s.node.declaration.flow for s in below if s.node is not None)
         if not any(isinstance(flow, control_flow.LeafFlow) and flow.gives_up for flow in flows):
@@ -206,7 +206,7 @@ def unbounded_recovery(survey: LintModel) -> Iterator[Diagnostic]:
             yield survey.fault(spec, message, "a number of cycles, or SetAside", code="P325", at="while")
 
 
-_OF_ITEMS = frozenset(("items_left", "items_to_do"))
+_ITEM_FACTS = frozenset(("items_left", "items_to_do"))
 
 
 def is_steady(node: type[Node]) -> bool:
@@ -214,7 +214,7 @@ def is_steady(node: type[Node]) -> bool:
     return node.declaration.flow is not None and node.declaration.flow.steady
 
 
-def _everything(spec: NodeSpec, survey: LintModel) -> Iterator[NodeSpec]:
+def _with_descendants(spec: NodeSpec, survey: LintModel) -> Iterator[NodeSpec]:
     """Yield the node and all its descendants, in sub-trees, too."""
     seen: set[str] = set()
     todo = [spec]

@@ -17,10 +17,10 @@ from picktree.world import world as world_causes
 
 from .keys import ExpressionShape, KeyBits, shape
 from .outcomes import (
-    EMPTY,
     FIRST_FILLER,
-    NOTHING,
-    SHARED,
+    HAND_EMPTY,
+    HAND_SHARED,
+    NO_CONCURRENT_EFFECT,
     CauseBits,
     ConcurrentEffect,
     FailureReasons,
@@ -177,21 +177,21 @@ class FlowWalk(ABC):
             if found.fails:
                 continue
             if found.constant is not False:
-                yes.append(self._told(after, holding=found.if_yes))
+                yes.append(self._with_holding(after, holding=found.if_yes))
             if found.constant is not True:
-                no.append(self._told(after, holding=found.if_no))
+                no.append(self._with_holding(after, holding=found.if_no))
         return ExpressionAnswers(tidy(yes), tidy(no), failed.tidied().failure)
 
     # For the walk.
 
-    def _told(self, state: FlowState, *, holding: bool | None) -> FlowState:
+    def _with_holding(self, state: FlowState, *, holding: bool | None) -> FlowState:
         """Return the state after a test of the fact `holding`; unchanged when a key hides the fact."""
         hidden = state.maybe & self._frame.layout.keys.get("holding", 0)
-        if holding is None or hidden or state.hand & SHARED:
+        if holding is None or hidden or state.hand & HAND_SHARED:
             return state
         # What a node holds that does not say so of itself is not known here.
-        held = state.hand & ~EMPTY
-        return state.holding((held or state.hand) if holding else EMPTY)
+        held = state.hand & ~HAND_EMPTY
+        return state.holding((held or state.hand) if holding else HAND_EMPTY)
 
     def bits(self, key: str) -> int:
         """Return the bits of a key: several when ports of the tree are wired to the same key."""
@@ -281,13 +281,15 @@ class FlowWalk(ABC):
     # What a node's flow may ask.
 
     def child(
-        self, spec: NodeSpec, states: Iterable[FlowState], meanwhile: ConcurrentEffect = NOTHING
+        self, spec: NodeSpec, states: Iterable[FlowState], meanwhile: ConcurrentEffect = NO_CONCURRENT_EFFECT
     ) -> Outcomes:
         """Return the outcomes of a child that starts in any of the states; `meanwhile`: changes between its
         ticks."""
-        if meanwhile != NOTHING and any(self.node_outcomes(spec, state).running for state in states):
+        if meanwhile != NO_CONCURRENT_EFFECT and any(
+            self.node_outcomes(spec, state).running for state in states
+        ):
             flow = self.child(spec, tidy(meanwhile.on(state) for state in states))
-            shared = any(state.hand & SHARED for state in states)
+            shared = any(state.hand & HAND_SHARED for state in states)
             return flow if shared or not meanwhile.hand else flow.mapped(FlowState.alone)
         flows = [self.node_outcomes(spec, state) for state in states]
         if len(flows) == 1:
@@ -300,7 +302,7 @@ class FlowWalk(ABC):
     def effect(self, spec: NodeSpec, states: Iterable[FlowState]) -> ConcurrentEffect:
         """Return the possible effect of a child that starts in any of these states."""
         effects = (self.node_outcomes(spec, state).effect(state) for state in states)
-        return reduce(ConcurrentEffect.with_, effects, NOTHING)
+        return reduce(ConcurrentEffect.with_, effects, NO_CONCURRENT_EFFECT)
 
     def remember(self, spec: NodeSpec, reasons: FailureReasons) -> None:
         """Remember the reasons of failures of the node in an earlier activation."""

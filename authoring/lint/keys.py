@@ -142,8 +142,8 @@ def shape(expression: Expression) -> ExpressionShape:
         is_total(expression.root),
         constant,
         fails,
-        says_of_hand(expression.root, answer=True),
-        says_of_hand(expression.root, answer=False),
+        implied_holding(expression.root, answer=True),
+        implied_holding(expression.root, answer=False),
     )
 
 
@@ -182,16 +182,16 @@ def is_total(part: expression_syntax.Part) -> bool:
             return False
 
 
-def says_of_hand(part: expression_syntax.Part, *, answer: bool) -> bool | None:
+def implied_holding(part: expression_syntax.Part, *, answer: bool) -> bool | None:
     """Return whether an object is held when the expression has that truth value; None: unknown."""
     match part:
         case expression_syntax.Name(name="holding"):
             return answer
         case expression_syntax.Not(operand=operand):
-            return says_of_hand(operand, answer=not answer)
+            return implied_holding(operand, answer=not answer)
         case expression_syntax.Logic(symbol=symbol, parts=parts) if (symbol == "and") is answer:
             # All parts of an `and` that holds do, and no part of an `or` that does not.
-            known = (says_of_hand(one, answer=answer) for one in parts)
+            known = (implied_holding(one, answer=answer) for one in parts)
             return next((said for said in known if said is not None), None)
         case _:
             return None

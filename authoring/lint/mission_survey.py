@@ -28,12 +28,12 @@ from .child_flow import ChildWalk, ParallelWalk, clean_up_outcomes
 from .flow_walk import FlowWalk, WiredTree
 from .keys import KeyBits, lay_out
 from .outcomes import (
-    EMPTY,
-    KEPT,
+    HAND_EMPTY,
+    HAND_SECURED,
+    HAND_SHARED,
+    HELD_OUTSIDE,
     NO_REPORT,
-    NONE,
-    OUTER,
-    SHARED,
+    NO_STATES,
     UNREPORTED,
     FailureReasons,
     FlowState,
@@ -64,13 +64,13 @@ def leaf_outcomes(
         return ends.tidied()
     success, otherwise = node.hand_with(spec.ports)
     filler = walk.filler(spec) if "full" in (success, *otherwise) else 0
-    before = entry.hand if entry.hand & SHARED else 0
-    kept = KEPT if entry.hand & ~(EMPTY | SHARED) else 0
+    before = entry.hand if entry.hand & HAND_SHARED else 0
+    kept = HAND_SECURED if entry.hand & ~(HAND_EMPTY | HAND_SHARED) else 0
     hands: dict[control_flow.Hand, int] = {
         "unchanged": entry.hand,
-        "full": before | filler if entry.hand & EMPTY else entry.hand,  # full already: taken by another
-        "empty": before | EMPTY,
-        "kept": before | entry.hand & EMPTY | kept,
+        "full": before | filler if entry.hand & HAND_EMPTY else entry.hand,  # full already: taken by another
+        "empty": before | HAND_EMPTY,
+        "kept": before | entry.hand & HAND_EMPTY | kept,
     }
     outputs = walk.outputs(spec)
     halfway = entry.perhaps(outputs).holding(reduce(int.__or__, (hands[how] for how in otherwise)))
@@ -99,7 +99,7 @@ def any_order_outcomes(node: NodeDeclaration, spec: NodeSpec, entry: FlowState, 
     """Return the most cautious outcomes: children in any order and number of activations, and any end."""
     outputs = walk.outputs(spec)
     reasons = [walk.fails(spec, walk.causes.of(node.causes_with(spec.ports)), walk.undeclared), NO_REPORT]
-    before, reached = NONE, frozenset((entry.perhaps(outputs),))
+    before, reached = NO_STATES, frozenset((entry.perhaps(outputs),))
     while before != reached:
         before, flows = reached, [walk.child(part, reached) for part in spec.children]
         reasons += (why for flow in flows for why in flow.failure.values())
@@ -124,7 +124,7 @@ class FlowAnalysis(FlowWalk):
 
     # For the analysis of a mission.
 
-    def enter(self, tree: TreeSpec, hand: int = EMPTY) -> None:
+    def enter(self, tree: TreeSpec, hand: int = HAND_EMPTY) -> None:
         """Walk through a tree that starts with its inputs written; its outcomes are then in `ends`."""
         self._hands[tree.name] = hand
         self._enter(tree.name)
@@ -214,8 +214,8 @@ class FlowAnalysis(FlowWalk):
                 sure, maybe, constant = sure | bit, maybe | bit, constant | bit
         twice = tuple(pair for pair in wired.items() if list(wired.values()).count(pair[1]) > 1)
         # Who took what is held is the same to a sub-tree: else each use of it would be another.
-        held = state.hand & ~(EMPTY | KEPT | SHARED)
-        hand = state.hand & ~held | (OUTER if held else 0)
+        held = state.hand & ~(HAND_EMPTY | HAND_SECURED | HAND_SHARED)
+        hand = state.hand & ~held | (HELD_OUTSIDE if held else 0)
         inside = FlowState(sure, maybe, hand, state.doubtful)
         flow = self._in_frame(layout.tree, twice, owned, rooted, inside)
         for port in layout.tree.ports:
@@ -232,7 +232,7 @@ class FlowAnalysis(FlowWalk):
             for bit, outer in ways:
                 sure |= outer if inner.sure & bit else 0
                 maybe |= outer if inner.maybe & bit else 0
-            after = inner.hand & ~OUTER | held if inner.hand & OUTER else inner.hand
+            after = inner.hand & ~HELD_OUTSIDE | held if inner.hand & HELD_OUTSIDE else inner.hand
             return FlowState(state.sure | sure, state.maybe | maybe, after, inner.doubtful)
 
         return flow.mapped(outside, lambda reasons: reasons.through(spec))
@@ -345,7 +345,7 @@ class LintModel:
         # The remaining trees are judged by themselves, callers first: from those the others are entered.
         for name in reversed(bottom_up(mission.trees)):
             if name not in self.walk.entered and self.own(mission.trees[name].mark):
-                self.walk.enter(mission.trees[name], EMPTY | KEPT)
+                self.walk.enter(mission.trees[name], HAND_EMPTY | HAND_SECURED)
         self._places = {
             id(p.spec): p for tree in mission.trees.values() for p in data_flow.placed_nodes(tree)
         }

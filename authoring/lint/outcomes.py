@@ -139,19 +139,19 @@ def joined(parts: Iterable[FailureReasons]) -> FailureReasons:
     return FailureReasons(loud, quiet & ~loud, inner=distinct)
 
 
-EMPTY = 1
+HAND_EMPTY = 1
 """Bit of `FlowState.hand`: nothing is held."""
-KEPT = 2
+HAND_SECURED = 2
 """Bit of `FlowState.hand`: a retreat secured the held object, or it was held before the analysis began."""
-OUTER = 4
+HELD_OUTSIDE = 4
 """Bit of `FlowState.hand`, in a sub-tree: an object taken by any node of its users is still held."""
-SHARED = 8
+HAND_SHARED = 8
 """Bit of `FlowState.hand`: a concurrent node may change the held object, so that no change is final."""
 FIRST_FILLER = 16
 """First bit of `FlowState.hand` for single nodes: the object that the node took is still held."""
-LIMIT = 6
+MAX_STATES = 6
 """Maximum number of distinct states at one point; more are merged."""
-BETWEEN = 4
+MAX_STATES_BETWEEN_TICKS = 4
 """Maximum number of distinct states between two ticks, where less depends on it."""
 
 
@@ -182,7 +182,7 @@ class FlowState(NamedTuple):
 
     def alone(self) -> FlowState:
         """Return the state after the end of all concurrent nodes."""
-        return self.holding(self.hand & ~SHARED)
+        return self.holding(self.hand & ~HAND_SHARED)
 
     def in_doubt(self) -> FlowState:
         return self if self.doubtful else FlowState(self.sure, self.maybe, self.hand, True)
@@ -196,16 +196,16 @@ class ConcurrentEffect(NamedTuple):
 
     def on(self, state: FlowState) -> FlowState:
         """Return the state with everything that the effect may add."""
-        hand = state.hand | self.hand | (SHARED if self.hand else 0)
+        hand = state.hand | self.hand | (HAND_SHARED if self.hand else 0)
         return FlowState(state.sure, state.maybe | self.maybe, hand, state.doubtful)
 
     def with_(self, other: ConcurrentEffect) -> ConcurrentEffect:
         return ConcurrentEffect(self.maybe | other.maybe, self.hand | other.hand)
 
 
-NOTHING = ConcurrentEffect()
+NO_CONCURRENT_EFFECT = ConcurrentEffect()
 States: TypeAlias = frozenset[FlowState]
-NONE: States = frozenset()
+NO_STATES: States = frozenset()
 
 
 def merged(states: Iterable[FlowState]) -> FlowState:
@@ -219,7 +219,7 @@ def merged(states: Iterable[FlowState]) -> FlowState:
     return FlowState(sure, maybe, hand, doubtful)
 
 
-def tidy(states: Iterable[FlowState], limit: int = LIMIT) -> States:
+def tidy(states: Iterable[FlowState], limit: int = MAX_STATES) -> States:
     """Return the states without covered ones; too many are merged, first those with the same hand."""
     found = states if isinstance(states, frozenset) else frozenset(states)
     if 1 < len(found) <= 3 * limit:  # to compare more, each with each, would cost too much
@@ -269,10 +269,10 @@ class Outcomes:
 
     __slots__ = ("failure", "missing", "running", "skipped", "success")
 
-    def __init__(self, failure: Failures | None = None, skipped: States = NONE) -> None:
-        self.success: States = NONE
+    def __init__(self, failure: Failures | None = None, skipped: States = NO_STATES) -> None:
+        self.success: States = NO_STATES
         self.skipped = skipped
-        self.running: States = NONE
+        self.running: States = NO_STATES
         self.failure: dict[FlowState, FailureReasons] = dict(failure or {})
         self.missing = 0
         """Inputs of the sub-tree that were read although nothing had surely written them, as bits of keys."""
@@ -329,7 +329,10 @@ class Outcomes:
     def tidied(self) -> Outcomes:
         """Leave out covered states, and merge too many states; return self."""
         self.success, self.skipped = tidy(self.success), tidy(self.skipped)
-        self.running, self.failure = tidy(self.running, BETWEEN), _tidy_failures(self.failure)
+        self.running, self.failure = (
+            tidy(self.running, MAX_STATES_BETWEEN_TICKS),
+            _tidy_failures(self.failure),
+        )
         return self
 
     def mapped(
@@ -359,13 +362,13 @@ class Outcomes:
         for state in self.everywhere:
             maybe |= state.maybe
             hand |= state.hand
-        return ConcurrentEffect(maybe & ~entry.maybe, hand & ~entry.hand & ~SHARED)
+        return ConcurrentEffect(maybe & ~entry.maybe, hand & ~entry.hand & ~HAND_SHARED)
 
 
 def _tidy_failures(failures: dict[FlowState, FailureReasons]) -> dict[FlowState, FailureReasons]:
     """Return the failures with too many states merged, as by `tidy`."""
     for with_hand in (True, False):
-        if len(failures) > LIMIT:
+        if len(failures) > MAX_STATES:
             groups = _alike(failures, with_hand=with_hand)
             failures = {merged(group): joined(failures[state] for state in group) for group in groups}
     return failures

@@ -196,7 +196,7 @@ def escaped(text: str) -> str:
     return re.sub(r"[\\^$.*+?()\[\]{}|]", r"\\\g<0>", text)
 
 
-_GIVEN: Schema = {"not": {"type": "null"}}
+_PRESENT: Schema = {"not": {"type": "null"}}
 
 
 def exactly_one(keys: Sequence[str]) -> list[Schema]:
@@ -205,7 +205,7 @@ def exactly_one(keys: Sequence[str]) -> list[Schema]:
     too_much: Schema = {"type": "null", "errorMessage": f"only one of {named} may be given"}
     found = [one_needed(keys, f"one of {named} is missing")]
     for n, key in enumerate(keys[:-1]):
-        presence: Schema = {"required": [key], "properties": {key: _GIVEN}}
+        presence: Schema = {"required": [key], "properties": {key: _PRESENT}}
         found.append({"if": presence, "then": {"properties": dict.fromkeys(keys[n + 1 :], too_much)}})
     return found
 
@@ -218,6 +218,6 @@ def one_needed(keys: Sequence[str], sentence: str) -> Schema:
 
 def belonging(keys: Sequence[str], owner: str, other: str) -> list[Schema]:
     """Return the rule that the keys belong to `owner` and are invalid next to `other`."""
-    presence: Schema = {"required": [other], "properties": {other: _GIVEN}}
+    presence: Schema = {"required": [other], "properties": {other: _PRESENT}}
     wrong: Schema = {key: {"type": "null", "errorMessage": f"'{key}' belongs to '{owner}'"} for key in keys}
     return [{"if": presence, "then": {"properties": wrong}}]

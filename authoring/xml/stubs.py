@@ -397,8 +397,10 @@ _NAMES = {
     "Control": ("ControlNode", "NodeStatus", "children"),
 }
 """Names that a kind of node needs; the first is its base class."""
-_TAKEN = ("Cause", "Failure", "In", "ObjectId", "Out", "port", "register_cause", "NODES", "NOT_WRITTEN",
-          *(name for names in _NAMES.values() for name in names))  # fmt: skip
+_RESERVED_NAMES = (
+    "Cause", "Failure", "In", "ObjectId", "Out", "port", "register_cause", "NODES", "NOT_WRITTEN",
+    *(name for names in _NAMES.values() for name in names),
+)  # fmt: skip
 
 
 def stub_text(stubs: Iterable[StubNode], origin: str) -> str:
@@ -439,7 +441,7 @@ def _imports(names: list[str]) -> Iterator[str]:
 
 
 def _class_name(identity: str) -> str:
-    taken = identity in _TAKEN or keyword.iskeyword(identity) or hasattr(builtins, identity)
+    taken = identity in _RESERVED_NAMES or keyword.iskeyword(identity) or hasattr(builtins, identity)
     return f"{identity}Node" if taken else identity
 
 

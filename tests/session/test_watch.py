@@ -92,7 +92,7 @@ class Witness(Observer):
     def edited(self, run: Execution) -> None:
         self.structures.append(frozenset(node.path for node in run.tree.structure()))
 
-    def told(self, now: float, text: str) -> None:
+    def notified(self, now: float, text: str) -> None:
         self.said.append((round(now, 2), text))
 
     def ticked(self, now: float, report: Tick, items_done: int, items_total: int) -> None:
