@@ -212,7 +212,7 @@ def _recording(run: RunRecord, time: float) -> RecordingState:
 class RecordedOperator(Interrupter):
     """Operator that repeats the answers and the changes of blackboard entries of a log.
 
-    An answer is for the node that asked: when another node asks, or the choices do not contain the answer, it
+    An answer is for the node that asked. When another node asks, or the choices do not contain the answer, it
     gives no answer from then on. A change comes at its tick, after as many starts and ends of nodes; in a
     tick with fewer, after it. A change that the tree of another mission does not accept is left out.
     """

@@ -354,7 +354,7 @@ class Session:
 
 @contextmanager
 def _without_old_garbage() -> Generator[None]:
-    """Keep the garbage collector off the objects that exist before the run: libraries, world and tree.
+    """Exclude the objects that exist before the run from garbage collection: libraries, world and tree.
 
     A process that froze its libraries itself keeps that: thawing would lose it, and freezing more would keep
     the world and tree of each run for good."""

@@ -187,8 +187,11 @@ class Investigation:
         return found | {str(each.id): each for each in moving}
 
     def _moving(self, found: Mapping[str, ItemScore]) -> list[ItemScore]:
-        """Where the result counts fewer items as sorted than lie in their bins: those that moved most just
-        before the end. The log has no velocities, but the scorer knew them."""
+        """Return the items in their bins that the scorer did not count as sorted because they still moved.
+
+        The log has no velocities. So these are the fastest items just before the end, as many as the result
+        counts fewer.
+        """
         result = self.run.result
         lying = [each for each in found.values() if each.verdict == "sorted"]
         number = 0 if result is None else len(lying) - result.items.sorted

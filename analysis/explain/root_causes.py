@@ -273,7 +273,7 @@ def _why_crushed(
 
 
 def _unseen(case: Investigation, answer: Finding) -> Finding:
-    """Whether a faulty camera has not shown an item."""
+    """Return the finding about a faulty camera that has not shown an item, or else the given finding."""
     cameras = (
         found.finding for found in case.once(device_findings) if found.finding.cause.startswith("camera.")
     )

@@ -140,7 +140,7 @@ class ObjectRow:
     kind: Annotated[str, ColumnDoc("kind of the catalogue")]
     colour: Annotated[str, ColumnDoc("name of the colour")]
     place: Annotated[str, ColumnDoc("believed place: table, hand, a bin; empty for the truth")]
-    attached: Annotated[bool, ColumnDoc("whether it is believed to be in the hand")]
+    attached: Annotated[bool, ColumnDoc("true when believed to be in the hand")]
     confidence: Annotated[float, ColumnDoc("confidence of the belief, 0 to 1")]
     x: X
     y: Y

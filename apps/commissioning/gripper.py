@@ -416,9 +416,9 @@ class GripperMeter:
     ) -> tuple[Pose, str]:
         """Return the TCP in the palm's frame, with a comment.
 
-        `x` is the pads' middle, `furthest` where they end when they reach furthest, `spread` how far they
-        retract, m. A frame of the URDF is used when it stays between the pads at each opening: a tool frame
-        at the tips of closed fingers on hinges is in front of them once they open.
+        `x` is the pads' middle, `furthest` their end at the furthest reach, `spread` their retraction, m. A
+        frame of the URDF is used when it stays between the pads at each opening: a tool frame at the tips of
+        closed fingers on hinges is in front of them once they open.
         """
         low = (
             max(float(near.low[2]), float(far.low[2]))

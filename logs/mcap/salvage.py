@@ -133,7 +133,7 @@ _COMPRESSION_SIGNS = (b"\x04\x00\x00\x00zstd", b"\x03\x00\x00\x00lz4")
 _SIGN_OFFSET = RECORD_HEAD.size + 28
 """Offset of the compression's name in a chunk's record, bytes."""
 _MAX_TIME = 1 << 62
-"""Times from here on are damaged, ns."""
+"""Least time that counts as damaged, ns."""
 _MAX_UNPACKED_SIZE = 4 << 30
 """Limit of the `mcap` package for a record, applied to an unpacked chunk, bytes."""
 _MAX_NAMED_LOSSES = 4
