@@ -252,7 +252,7 @@ class RunLog:
         """Spans that the log lacks, in order of time: they are damaged, or another program left them out."""
         self.lacks_something = False
         """Whether the log is known to lack messages, files or metadata."""
-        self.part = self._file.continued_part.number if self._file.goes_on else 1
+        self.part = self._file.continued_part.number if self._file.continued_part else 1
         """Number of the log's first file: 1, or another for a later file of a rotated log, opened by its own
         name.
 

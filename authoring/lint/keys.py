@@ -192,6 +192,6 @@ def implied_holding(part: expression_syntax.Part, *, answer: bool) -> bool | Non
         case expression_syntax.Logic(symbol=symbol, parts=parts) if (symbol == "and") is answer:
             # All parts of an `and` that holds do, and no part of an `or` that does not.
             known = (implied_holding(one, answer=answer) for one in parts)
-            return next((said for said in known if said is not None), None)
+            return next((each for each in known if each is not None), None)
         case _:
             return None

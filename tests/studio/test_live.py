@@ -213,7 +213,7 @@ def test_runs_at_once_are_limited_and_halt_ends_one(room: Room, monkeypatch: pyt
     async def body() -> None:
         live = room.open()
         identity = await live.start(ORDER)
-        with pytest.raises(PicktreeError, match="1 runs go on"):
+        with pytest.raises(PicktreeError, match="1 runs are in progress"):
             await live.start(ORDER)
         page = Page(live, identity)
         await page.until(lambda s: s.get("time", 0) > 0)
